@@ -1,0 +1,1 @@
+"""Records → tables, plots, one HTML page. Knows neither torch nor Mitsuba."""

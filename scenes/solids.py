@@ -1,0 +1,177 @@
+"""Solids as triangle meshes: plain arrays, z up, outward-facing triangles.
+
+A `Solid` is geometry without material; `mesh(solid, bsdf)` makes the entry of a scene description.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from scenes.scene import Description
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Triangles: `vertices` float64 [V, 3], `faces` int64 [F, 3], optional `uv` [V, 2] and `normals` [V, 3]."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray | None = None
+    normals: np.ndarray | None = None
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+        return self.transformed(trimesh.transformations.translation_matrix([x, y, z]))
+
+    def turned(self, degrees: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> "Solid":
+        """Turned about an axis through the origin."""
+        return self.transformed(trimesh.transformations.rotation_matrix(np.radians(degrees), axis))
+
+    def scaled(self, x: float, y: float | None = None, z: float | None = None) -> "Solid":
+        return self.transformed(np.diag([x, x if y is None else y, x if z is None else z, 1.0]))
+
+    def transformed(self, matrix: np.ndarray) -> "Solid":
+        """Affine [4, 4]; a mirroring matrix flips the triangles so that they still face outwards."""
+        vertices = self.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        faces = self.faces if np.linalg.det(matrix[:3, :3]) > 0 else self.faces[:, ::-1]
+        normals = self.normals
+        if normals is not None:
+            normals = normals @ np.linalg.inv(matrix[:3, :3])
+            normals = normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
+        return Solid(vertices, faces, self.uv, normals)
+
+
+def merged(solids: Iterable[Solid]) -> Solid:
+    """Many solids as one; `uv` and `normals` survive where every part has them."""
+    parts = list(solids)
+    offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    all_uv = [part.uv for part in parts if part.uv is not None]
+    all_normals = [part.normals for part in parts if part.normals is not None]
+    return Solid(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)]),
+        np.concatenate(all_uv) if len(all_uv) == len(parts) else None,
+        np.concatenate(all_normals) if len(all_normals) == len(parts) else None,
+    )
+
+
+def mesh(solid: Solid, bsdf: Description) -> Description:
+    """The scene-description entry of a solid with a material."""
+    entry: Description = {
+        "type": "mesh",
+        "vertices": solid.vertices.astype(np.float32),
+        "faces": solid.faces.astype(np.uint32),
+        "bsdf": bsdf,
+    }
+    if solid.uv is not None:
+        entry["uv"] = solid.uv.astype(np.float32)
+    if solid.normals is not None:
+        entry["normals"] = solid.normals.astype(np.float32)
+    return entry
+
+
+def box(x: float, y: float, z: float) -> Solid:
+    """Axis-aligned box of these full extents, centred at the origin, flat-shaded."""
+    shape = trimesh.creation.box(extents=(x, y, z))
+    return Solid(np.asarray(shape.vertices), np.asarray(shape.faces))
+
+
+def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) -> Solid:
+    """Box of these full extents whose edges and corners are rounded; smooth normals."""
+    sphere = trimesh.creation.uv_sphere(radius=1.0, count=[4 * segments, 4 * segments])
+    directions = np.asarray(sphere.vertices)
+    core = np.array([x, y, z]) / 2 - radius
+    # a sphere pulled apart at its symmetry planes: tiny components count as positive, so it stays closed
+    vertices = np.where(directions >= -1e-9, core, -core) + radius * directions
+    return Solid(vertices, np.asarray(sphere.faces), None, directions)
+
+
+def cylinder(radius: float, height: float, segments: int = 32) -> Solid:
+    """Closed cylinder about z, centred at the origin."""
+    shape = trimesh.creation.cylinder(radius=radius, height=height, sections=segments)
+    return Solid(np.asarray(shape.vertices), np.asarray(shape.faces))
+
+
+def ball(radius: float, segments: int = 32) -> Solid:
+    """Sphere with smooth normals."""
+    shape = trimesh.creation.uv_sphere(radius=radius, count=[segments, segments])
+    vertices = np.asarray(shape.vertices)
+    return Solid(vertices, np.asarray(shape.faces), None, vertices / radius)
+
+
+def lathe(profile: Sequence[tuple[float, float]], segments: int = 48) -> Solid:
+    """Surface of revolution about z of a profile of (radius, z) points, given from bottom to top outside.
+
+    `uv`: u once around, v along the profile by arc length.
+    """
+    points = np.asarray(profile, dtype=np.float64)
+    angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
+    radius, z = points[:, 0], points[:, 1]
+    vertices = np.stack(
+        [np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius), np.tile(z, (segments + 1, 1))], axis=-1
+    )
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(radius), np.diff(z)))])
+    uv = np.stack(np.broadcast_arrays((angle / (2 * np.pi))[:, None], length / length[-1]), axis=-1)
+    return Solid(vertices.reshape(-1, 3), grid_faces(segments + 1, len(points)), uv.reshape(-1, 2))
+
+
+def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 8, closed: bool = False) -> Solid:
+    """Round tube along a polyline [N, 3]; `radius` may vary by point; open ends are capped.
+
+    The frame is carried along by the smallest rotation, so a bend does not twist the tube.
+    """
+    path = np.asarray(path, dtype=np.float64)
+    count = len(path)
+    following = np.roll(path, -1, axis=0) if closed else np.vstack([path[1:], 2 * path[-1] - path[-2]])
+    before = np.roll(path, 1, axis=0) if closed else np.vstack([2 * path[0] - path[1], path[:-1]])
+    tangent = following - before
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    helper = np.eye(3)[np.argmin(np.abs(tangent[0]))]
+    normal = np.cross(tangent[0], helper)
+    normals = []
+    for direction in tangent:
+        normal = normal - direction * (normal @ direction)
+        normal /= np.linalg.norm(normal)
+        normals.append(normal)
+    side = np.stack(normals)
+    binormal = np.cross(tangent, side)
+    angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    outward = np.cos(angle)[None, :, None] * side[:, None] + np.sin(angle)[None, :, None] * binormal[:, None]
+    rings = path[:, None] + np.broadcast_to(radius, count)[:, None, None] * outward
+    ring = np.arange(sides)
+    rows = np.arange(count if closed else count - 1)
+    a = rows[:, None] * sides + ring
+    b = rows[:, None] * sides + (ring + 1) % sides
+    c = (rows[:, None] + 1) % count * sides + (ring + 1) % sides
+    d = (rows[:, None] + 1) % count * sides + ring
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    vertices = rings.reshape(-1, 3)
+    if not closed:
+        caps = np.stack([path[0], path[-1]])
+        first, last = len(vertices), len(vertices) + 1
+        top = (count - 1) * sides
+        faces = np.concatenate(
+            [
+                faces,
+                np.stack([np.full(sides, first), (ring + 1) % sides, ring], -1),
+                np.stack([np.full(sides, last), top + ring, top + (ring + 1) % sides], -1),
+            ]
+        )
+        vertices = np.vstack([vertices, caps])
+    return Solid(vertices, faces)
+
+
+def height_field(height: np.ndarray, x: float, y: float) -> Solid:
+    """Open surface z = height[i, j] over a rectangle of full extents x, y; faces up; `uv` in the unit square."""
+    rows, columns = height.shape
+    u, v = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
+    vertices = np.stack([(u - 0.5) * x, (v - 0.5) * y, height], axis=-1).reshape(-1, 3)
+    return Solid(vertices, grid_faces(rows, columns), np.stack([u, v], -1).reshape(-1, 2))
+
+
+def grid_faces(rows: int, columns: int) -> np.ndarray:
+    """Triangles [2 (rows−1) (columns−1), 3] of a row-major grid of vertices."""
+    a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1)
+    b, c, d = a + columns, a + columns + 1, a + 1
+    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
