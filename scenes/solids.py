@@ -175,3 +175,32 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1)
     b, c, d = a + columns, a + columns + 1, a + 1
     return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+
+
+def loft(rings: np.ndarray) -> Solid:
+    """Closed surface through rings [N, M, 3] of points that run counter-clockwise seen from the last ring.
+
+    The ends are closed by fans about their centres; `uv`: u around the ring, v from the first ring to the last.
+    """
+    count, around = rings.shape[:2]
+    first, last = (np.repeat(ring.mean(0)[None], around, 0) for ring in (rings[0], rings[-1]))
+    rows = np.concatenate([first[None], rings, last[None]])
+    points = np.concatenate([rows, rows[:, :1]], axis=1)
+    v = np.clip(np.arange(-1, count + 1) / (count - 1), 0.0, 1.0)
+    uv = np.stack(np.broadcast_arrays(np.linspace(0.0, 1.0, around + 1), v[:, None]), axis=-1)
+    # a grid runs along its rows first; here the second index runs around, hence the flip
+    faces = grid_faces(count + 2, around + 1)[:, ::-1]
+    return Solid(points.reshape(-1, 3), faces, uv.reshape(-1, 2))
+
+
+def smooth(solid: Solid) -> Solid:
+    """The same solid with area-weighted vertex normals; vertices at one place (a seam of `uv`) share theirs."""
+    corner = solid.vertices[solid.faces]
+    area_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    _, place = np.unique(np.round(solid.vertices, 7), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    total = np.zeros((place.max() + 1, 3))
+    for column in solid.faces.T:
+        np.add.at(total, place[column], area_normal)
+    normals = total / np.linalg.norm(total, axis=1, keepdims=True).clip(1e-12)
+    return Solid(solid.vertices, solid.faces, solid.uv, normals[place])
