@@ -26,7 +26,7 @@ def towards(azimuth: float, elevation: float) -> np.ndarray:
 def softbox(
     toward: np.ndarray, azimuth: float, elevation: float, width: float, height: float, edge: float = 0.25
 ) -> np.ndarray:
-    """Brightness 0 … 1, [h, w], of a rounded rectangular lamp with soft borders; its half-extents in degrees."""
+    """Brightness 0 … 1, [h, w], of a rounded rectangular lamp; half-extents in degrees, soft borders."""
     forward = towards(azimuth, elevation)
     right = np.cross((0.0, 0.0, 1.0), forward)
     right /= np.linalg.norm(right)
@@ -39,7 +39,7 @@ def softbox(
 
 
 def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Description:
-    """Grey-blue sky over a warm floor, a broad key light, a cool fill and a rim: calm, shaded, worth reflecting."""
+    """Grey-blue sky over a warm floor, a broad key light, a cool fill, a rim: calm, and worth reflecting."""
     toward = directions(height, width)
     up = toward[..., 2:]
     sky = np.array([0.26, 0.295, 0.34]) + np.array([0.20, 0.23, 0.28]) * np.clip(up, 0, 1)
