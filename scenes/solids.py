@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from scipy.interpolate import CubicSpline
 
 from scenes.scene import Description
 
@@ -204,3 +205,61 @@ def smooth(solid: Solid) -> Solid:
         np.add.at(total, place[column], area_normal)
     normals = total / np.linalg.norm(total, axis=1, keepdims=True).clip(1e-12)
     return Solid(solid.vertices, solid.faces, solid.uv, normals[place])
+
+
+def creased(solid: Solid, degrees: float = 50.0) -> Solid:
+    """The same solid with vertex normals that are shared only by triangles that meet at less than this angle.
+
+    So a lathed or tubular body looks round and keeps its rims sharp. Triangles without area are dropped.
+    """
+    corner = solid.vertices[solid.faces]
+    area_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = np.linalg.norm(area_normal, axis=1)
+    kept = area > 1e-12
+    faces, area_normal, unit = solid.faces[kept], area_normal[kept], area_normal[kept] / area[kept, None]
+    _, place = np.unique(np.round(solid.vertices, 7), axis=0, return_inverse=True)
+    at = place.reshape(-1)[faces].reshape(-1)
+    order = np.argsort(at, kind="stable")
+    _, start, size = np.unique(at[order], return_index=True, return_counts=True)
+    # every corner meets every corner at the same place
+    pairs = np.repeat(size, size)
+    one = np.repeat(np.arange(len(order)), pairs)
+    within = np.arange(len(one)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
+    other = within + np.repeat(np.repeat(start, size), pairs)
+    one, other = order[one], order[other]
+    close = (unit[one // 3] * unit[other // 3]).sum(-1) > np.cos(np.radians(degrees))
+    one, other = one[close], other[close] // 3
+    total = np.stack([np.bincount(one, area_normal[other, axis], len(order)) for axis in range(3)], axis=-1)
+    normals = total / np.linalg.norm(total, axis=1, keepdims=True)
+    grid = np.round((normals + 1.0) * 500.0).astype(np.int64)
+    key = ((faces.reshape(-1) * 1001 + grid[:, 0]) * 1001 + grid[:, 1]) * 1001 + grid[:, 2]
+    _, chosen, renamed = np.unique(key, return_index=True, return_inverse=True)
+    source = faces.reshape(-1)[chosen]
+    uv = None if solid.uv is None else solid.uv[source]
+    return Solid(solid.vertices[source], renamed.reshape(-1, 3), uv, normals[chosen])
+
+
+def spline(points: Sequence[Sequence[float]], count: int, closed: bool = False) -> np.ndarray:
+    """Smooth curve [count, D] through the points, evenly spread over its chord length."""
+    through = np.asarray(points, dtype=np.float64)
+    if closed:
+        through = np.vstack([through, through[:1]])
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(through, axis=0), axis=1))])
+    curve = CubicSpline(length, through, bc_type="periodic" if closed else "natural")
+    result: np.ndarray = curve(np.linspace(0.0, length[-1], count, endpoint=not closed))
+    return result
+
+
+def rod(start: Sequence[float], end: Sequence[float], radius: float, sides: int = 16) -> Solid:
+    """Straight round bar between two points."""
+    return tube(np.array([start, end], dtype=np.float64), radius, sides)
+
+
+def around(solid: Solid, count: int) -> Solid:
+    """That many copies, evenly turned about z."""
+    return merged(solid.turned(360.0 * turn / count) for turn in range(count))
+
+
+def mirrored(solid: Solid) -> Solid:
+    """The solid and its mirror image, left and right of the plane y = 0."""
+    return merged([solid, solid.scaled(1.0, -1.0, 1.0)])
