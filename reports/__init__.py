@@ -1,1 +1,1 @@
-"""Records → tables, plots, one HTML page. Knows neither torch nor Mitsuba."""
+"""Records → tables, figures, one self-contained page. Knows `harness.records` alone: no torch, no Mitsuba."""

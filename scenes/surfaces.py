@@ -142,3 +142,34 @@ def veil(opacity: float, bsdf: Description) -> Description:
 def blend(share: float, first: Description, second: Description) -> Description:
     """`first` with `share` of `second` mixed in."""
     return {"type": "blendbsdf", "weight": float(share), "first": first, "second": second}
+
+
+def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1.8) -> np.ndarray:
+    """Cloudy pattern 0 … 1, [height, width], that tiles: noise with amplitude 1 / frequency ^ coarseness."""
+    frequency = np.hypot(np.fft.fftfreq(height)[:, None] * height, np.fft.fftfreq(width) * width)
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.fft2(np.random.default_rng(seed).normal(size=(height, width)))
+    field: np.ndarray = np.real(np.fft.ifft2(spectrum / frequency**coarseness))
+    return np.clip(0.5 + field / (5 * field.std()), 0.0, 1.0)
+
+
+def mixed(first: Sequence[float], second: Sequence[float], share: np.ndarray) -> np.ndarray:
+    """Pixels [h, w, 3] between two colours, by the share [h, w] of the second."""
+    return (1 - share)[..., None] * np.asarray(first) + share[..., None] * np.asarray(second)
+
+
+def tinted(clear: Description, colour: Sequence[float]) -> Description:
+    """Glass or water that colours what shines through it, each time light passes its surface."""
+    return clear | {"specular_transmittance": reflectance(colour)}
+
+
+def thin(colour: Colour, translucency: float = 0.5, roughness: float = 0.5) -> Description:
+    """A leaf, sailcloth, paper: a sheet without thickness that lets that share of its light glow through."""
+    return {
+        "type": "principledthin",
+        "base_color": reflectance(colour),
+        "roughness": roughness,
+        "spec_trans": 0.0,
+        "diff_trans": 2.0 * translucency,
+        "eta": 1.4,
+    }

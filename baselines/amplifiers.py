@@ -1,0 +1,62 @@
+"""The part between the network's density output and the density that is rendered.
+
+`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none.
+"""
+
+from collections.abc import Callable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
+from baselines.numerics.encoding import PHI
+
+DENSITY_BIAS = -1.0
+"""Shift before softplus: a fresh field is thin fog, light reaches everything, and nothing saturates."""
+
+
+class NoAmplifier(nn.Module):
+    """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
+
+    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
+        sigma = softplus_density(raw, DENSITY_BIAS)
+        return sigma, sigma
+
+
+class Listing2Amplifier(nn.Module):
+    """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the call, β above 0.5, clamp to [0, 1].
+
+    The mean runs over whatever points share the call, so the field depends on the chunk; density is bounded by 1.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+        self.beta = nn.Parameter(torch.tensor(1.0))
+
+    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
+        normalised = torch.sigmoid(raw)
+        # the mean of no points is 0/0; without points there is nothing to amplify either
+        mean = normalised.mean() if normalised.numel() else normalised.new_zeros(())
+        return normalised, amplify_listing2(normalised, mean, self.alpha, self.beta)
+
+
+class Equation4Amplifier(nn.Module):
+    """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+
+    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
+        sigma = softplus_density(raw, DENSITY_BIAS)
+        mean = sigma.mean() if sigma.numel() else sigma.new_zeros(())
+        return sigma, amplify_about_mean(sigma, mean, self.alpha).clamp(min=0.0)
+
+
+AMPLIFIERS: dict[str, Callable[[], nn.Module]] = {
+    "none": NoAmplifier,
+    "listing2": Listing2Amplifier,
+    "equation4": Equation4Amplifier,
+}

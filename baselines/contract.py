@@ -1,0 +1,111 @@
+"""What passes between a method and those who train and render it."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays of unit direction, world frame; `near` and `far` are distances along them."""
+
+    origins: Float[Tensor, "rays 3"]
+    directions: Float[Tensor, "rays 3"]
+    near: float
+    far: float
+
+    def __len__(self) -> int:
+        return self.origins.shape[0]
+
+    def part(self, start: int, stop: int) -> "Rays":
+        return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
+
+
+@dataclass(frozen=True)
+class Box:
+    """The axis-aligned box outside of which the scene is known to be empty."""
+
+    lower: Float[Tensor, " 3"]
+    upper: Float[Tensor, " 3"]
+
+    def to_unit(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
+        """World → box coordinates in [0, 1]³."""
+        return (x - self.lower) / (self.upper - self.lower)
+
+    def from_unit(self, unit: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
+        return self.lower + unit * (self.upper - self.lower)
+
+    def normalised(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
+        """World → centre at 0, longest half-extent 1: what an encoding sees. Keeps the aspect ratio."""
+        return (x - 0.5 * (self.lower + self.upper)) / (0.5 * (self.upper - self.lower).max())
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """What a batch of rays shows."""
+
+    colour: Float[Tensor, "rays 3"]
+    """Display colour over the background."""
+    opacity: Float[Tensor, " rays"]
+    depth: Float[Tensor, " rays"]
+    """Expected distance of what was hit; far where nothing was."""
+    network_evaluations: int
+    coarse_colour: Float[Tensor, "rays 3"] | None = None
+    """Of the coarse pass, where there are two."""
+
+
+@dataclass(frozen=True)
+class NetworkSize:
+    """Table 1 of the paper by default."""
+
+    depth: int = 8
+    width: int = 256
+    colour_layers: int = 2
+    colour_width: int = 128
+    position_bands: int = 10
+    direction_bands: int = 4
+
+
+Precision = Literal["float32", "bfloat16"]
+
+
+class RadianceField(Protocol):
+    """A density and a colour for each point in space: what a renderer needs to know of a method.
+
+    `view` [rays, features] comes from `encode_directions` and `ray` [points] tells which of its rows a point takes.
+    """
+
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]: ...
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        """The density entering the amplifier and the density that is rendered; equal without an amplifier."""
+        ...
+
+    def density_and_colour(
+        self,
+        x: Float[Tensor, "points 3"],
+        view: Float[Tensor, "rays features"],
+        ray: Int[Tensor, " points"],
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]: ...
+
+
+class Amplifier(Protocol):
+    """From the raw density output of a network to density; see `baselines.amplifiers`."""
+
+    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]: ...
+
+
+def uniform_weights(shape: tuple[int, ...], bound: float, seed: int, name: str) -> Float[Tensor, "..."]:
+    """U(−bound, bound) from a generator of (seed, parameter name): equal wherever name and shape are equal."""
+    digest = 0
+    for byte in f"{seed}/{name}".encode():
+        digest = (digest * 1099511628211 + byte + 14695981039346656037) % 2**63
+    generator = torch.Generator().manual_seed(digest)
+    return (2.0 * torch.rand(shape, generator=generator, dtype=torch.float32) - 1.0) * bound

@@ -1,0 +1,130 @@
+"""Encoding → MLP → density and colour: the network of Table 1 with replaceable parts.
+
+Matrix products run in the chosen precision on float32 master weights; encoding, amplifier and everything behind it
+run in float32 always.
+"""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn.functional import linear, relu
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
+from baselines.contract import Box, NetworkSize, Precision, uniform_weights
+from baselines.numerics.encoding import feature_count, fourier_features, frequency_ladder
+
+DTYPES: dict[Precision, torch.dtype] = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+
+
+class NetworkField(nn.Module):
+    """A radiance field held by one MLP (`baselines.contract.RadianceField`).
+
+    The concatenations of Listing 3 and of the view direction are not built: the matrix that would follow them is
+    applied to its two halves. That is the same product, and the direction's half is taken once a ray.
+    """
+
+    def __init__(self, parts: Parts, size: NetworkSize, box: Box, precision: Precision, seed: int) -> None:
+        super().__init__()
+        self.box = box
+        self.dtype = DTYPES[precision]
+        base = ENCODING_BASE[parts.encoding]
+        position_bands = encoding_bands(parts.encoding, size.position_bands)
+        direction_bands = encoding_bands(parts.encoding, size.direction_bands)
+        self.register_buffer("position_ladder", frequency_ladder(base, position_bands), persistent=False)
+        self.register_buffer("direction_ladder", frequency_ladder(base, direction_bands), persistent=False)
+        position, direction = feature_count(3, position_bands), feature_count(3, direction_bands)
+        self.skip = skip_layer(parts.skip, size.depth)
+
+        widths = [size.width + position * (i == self.skip) for i in range(size.depth)]
+        self.density_net = nn.ModuleList(nn.Linear(inputs, size.width) for inputs in [position, *widths[:-1]])
+        self.density_head = nn.Linear(widths[-1], 1)
+        colour_widths = [widths[-1] + direction] + [size.colour_width] * size.colour_layers
+        self.colour_net = nn.ModuleList(
+            nn.Linear(inputs, outputs)
+            for inputs, outputs in zip(colour_widths, [*colour_widths[1:], 3], strict=True)
+        )
+        self.amplifier = AMPLIFIERS[parts.amplifier]()
+        self.hidden_width = size.width
+        _initialise(self, seed)
+
+    def parameter_counts(self) -> dict[str, int]:
+        """Weights by the components of Table 1."""
+        parts = {
+            "density_net": self.density_net,
+            "density_head": self.density_head,
+            "colour_net": self.colour_net,
+            "amplifier": self.amplifier,
+        }
+        counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in parts.items()}
+        return {**counts, "total": sum(counts.values())}
+
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
+        return fourier_features(d, self.direction_ladder)
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+        return self.density_before_and_after(x)[1]
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        hidden, skipped = self._trunk(x)
+        return self._amplified(hidden, skipped)
+
+    def density_and_colour(
+        self,
+        x: Float[Tensor, "points 3"],
+        view: Float[Tensor, "rays features"],
+        ray: Int[Tensor, " points"],
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
+        hidden, skipped = self._trunk(x)
+        _, sigma = self._amplified(hidden, skipped)
+        first = self.colour_net[0]
+        of_view = linear(
+            view.to(self.dtype), self._weight(first)[:, -view.shape[-1] :], first.bias.to(self.dtype)
+        )
+        h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
+        for layer in self.colour_net[1:]:
+            h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
+        return sigma, torch.sigmoid(h.float())
+
+    def _trunk(self, x: Tensor) -> tuple[Tensor, Tensor | None]:
+        """Last hidden layer, and the encoded position where the skip falls behind that layer (depth <= 5, φ)."""
+        position = fourier_features(self.box.normalised(x), self.position_ladder).to(self.dtype)
+        hidden, skipped = position, None
+        for index, layer in enumerate(self.density_net):
+            hidden = relu(self._split_linear(layer, hidden, skipped))
+            skipped = position if index == self.skip else None
+        return hidden, skipped
+
+    def _amplified(self, hidden: Tensor, skipped: Tensor | None) -> tuple[Tensor, Tensor]:
+        raw = self._split_linear(self.density_head, hidden, skipped).squeeze(-1).float()
+        return self.amplifier.before_and_after(raw)
+
+    def _split_linear(
+        self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True
+    ) -> Tensor:
+        """`layer` applied to [hidden, skipped, …]; further columns of its weight are left to the caller."""
+        weight = self._weight(layer)
+        bias = layer.bias.to(self.dtype) if with_bias else None
+        width = hidden.shape[-1]
+        result = linear(hidden, weight[:, :width], bias)
+        if skipped is None:
+            return result
+        return result + linear(skipped, weight[:, width : width + skipped.shape[-1]])
+
+    def _weight(self, layer: nn.Linear) -> Tensor:
+        return layer.weight.to(self.dtype)
+
+
+def _initialise(module: nn.Module, seed: int) -> None:
+    """Glorot-uniform weights and zero biases, as the original NeRF; the amplifier keeps the paper's α and β."""
+    with torch.no_grad():
+        for name, parameter in module.named_parameters():
+            if name.startswith("amplifier"):
+                continue
+            if parameter.ndim == 2:
+                bound = (6.0 / sum(parameter.shape)) ** 0.5
+                parameter.copy_(uniform_weights(tuple(parameter.shape), bound, seed, name))
+            else:
+                parameter.zero_()

@@ -1,0 +1,41 @@
+"""From the network's raw density output to density σ >= 0: the plain activation and the paper's two amplifiers.
+
+The paper prints two different operators (Eq. 4 and Listing 2). Both take a mean over "the densities"; which
+densities these are is the caller's decision and therefore an argument. A mean over whatever points share a call
+makes a pixel depend on the chunk that it is rendered in.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.numerics.encoding import PHI
+
+
+def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
+    """σ = log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere."""
+    return torch.nn.functional.softplus(raw + bias)
+
+
+def amplify_about_mean(
+    sigma: Float[Tensor, "*points"], mean: Float[Tensor, ""], alpha: Float[Tensor, ""]
+) -> Float[Tensor, "*points"]:
+    """σ' = σ̄ + α φ (σ − σ̄), Eq. 4. The identity at α = 1/φ; may be negative."""
+    return mean + alpha * (sigma - mean) * PHI
+
+
+def amplify_listing2(
+    normalised: Float[Tensor, "*points"],
+    mean: Float[Tensor, ""],
+    alpha: Float[Tensor, ""],
+    beta: Float[Tensor, ""],
+    threshold: float = 0.5,
+) -> Float[Tensor, "*points"]:
+    """Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0, 1].
+
+    As a density it is bounded by 1 per scene unit: one unit of solid matter has opacity 1 − 1/e = 0.63 at most.
+    The gradient is zero where the clamp acts.
+    """
+    amplified = amplify_about_mean(normalised, mean, alpha)
+    boost = torch.where(normalised > threshold, beta, torch.ones_like(beta))
+    return torch.clamp(amplified * boost, 0.0, 1.0)

@@ -1,0 +1,60 @@
+"""Distances along rays: fenceposts, points inside bins, and importance sampling by an inverse distribution.
+
+`t_edges` [rays, bins + 1] are fenceposts in rising order, `t` [rays, bins] points inside the bins.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+def uniform_edges(
+    entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], bins: int
+) -> Float[Tensor, "rays edges"]:
+    """bins + 1 equally spaced fenceposts from `entry` to `leave` of each ray, both ends exact."""
+    if bins < 1:
+        raise ValueError(f"bins must be >= 1, is {bins}")
+    share = torch.linspace(0.0, 1.0, bins + 1, dtype=entry.dtype, device=entry.device)
+    return torch.lerp(entry.unsqueeze(-1), leave.unsqueeze(-1), share)
+
+
+def points_in_bins(
+    t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
+) -> Float[Tensor, "rays bins"]:
+    """One point in each bin: uniformly random with a generator, the midpoint without one."""
+    left, right = t_edges[:, :-1], t_edges[:, 1:]
+    if generator is None:
+        return 0.5 * (left + right)
+    u = torch.rand(left.shape, generator=generator, dtype=left.dtype, device=generator.device)
+    return torch.lerp(left, right, u.to(left.device))
+
+
+def inverse_cdf_edges(
+    t_edges: Float[Tensor, "rays edges"],
+    w: Float[Tensor, "rays bins"],
+    count: int,
+    generator: torch.Generator | None,
+) -> Float[Tensor, "rays count"]:
+    """`count` distances distributed as the step function with mass `w` in each bin, in rising order.
+
+    Stratified with a generator, at the midpoints of the strata without one. A ray without any weight is sampled
+    uniformly. Raises `ValueError` where a weight is negative or not finite: it would spread silently.
+    """
+    if not bool(torch.isfinite(w).all()) or bool((w < 0).any()):
+        raise ValueError("weights of the inverse distribution must be finite and >= 0")
+    total = w.sum(dim=-1, keepdim=True)
+    share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
+    cdf = torch.cumsum(share, dim=-1)
+    cdf = torch.cat([torch.zeros_like(total), cdf / cdf[:, -1:]], dim=-1)
+    if generator is None:
+        u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
+    else:
+        u = torch.rand((w.shape[0], count), generator=generator, dtype=w.dtype, device=generator.device)
+        u = u.to(w.device)
+    u = (torch.arange(count, dtype=w.dtype, device=w.device) + u) / count
+    right = torch.searchsorted(cdf, u, right=True).clamp(1, w.shape[-1])
+    cdf_left, cdf_right = cdf.gather(-1, right - 1), cdf.gather(-1, right)
+    t_left, t_right = t_edges.gather(-1, right - 1), t_edges.gather(-1, right)
+    mass = cdf_right - cdf_left
+    inside = torch.where(mass > 0, (u - cdf_left) / mass.clamp(min=torch.finfo(w.dtype).tiny), 0.5)
+    return torch.lerp(t_left, t_right, inside.clamp(0.0, 1.0))

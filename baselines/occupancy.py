@@ -1,0 +1,64 @@
+"""Which cells of the scene's box hold matter: empty ones need no network evaluation.
+
+All methods have the same grid, each of its own density. It starts full; nothing is left out before it has been
+measured, and a ray always keeps some random samples outside of it (`baselines.rendering`), so what was deleted by
+mistake can come back.
+"""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from baselines.contract import Box, RadianceField
+
+DECAY = 0.95
+"""A cell's remembered density fades by this much a refresh, so that matter which went away is forgotten."""
+
+
+class OccupancyGrid:
+    """`density` [cells³] remembers the largest density lately seen in each cell; `occupied` [cells³] is its mask."""
+
+    def __init__(self, cells: int, box: Box, opacity_threshold: float) -> None:
+        self.cells = cells
+        self.box = box
+        self.opacity_threshold = opacity_threshold
+        self.density = torch.zeros(cells**3, device=box.lower.device)
+        self.occupied = torch.ones(cells**3, dtype=torch.bool, device=box.lower.device)
+        self.emptied = False
+        """Whether a refresh ever found no matter at all; the mask is then full again."""
+
+    def at(self, x: Float[Tensor, "*points 3"]) -> Bool[Tensor, "*points"]:
+        """Whether the cell around each point is occupied; points outside the box belong to its nearest cell."""
+        index = (self.box.to_unit(x) * self.cells).long().clamp_(0, self.cells - 1)
+        flat = (index[..., 0] * self.cells + index[..., 1]) * self.cells + index[..., 2]
+        return self.occupied[flat]
+
+    @torch.no_grad()
+    def refresh(self, field: RadianceField, share: float, generator: torch.Generator) -> int:
+        """Measure a random `share` of the cells, each at one random point; gives the number of evaluations."""
+        count = self.cells**3
+        if share >= 1.0:
+            chosen = torch.arange(count)
+        else:
+            chosen = torch.randperm(count, generator=generator)[: max(1, int(share * count))]
+        corner = torch.stack(
+            [chosen // self.cells**2, chosen // self.cells % self.cells, chosen % self.cells], dim=-1
+        )
+        jitter = torch.rand(corner.shape, generator=generator)
+        x = self.box.from_unit(((corner + jitter) / self.cells).to(self.density.device))
+        chosen = chosen.to(self.density.device)
+        self.density[chosen] = torch.maximum(self.density[chosen] * DECAY, field.density(x))
+        self._threshold()
+        return len(chosen)
+
+    def _threshold(self) -> None:
+        """Occupied: where a cell's thickness of this density is seen, and all neighbours of such a cell."""
+        thickness = float((self.box.upper - self.box.lower).max()) / self.cells
+        seen = -torch.expm1(-self.density * thickness) > self.opacity_threshold
+        cube = seen.view(1, 1, self.cells, self.cells, self.cells).float()
+        grown = torch.nn.functional.max_pool3d(cube, kernel_size=3, stride=1, padding=1) > 0
+        self.emptied = not bool(grown.any())
+        self.occupied = torch.ones_like(self.occupied) if self.emptied else grown.view(-1)
+
+    def occupied_share(self) -> float:
+        return float(self.occupied.float().mean())

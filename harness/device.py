@@ -1,0 +1,47 @@
+"""Where tensors live, and the switches that make a run repeatable. ROCm is torch's `cuda`."""
+
+import os
+
+import torch
+
+from scenes.errors import InputError
+
+
+def chosen_device(name: str) -> torch.device:
+    """`auto`, `cpu` or `cuda` → device; raises `InputError` where a GPU is asked for and there is none."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    if name == "cuda" and not torch.cuda.is_available():
+        built = f"CUDA {torch.version.cuda}" if torch.version.cuda else f"ROCm {torch.version.hip}"
+        built = built if torch.version.cuda or torch.version.hip else "the CPU alone"
+        raise InputError(
+            f"--device cuda: torch {torch.__version__} (built for {built}) sees no GPU; "
+            "use --device cpu, or install the torch build of your GPU (UV_TORCH_BACKEND, see README)"
+        )
+    return torch.device(name)
+
+
+def use_threads(count: int) -> None:
+    """Fix the number of threads and the order of sums: the same seed gives the same bits on the same CPU."""
+    torch.set_num_threads(count)
+    torch.use_deterministic_algorithms(True, warn_only=True)
+    torch.backends.cuda.matmul.allow_tf32 = False
+    torch.backends.cudnn.allow_tf32 = False
+
+
+def available_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def multiplies_bfloat16(device: torch.device) -> bool:
+    """Whether the processor has bfloat16 matrix or vector products; without them float32 is faster."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported()
+    try:
+        flags = open("/proc/cpuinfo", encoding="utf-8").read()  # noqa: PTH123, SIM115
+    except OSError:
+        return False
+    return "avx512_bf16" in flags or "amx_bf16" in flags

@@ -1,0 +1,67 @@
+"""How training, sampling and scoring are set: small frozen groups, equal for all methods of a comparison."""
+
+from dataclasses import dataclass, field
+
+from baselines.contract import NetworkSize, Precision
+
+
+@dataclass(frozen=True)
+class GridSettings:
+    """The occupancy grid that leaves empty space out."""
+
+    cells: int = 32
+    """Along each axis; 0 switches the grid off."""
+    first_step: int = 150
+    """Everything is evaluated before: a grid that prunes too early deletes what has not been learnt yet."""
+    every: int = 25
+    share: float = 0.25
+    """Share of the cells measured at each refresh; the first one measures all."""
+    opacity_threshold: float = 0.01
+    """A cell is occupied where a ray through it loses more than this."""
+    exploration: float = 0.01
+    """Share of the unoccupied points that training evaluates all the same."""
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """§7.1 of the paper by default: Adam, 5e-4, 1024 rays; the sampling of the original NeRF."""
+
+    network: NetworkSize = field(default_factory=NetworkSize)
+    rays: int = 1024
+    bins: int = 64
+    first_bins: int = 64
+    """Bins a ray before the occupancy grid is in use."""
+    fine_bins: int = 128
+    learning_rate: float = 5e-4
+    last_learning_rate: float = 5e-5
+    warm_up_steps: int = 0
+    clip_norm: float = 1.0
+    precision: Precision = "float32"
+    grid: GridSettings = field(default_factory=GridSettings)
+
+
+@dataclass(frozen=True)
+class ScoreSettings:
+    """When and how the test set is scored."""
+
+    checkpoints: int = 8
+    earliest: float = 0.02
+    """Share of the budget at the first checkpoint."""
+    chunk: int = 4096
+    """Rays rendered at a time; part of the result where a method's density depends on the call."""
+    train_views: int = 4
+    """Training views scored at the end, so that train and test stand together."""
+    stored_views: int = 2
+    """Test views kept as pictures for the report."""
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """What is rendered as ground truth."""
+
+    resolution: int = 800
+    train: int = 100
+    val: int = 100
+    test: int = 200
+    spp_train: int = 256
+    spp_test: int = 256

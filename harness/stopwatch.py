@@ -1,0 +1,30 @@
+"""Training seconds of one method: what is not between `start` and `stop` does not count."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import torch
+
+
+class Stopwatch:
+    """Accumulates wall seconds; the device is synchronised before each reading, so launched work is finished work."""
+
+    def __init__(self, device: torch.device, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._synchronise = torch.cuda.synchronize if device.type == "cuda" else _nothing
+        self._clock = clock
+        self.seconds = 0.0
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        self._synchronise()
+        began = self._clock()
+        try:
+            yield
+        finally:
+            self._synchronise()
+            self.seconds += self._clock() - began
+
+
+def _nothing() -> None:
+    pass

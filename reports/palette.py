@@ -1,0 +1,46 @@
+"""One colour per method, everywhere: Okabe and Ito's set, told apart by colour-blind readers too.
+
+A colour is written as its light hex value in plain trace data and in PNGs. On the page every such value is
+replaced by a CSS variable, so the same figure serves light and dark mode.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Colour:
+    variable: str
+    light: str
+    dark: str
+
+
+KNOWN = {
+    "nerf": Colour("--nerf", "#0072b2", "#56a8e0"),
+    "nerf_matched": Colour("--matched", "#5f8383", "#9bb8b6"),
+    "qnerf": Colour("--qnerf", "#d55e00", "#f58b3c"),
+    "qnerf_theorem": Colour("--theorem", "#b5589a", "#dc94c6"),
+    "qnerf_repaired": Colour("--repaired", "#8f6a00", "#d9b23f"),
+}
+
+OTHERS = (
+    Colour("--other-1", "#007f5f", "#35b892"),
+    Colour("--other-2", "#6a51a3", "#a692dd"),
+    Colour("--other-3", "#7a4a2b", "#c79472"),
+    Colour("--other-4", "#b2182b", "#ee7b86"),
+    Colour("--other-5", "#3f7f1f", "#8cc96a"),
+    Colour("--other-6", "#4d5a8a", "#9aa7dd"),
+)
+
+INK = Colour("--ink", "#1d1d1f", "#ececee")
+MUTED = Colour("--muted", "#6b6b70", "#a3a3aa")
+RULE = Colour("--rule", "#e3e3e6", "#38383d")
+PAPER = Colour("--paper", "#fefefe", "#151517")
+
+EVERY = (*KNOWN.values(), *OTHERS, INK, MUTED, RULE, PAPER)
+
+
+def colours_of(methods: list[str]) -> dict[str, Colour]:
+    """Method → colour: fixed for the known names, from the fixed palette in order for all others."""
+    others = [method for method in methods if method not in KNOWN]
+    chosen = {method: OTHERS[place % len(OTHERS)] for place, method in enumerate(others)}
+    return {method: KNOWN.get(method) or chosen[method] for method in methods}

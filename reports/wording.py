@@ -1,0 +1,74 @@
+"""How numbers become words on the page: sensible precision, true minus signs, never NaN or Infinity."""
+
+import math
+
+NOTHING = "–"
+"""Stands where there is no number."""
+MINUS = "−"
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """Fixed decimals with a true minus sign; a dash for what is missing or not finite."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    text = f"{value:.{digits}f}"
+    if float(text) == 0:
+        text = text.removeprefix("-")
+    return text.replace("-", MINUS)
+
+
+def signed(value: float | None, digits: int = 2) -> str:
+    """Like `number`, with + before what is above zero."""
+    text = number(value, digits)
+    return text if text[0] in MINUS + NOTHING or float(text) == 0 else f"+{text}"
+
+
+def interval(pair: tuple[float, float] | None, digits: int = 2) -> str:
+    """`[+0.21, +0.63]`, or nothing."""
+    return "" if pair is None else f"[{signed(pair[0], digits)}, {signed(pair[1], digits)}]"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number of unknown magnitude: three significant digits, thin spaces between thousands."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if magnitude >= digits - 1:
+        return count(round(value))
+    if magnitude < -4:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10^{int(exponent)}".replace("-", MINUS)
+    return number(value, digits - 1 - magnitude)
+
+
+def count(value: int) -> str:
+    """A whole number with thin spaces between groups of three: 493 056."""
+    return f"{value:,}".replace(",", "\u202f").replace("-", MINUS)
+
+
+def duration(seconds: float | None) -> str:
+    """Seconds as a person says them: 0.8 s, 42 s, 3 min 20 s, 2 h 05 min."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    if seconds < 10:
+        return f"{number(seconds, 1)} s"
+    whole = round(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    if whole < 7200:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def listed(words: list[str], conjunction: str = "and") -> str:
+    """a, b and c."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {conjunction} {words[-1]}"
+
+
+def counted(many: int, noun: str, plural: str | None = None) -> str:
+    """1 seed, 3 seeds."""
+    return f"{count(many)} {noun if many == 1 else plural or noun + 's'}"

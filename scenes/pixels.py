@@ -1,0 +1,84 @@
+"""Arithmetic on stored pixels: the sRGB transfer, alpha, and resizing by area averaging.
+
+Arrays are `[..., channels]`; *linear*, *display*, *straight* and *premultiplied* are meant as in CONVENTIONS.md.
+"""
+
+import numpy as np
+
+
+def encode_srgb(linear: np.ndarray) -> np.ndarray:
+    """Linear light 0 … 1 → display value (IEC 61966-2-1); what lies outside 0 … 1 is clipped first."""
+    x = np.clip(linear, 0.0, 1.0)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def decode_srgb(display: np.ndarray) -> np.ndarray:
+    """Display value 0 … 1 → linear light; the inverse of `encode_srgb`."""
+    x = np.clip(display, 0.0, 1.0)
+    return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def straight_from_premultiplied(rgba: np.ndarray) -> np.ndarray:
+    """Colour divided by alpha; colour 0 where alpha is 0."""
+    alpha = rgba[..., 3:]
+    colour = np.where(alpha > 0, rgba[..., :3] / np.where(alpha > 0, alpha, 1.0), 0.0)
+    return np.concatenate([colour, alpha], axis=-1)
+
+
+def display_from_linear(rgba: np.ndarray) -> np.ndarray:
+    """Premultiplied linear RGBA → straight display RGBA in 0 … 1, as a PNG holds it; float32.
+
+    Light brighter than white is clipped; so is colour without coverage, which straight alpha cannot hold.
+    """
+    straight = straight_from_premultiplied(rgba)
+    alpha = np.clip(straight[..., 3:], 0.0, 1.0)
+    return np.concatenate([encode_srgb(straight[..., :3]), alpha], axis=-1).astype(np.float32)
+
+
+def over_white(display: np.ndarray) -> np.ndarray:
+    """Straight display RGBA → display RGB over white, `colour * alpha + (1 − alpha)`, as the field trains on."""
+    alpha = display[..., 3:]
+    return display[..., :3] * alpha + (1 - alpha)
+
+
+def area_weights(size: int, new_size: int, scale: float) -> np.ndarray:
+    """Row-stochastic matrix [new_size, size]: each new pixel is the mean of the `scale` old pixels it covers.
+
+    The new pixels are centred on the old ones: where `new_size * scale < size` both margins are cut evenly.
+    """
+    start = (size - new_size * scale) / 2 + np.arange(new_size)[:, None] * scale
+    pixel = np.arange(size)
+    covered = np.minimum(start + scale, pixel + 1) - np.maximum(start, pixel)
+    weights = np.clip(covered, 0.0, None)
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def area_average(image: np.ndarray, width: int) -> np.ndarray:
+    """Image [h, w, channels] → [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
+
+    Pixels stay square and the optical axis stays in the centre: a fraction of a new row that is left over is
+    cut off evenly above and below.
+    """
+    height, old_width = image.shape[:2]
+    scale = old_width / width
+    new_height = max(1, int(height / scale + 1e-9))
+    rows = area_weights(height, new_height, min(scale, height / new_height))
+    columns = area_weights(old_width, width, scale)
+    return np.einsum("ih,hwc,jw->ijc", rows, image.astype(np.float64), columns, optimize=True)
+
+
+def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
+    """Straight RGBA resized with colours weighted by their alpha, so that hidden colour never bleeds; float32.
+
+    Encoded data is averaged as encoded, as the field does: the result over white is the mean over white.
+    """
+    premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
+    return straight_from_premultiplied(area_average(premultiplied, width)).clip(0.0, 1.0).astype(np.float32)
+
+
+def area_average_hits(values: np.ndarray, coverage: np.ndarray, width: int) -> np.ndarray:
+    """Values [h, w, channels] that mean something only where `coverage` [h, w] > 0, averaged over those; else 0."""
+    weighted = np.concatenate([values * coverage[..., None], coverage[..., None]], axis=-1)
+    mean = area_average(weighted, width)
+    total = mean[..., -1:]
+    return np.where(total > 0, mean[..., :-1] / np.where(total > 0, total, 1.0), 0.0).astype(np.float32)
