@@ -21,13 +21,12 @@ def build() -> Description:
     plant = grown()
     terracotta = surfaces.mixed((0.36, 0.12, 0.055), (0.48, 0.19, 0.09), surfaces.mottle(2, 128, 128, 1.2))
     earth = surfaces.mixed((0.025, 0.016, 0.01), (0.09, 0.06, 0.04), surfaces.mottle(3, 128, 128, 0.6))
-    bark = surfaces.mixed((0.10, 0.065, 0.04), (0.24, 0.18, 0.125), surfaces.mottle(4, 128, 128, 1.0))
     return {
         "type": "scene",
         "light": studio(brightness=1.3),
         "pot": mesh(pot(), surfaces.plastic(surfaces.texture(terracotta), roughness=0.25)),
         "soil": mesh(soil(), surfaces.matte(surfaces.texture(earth))),
-        "wood": mesh(merged(plant.wood), surfaces.matte((0.15, 0.105, 0.07)) if not bark.size else surfaces.matte((0.15, 0.105, 0.07))),
+        "wood": mesh(merged(plant.wood), surfaces.matte((0.16, 0.11, 0.075))),
         "leaves": mesh(merged(plant.leaves), surfaces.thin(surfaces.texture(leaf_colours()), 0.3, roughness=0.3)),
     }
 
@@ -72,9 +71,9 @@ class Order:
 
 
 ORDERS = (
-    Order(points=22, bend=0.10, lift=0.04, children=9, first_child=0.40, spread=0.95, shorter=0.50),
-    Order(points=12, bend=0.13, lift=0.03, children=6, first_child=0.22, spread=0.80, shorter=0.62),
-    Order(points=9, bend=0.15, lift=-0.09, children=8, first_child=0.10, spread=0.0, shorter=0.0),
+    Order(points=22, bend=0.065, lift=0.05, children=9, first_child=0.36, spread=0.95, shorter=0.46),
+    Order(points=12, bend=0.11, lift=0.03, children=6, first_child=0.22, spread=0.80, shorter=0.62),
+    Order(points=9, bend=0.14, lift=-0.10, children=8, first_child=0.10, spread=0.0, shorter=0.0),
 )
 STEMS = 3
 
@@ -86,7 +85,7 @@ def grown() -> Plant:
         around = 2 * np.pi * stem / STEMS + 0.4
         outward = np.array([np.cos(around), np.sin(around), 0.0])
         foot = np.array([0.0, 0.0, SOIL]) + 0.055 * outward
-        grow(plant, foot, UP + 0.16 * outward, length=1.55 - 0.13 * stem, radius=0.034, order=0)
+        grow(plant, foot, UP + 0.15 * outward, length=1.42 - 0.12 * stem, radius=0.034, order=0)
     return plant
 
 
@@ -138,7 +137,7 @@ def leaf_at(random: np.random.Generator, point: np.ndarray, twig: np.ndarray, ar
     side = np.cross(UP + 0.45 * random.normal(size=3), ahead)
     side = unit(side - ahead * (side @ ahead))
     frame = np.eye(4)
-    frame[:3, :3] = np.stack([ahead, side, np.cross(ahead, side)], axis=1) * random.uniform(0.125, 0.195)
+    frame[:3, :3] = np.stack([ahead, side, np.cross(ahead, side)], axis=1) * random.uniform(0.12, 0.18)
     frame[:3, 3] = point
     shape = leaf(curl=random.uniform(0.05, 0.45), fold=random.uniform(0.1, 0.4), shade=int(random.integers(SHADES)))
     return shape.transformed(frame)

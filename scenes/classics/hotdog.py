@@ -23,7 +23,7 @@ def build() -> Description:
     buns, sausages, mustard = (merged(parts) for parts in zip(*dogs, strict=True))
     return {
         "type": "scene",
-        "light": studio(brightness=1.4),
+        "light": studio(brightness=1.25),
         "plate": mesh(plate(), surfaces.plastic((0.78, 0.78, 0.77), roughness=0.08)),
         "buns": mesh(buns, surfaces.plastic(surfaces.texture(bread()), roughness=0.35)),
         "sausages": mesh(sausages, surfaces.plastic(surfaces.texture(skin()), roughness=0.14)),
@@ -42,9 +42,9 @@ def hot_dog(side: int) -> tuple[Solid, Solid, Solid]:
 
 def plate() -> Solid:
     """A well, a raised rim with a soft lip, a foot below."""
-    under = [(0, -0.03), (0.5, -0.03), (0.54, -0.055), (0.6, -0.055), (0.63, -0.03), (0.78, -0.018)]
-    lip = [(1.17, 0.098), (1.197, 0.112), (1.205, 0.124), (1.197, 0.134), (1.17, 0.132)]
-    top = [(1.1, 0.116), (1.0, 0.09), (0.9, 0.062), (0.84, 0.04), (0.79, 0.016), (0.73, 0.003), (0.66, 0), (0, 0)]
+    under = [(0, -0.03), (0.5, -0.03), (0.54, -0.055), (0.6, -0.055), (0.63, -0.03), (0.80, -0.018), (0.88, 0.05)]
+    lip = [(0.96, 0.09), (1.17, 0.128), (1.197, 0.142), (1.205, 0.154), (1.197, 0.164), (1.17, 0.162)]
+    top = [(1.1, 0.148), (0.98, 0.124), (0.93, 0.108), (0.89, 0.08), (0.85, 0.036), (0.81, 0.012), (0.76, 0.002), (0.7, 0), (0, 0)]
     return smooth(lathe([*under, *lip, *top], segments=128).moved(z=PLATE_TOP))
 
 
@@ -85,7 +85,7 @@ def sausage() -> Solid:
 
 def mustard(phase: float) -> Solid:
     """A squeezed strand that winds along the top of the sausage, lying on its skin."""
-    x = np.linspace(-0.44, 0.44, 241) * SAUSAGE_LENGTH
+    x = np.linspace(-0.41, 0.41, 241) * SAUSAGE_LENGTH
     wave = np.sin(2 * np.pi * 4.5 * x / SAUSAGE_LENGTH + phase)
     # lean is the angle around the sausage; the strand's middle line lies in its skin
     lean = 0.72 * wave
