@@ -64,7 +64,7 @@ def felt(colour: Colour) -> Description:
 def plastic(colour: Colour, roughness: float = 0.12) -> Description:
     """Coloured body under a clear coat; roughness 0 is a mirror-smooth coat."""
     kind: Description = {"type": "roughplastic", "alpha": roughness} if roughness else {"type": "plastic"}
-    return kind | {"diffuse_reflectance": reflectance(colour), "nonlinear": True}
+    return kind | {"diffuse_reflectance": reflectance(colour)}
 
 
 def rubber(colour: Colour = (0.018, 0.018, 0.02)) -> Description:
@@ -95,9 +95,7 @@ def metal(material: str, roughness: float = 0.0) -> Description:
 
 def brass(roughness: float = 0.14) -> Description:
     # Mitsuba ships no table for it: measured CuZn index near 630, 545 and 460 nm
-    return polished(
-        {"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))}, roughness
-    )
+    return polished({"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))}, roughness)
 
 
 def chrome(roughness: float = 0.04) -> Description:
@@ -119,9 +117,7 @@ def steel(roughness: float = 0.2) -> Description:
 
 def glass(index: float = 1.5, roughness: float = 0.0) -> Description:
     """Solid body that refracts; give it a closed, outward-facing mesh."""
-    kind: Description = (
-        {"type": "roughdielectric", "alpha": roughness} if roughness else {"type": "dielectric"}
-    )
+    kind: Description = {"type": "roughdielectric", "alpha": roughness} if roughness else {"type": "dielectric"}
     return kind | {"int_ior": index, "ext_ior": 1.0}
 
 

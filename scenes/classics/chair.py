@@ -9,7 +9,6 @@ from scenes.lighting import studio
 from scenes.scene import Description, Scene
 from scenes.solids import Solid, ball, creased, lathe, loft, merged, mesh, mirrored, rod, smooth, spline, tube
 
-SEAT_HEIGHT = -0.22
 GREEN, GOLD = surfaces.srgb("#2f6b45"), surfaces.srgb("#dcb75c")
 
 
@@ -40,10 +39,7 @@ def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) 
     """Cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies, 1 = 1 unit."""
     turn = np.linspace(0.0, 1.0, rings)
     side = [(1.0 - 0.06 * (1 - np.sin(a)), thickness * 0.5 * (np.sin(a))) for a in np.linspace(-1.4, 0.6, 6)]
-    top = [
-        (side[-1][0] * np.cos(t * np.pi / 2), side[-1][1] + dome * np.sin(t * np.pi / 2) ** 0.9)
-        for t in turn[1:-1]
-    ]
+    top = [(side[-1][0] * np.cos(t * np.pi / 2), side[-1][1] + dome * np.sin(t * np.pi / 2) ** 0.9) for t in turn[1:-1]]
     centre = outline.mean(axis=0)
     layers = [np.c_[centre + (outline - centre) * scale, np.full(len(outline), z)] for scale, z in side + top]
     solid = loft(np.array(layers))
@@ -111,9 +107,17 @@ def front_leg() -> Solid:
         [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)], 36
     )
     radius = np.interp(np.linspace(0, 1, 36), [0, 0.22, 0.5, 0.82, 0.93, 1], [0.075, 0.085, 0.046, 0.028, 0.04, 0.05])
-    foot = merged([ball(0.055, 16).moved(0.445, 0.495, -1.005), lathe([(0, -1.06), (0.04, -1.06), (0.04, -1.03), (0, -1.03)]).moved(0.445, 0.495)])
+    foot = merged(
+        [
+            ball(0.055, 16).moved(0.445, 0.495, -1.005),
+            lathe([(0, -1.06), (0.04, -1.06), (0.04, -1.03), (0, -1.03)]).moved(0.445, 0.495),
+        ]
+    )
     knee = merged(
-        ball(1.0, 10).scaled(0.016, 0.016, 0.06).turned(angle, (1, -1, 0)).moved(0.507, 0.547, -0.40 - abs(angle) * 4e-4)
+        ball(1.0, 10)
+        .scaled(0.016, 0.016, 0.06)
+        .turned(angle, (1, -1, 0))
+        .moved(0.507, 0.547, -0.40 - abs(angle) * 4e-4)
         for angle in (-25, 0, 25)
     )
     return merged([tube(path, radius, 14), foot, knee])
@@ -121,17 +125,32 @@ def front_leg() -> Solid:
 
 def back_leg() -> Solid:
     """Sabre: swept backwards, carried on upwards as the stile of the back."""
-    path = spline([(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35), (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)], 30)
+    path = spline(
+        [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35), (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)],
+        30,
+    )
     return tube(path, np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
 
 
 def arm() -> Solid:
     """Swept from the back outwards to a scroll, on a support that leans back from the seat rail."""
     reach = [(-0.37, 0.45, 0.28), (-0.15, 0.55, 0.235), (0.12, 0.60, 0.20), (0.30, 0.60, 0.185)]
-    curl = [(0.34 + 0.065 * s * np.sin(a), 0.60, 0.12 + 0.065 * s * np.cos(a)) for s, a in zip(np.linspace(1, 0.3, 9), np.linspace(0.2, 8.4, 9), strict=True)]
+    curl = [
+        (0.34 + 0.065 * s * np.sin(a), 0.60, 0.12 + 0.065 * s * np.cos(a))
+        for s, a in zip(np.linspace(1, 0.3, 9), np.linspace(0.2, 8.4, 9), strict=True)
+    ]
     support = spline([(0.30, 0.51, -0.27), (0.34, 0.565, -0.12), (0.22, 0.60, 0.03), (0.24, 0.60, 0.17)], 22)
     leaf = ball(1.0, 10).scaled(0.02, 0.02, 0.09).turned(20, (0, 1, 0)).moved(0.325, 0.585, -0.08)
-    return merged([tube(spline(reach, 24), 0.036, 12), tube(spline(curl, 26), np.linspace(0.036, 0.016, 26), 10), tube(support, np.linspace(0.046, 0.028, 22), 12), leaf, ball(0.03, 12).moved(0.335, 0.635, 0.12), ball(0.03, 12).moved(0.335, 0.565, 0.12)])
+    return merged(
+        [
+            tube(spline(reach, 24), 0.036, 12),
+            tube(spline(curl, 26), np.linspace(0.036, 0.016, 26), 10),
+            tube(support, np.linspace(0.046, 0.028, 22), 12),
+            leaf,
+            ball(0.03, 12).moved(0.335, 0.635, 0.12),
+            ball(0.03, 12).moved(0.335, 0.565, 0.12),
+        ]
+    )
 
 
 def arm_pad() -> Solid:
@@ -145,9 +164,18 @@ def apron() -> Solid:
     outline = seat_outline()
     angle = np.arctan2(outline[:, 1], outline[:, 0])
     drop = -0.37 - 0.035 * np.cos(6 * angle)
-    levels = [(0.965, drop), (1.0, drop + 0.008), (1.0, np.full(96, -0.27)), (1.03, np.full(96, -0.262)), (1.03, np.full(96, -0.235)), (0.99, np.full(96, -0.225))]
+    levels = [
+        (0.965, drop),
+        (1.0, drop + 0.008),
+        (1.0, np.full(96, -0.27)),
+        (1.03, np.full(96, -0.262)),
+        (1.03, np.full(96, -0.235)),
+        (0.99, np.full(96, -0.225)),
+    ]
     body = loft(np.array([np.c_[outline * scale, z] for scale, z in levels]))
-    petals = merged(ball(1.0, 10).scaled(0.018, 0.022, 0.05).moved(0, 0, 0.055).turned(a, (1, 0, 0)) for a in range(0, 360, 45))
+    petals = merged(
+        ball(1.0, 10).scaled(0.018, 0.022, 0.05).moved(0, 0, 0.055).turned(a, (1, 0, 0)) for a in range(0, 360, 45)
+    )
     rosette = merged([petals, ball(0.028, 12)]).moved(0.505, 0, -0.33)
     edge = tube(np.c_[outline * 0.995, drop], 0.014, 8, closed=True)
     return merged([body, rosette, edge])
@@ -171,18 +199,20 @@ def nails() -> Solid:
 
 
 def build() -> Description:
-    wood = surfaces.varnish(surfaces.srgb("#5b2d14"))
-    fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.6))
+    wood = surfaces.varnish(surfaces.srgb("#9c5a2b"))
+    fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.2))
     carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
     seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
-    front = leaning(padded(back_outline() * 0.97, 0.07, 0.075))
-    rear = leaning(padded(back_outline()[::-1] * [-0.97, 0.97], 0.05, 0.03).turned(180, (0, 1, 0)))
-    return {
-        "type": "scene",
-        "light": studio(),
-        "frame": mesh(creased(replace(carving, uv=None)), wood),
-        "cloth": mesh(merged([seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)]), fabric),
-        "nails": mesh(nails(), surfaces.brass()),
+    front = leaning(padded(back_outline() * 1.01, 0.07, 0.075))
+    rear = leaning(padded(back_outline()[::-1] * [-1.02, 1.02], 0.05, 0.03).turned(180, (0, 1, 0)))
+    covers = merged([seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)])
+    parts = {
+        "frame": (creased(replace(carving, uv=None)), wood),
+        "cloth": (covers, fabric),
+        "nails": (nails(), surfaces.brass()),
+    }
+    return {"type": "scene", "light": studio()} | {
+        name: mesh(solid.scaled(1.02, 1.12, 0.98).moved(x=0.05, z=-0.03), bsdf) for name, (solid, bsdf) in parts.items()
     }
 
 
