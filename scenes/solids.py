@@ -80,12 +80,30 @@ def box(x: float, y: float, z: float) -> Solid:
 
 def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) -> Solid:
     """Box of these full extents whose edges and corners are rounded; smooth normals."""
-    sphere = trimesh.creation.uv_sphere(radius=1.0, count=[4 * segments, 4 * segments])
-    directions = np.asarray(sphere.vertices)
     core = np.array([x, y, z]) / 2 - radius
-    # a sphere pulled apart at its symmetry planes: tiny components count as positive, so it stays closed
-    vertices = np.where(directions >= -1e-9, core, -core) + radius * directions
-    return Solid(vertices, np.asarray(sphere.faces), None, directions)
+    reach = radius * np.tan(np.linspace(0.0, np.pi / 4, segments + 1))
+    offset, inward = np.concatenate([-reach[::-1], reach]), np.arange(2 * segments + 2) <= segments
+    # a grid on each side of the box, dense in the corners alone, drawn in to the radius about the core
+    points, faces = [], []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for sign in (1.0, -1.0):
+            side = np.empty((len(offset), len(offset), 3))
+            side[..., axis] = sign * (core[axis] + radius)
+            side[..., u] = (np.where(inward, -core[u], core[u]) + offset)[:, None]
+            side[..., v] = np.where(inward, -core[v], core[v]) + offset
+            faces.append(grid_faces(len(offset), len(offset))[:, :: int(sign)] + len(offset) ** 2 * len(points))
+            points.append(side.reshape(-1, 3))
+    surface = np.concatenate(points)
+    nearest = np.clip(surface, -core, core)
+    normals = (surface - nearest) / np.linalg.norm(surface - nearest, axis=1, keepdims=True)
+    vertices = nearest + radius * normals
+    # neighbouring sides share the points of their common edge, and agree on the normal there
+    _, chosen, place = np.unique(np.round(vertices, 9), axis=0, return_index=True, return_inverse=True)
+    triangles = place.reshape(-1)[np.concatenate(faces)]
+    # without a core along some axis, its corners meet and leave triangles that are lines
+    full = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return Solid(vertices[chosen], triangles[full], None, normals[chosen])
 
 
 def cylinder(radius: float, height: float, segments: int = 32) -> Solid:
