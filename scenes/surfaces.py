@@ -98,6 +98,11 @@ def brass(roughness: float = 0.14) -> Description:
     return polished({"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))}, roughness)
 
 
+def bronze(roughness: float = 0.16) -> Description:
+    """Redder than brass: cymbals and bells."""
+    return polished({"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))}, roughness)
+
+
 def chrome(roughness: float = 0.04) -> Description:
     return metal("Cr", roughness)
 

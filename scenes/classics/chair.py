@@ -47,7 +47,7 @@ def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) 
 
 
 def leaning(solid: Solid) -> Solid:
-    """From the drawing plane of the back (x right, y up, z to the front) to its place: tilted, hollow, behind the seat."""
+    """From the drawing plane of the back (x right, y up, z to the front) to its place: tilted, hollow."""
     x, y, z = solid.vertices.T
     placed = np.stack([-0.40 - 0.24 * y + 0.22 * x**2 + z, x, 0.40 + 0.97 * y], axis=-1)
     return smooth(Solid(placed, solid.faces, solid.uv))
@@ -199,7 +199,7 @@ def nails() -> Solid:
 
 
 def build() -> Description:
-    wood = surfaces.varnish(surfaces.srgb("#9c5a2b"))
+    wood = surfaces.varnish(surfaces.srgb("#8a4a20"))
     fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.2))
     carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
     seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
@@ -212,7 +212,7 @@ def build() -> Description:
         "nails": (nails(), surfaces.brass()),
     }
     return {"type": "scene", "light": studio()} | {
-        name: mesh(solid.scaled(1.02, 1.12, 0.98).moved(x=0.05, z=-0.03), bsdf) for name, (solid, bsdf) in parts.items()
+        name: mesh(solid.moved(x=0.05, z=-0.05).scaled(1.0, 1.10, 0.97), bsdf) for name, (solid, bsdf) in parts.items()
     }
 
 

@@ -84,7 +84,7 @@ def cymbal(radius: float) -> Solid:
 
 
 def tripod(height: float, spread: float = 0.26) -> Kit:
-    """A stand from the floor to `height`: three braced legs, telescoping pole, wing nuts, rubber feet; foot at the origin."""
+    """A stand of this height on the origin: three braced legs, a telescoping pole, wing nuts, rubber feet."""
     leg = merged(
         [rod((0, 0, 0.30), (spread, 0, 0.015), 0.011, 8), rod((0, 0, 0.14), (0.55 * spread, 0, 0.145), 0.008, 8)]
     )
@@ -97,21 +97,24 @@ def tripod(height: float, spread: float = 0.26) -> Kit:
     return {"chrome": [around(leg, 3), pole, collar, wing], "rubber": [around(foot, 3)]}
 
 
-def cymbal_on_stand(x: float, y: float, z: float, radius: float, tilt: float, azimuth: float) -> Kit:
-    plate = placed(
-        {
-            "bronze": [cymbal(radius)],
-            "felt": [cylinder(0.022, 0.022, 16).moved(z=0.2 * radius + 0.015)],
-            "chrome": [
-                rod((0, 0, -0.08), (0, 0, 0.2 * radius + 0.05), 0.008, 8),
-                ball(0.016, 10).moved(z=0.2 * radius + 0.05),
-            ],
-        },
-        pose((x, y, z), tilt, azimuth),
-    )
-    stand = placed(tripod(z - FLOOR - 0.06), pose((x, y, FLOOR)))
-    joint: Kit = {"chrome": [ball(0.024, 12).moved(x, y, z - 0.07)]}
-    return together(plate, stand, joint)
+def cymbal_on_boom(
+    at: tuple[float, float, float], radius: float, tilt: float, azimuth: float, foot: tuple[float, float]
+) -> Kit:
+    """The stand rises at `foot`, some way off; a boom with a counterweight reaches over to the plate."""
+    hub = 0.2 * radius
+    plate: Kit = {
+        "bronze": [cymbal(radius)],
+        "felt": [cylinder(0.022, 0.022, 16).moved(z=hub + 0.015)],
+        "chrome": [rod((0, 0, -0.08), (0, 0, hub + 0.05), 0.008, 8), ball(0.016, 10).moved(z=hub + 0.05)],
+    }
+    place = pose(at, tilt, azimuth)
+    end = (place @ [0, 0, -0.08, 1])[:3]
+    joint = np.array([*foot, at[2] - 0.22])
+    back = joint - 0.45 * (end - joint)
+    boom = [rod(back, end, 0.0095, 10), ball(0.018, 12).moved(*end), cylinder(0.03, 0.045, 16).moved(*joint)]
+    weight = rod(back, back + 0.3 * (joint - back), 0.026, 14)
+    stand = placed(tripod(joint[2] - FLOOR), pose((*foot, FLOOR)))
+    return together(placed(plate, place), stand, {"chrome": boom, "steel": [weight]})
 
 
 def hi_hat(x: float, y: float, z: float, radius: float) -> Kit:
@@ -194,8 +197,8 @@ def snare() -> Kit:
 
 def throne() -> Kit:
     seat = lathe([(0, -0.05), (0.17, -0.05), (0.195, -0.03), (0.2, 0.0), (0.19, 0.03), (0.15, 0.045), (0, 0.05)], 48)
-    stand = placed(tripod(0.48, 0.20), pose((-0.95, -0.08, FLOOR)))
-    return together(stand, {"leather": [seat.moved(-0.95, -0.08, FLOOR + 0.50)]})
+    stand = placed(tripod(0.48, 0.20), pose((-0.86, -0.08, FLOOR)))
+    return together(stand, {"leather": [seat.moved(-0.86, -0.08, FLOOR + 0.50)]})
 
 
 def sparkle(pixels: int = 256) -> np.ndarray:
@@ -209,9 +212,9 @@ def sparkle(pixels: int = 256) -> np.ndarray:
 MATERIALS: dict[str, Description] = {
     "shell": surfaces.varnish(surfaces.texture(sparkle(), repeat=2.0)),
     "hoop": surfaces.varnish(surfaces.srgb("#2a1a14")),
-    "chrome": surfaces.chrome(0.08),
+    "chrome": surfaces.steel(0.1),
     "steel": surfaces.steel(0.18),
-    "bronze": surfaces.brass(0.17),
+    "bronze": surfaces.bronze(0.17),
     "rubber": surfaces.rubber(),
     "leather": surfaces.plastic((0.02, 0.02, 0.022), 0.3),
     "felt": surfaces.felt((0.6, 0.57, 0.5)),
@@ -231,11 +234,13 @@ def build() -> Description:
         snare(),
         throne(),
         hi_hat(-0.36, 0.83, 0.10, 0.19),
-        cymbal_on_stand(0.22, 0.66, 0.60, 0.27, 14, 215),
-        cymbal_on_stand(0.10, -0.72, 0.44, 0.33, 12, 140),
+        cymbal_on_boom((0.16, 0.60, 0.62), 0.27, 14, 215, foot=(0.34, 0.72)),
+        cymbal_on_boom((0.00, -0.66, 0.48), 0.32, 14, 140, foot=(0.26, -0.78)),
+        cymbal_on_boom((0.34, -0.10, 0.78), 0.20, 16, 180, foot=(0.50, -0.42)),
     )
     return {"type": "scene", "light": studio()} | {
-        material: mesh(creased(merged(solids).moved(x=0.12)), MATERIALS[material]) for material, solids in kit.items()
+        material: mesh(creased(merged(solids).moved(x=0.20, z=0.06).scaled(0.98)), MATERIALS[material])
+        for material, solids in kit.items()
     }
 
 

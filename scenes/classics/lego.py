@@ -243,7 +243,7 @@ def blade() -> Model:
             )
         )
     )
-    low, high = np.array([6.75, 2.6, 3.0]), np.array([2.2, 2.6, 4.3])
+    low, high = np.array([6.15, 2.6, 3.0]), np.array([2.2, 2.6, 4.3])
     barrel = rod(tuple(high), tuple(high + 0.55 * (low - high)), 0.3, 18)
     piston = rod(tuple(high + 0.5 * (low - high)), tuple(low), 0.15, 14)
     eyes = merged([ball(0.34, 14).moved(*low), ball(0.36, 14).moved(*high)])
@@ -258,7 +258,7 @@ def blade() -> Model:
 def build() -> Description:
     model = together(baseplate(), track_pair(), chassis(), engine(), cab(), rear(), blade())
     return {"type": "scene", "light": studio()} | {
-        colour: mesh(with_normals(solids).moved(z=-3.4).scaled(STUD), MATERIALS[colour])
+        colour: mesh(with_normals(solids).moved(z=-3.1).scaled(STUD), MATERIALS[colour])
         for colour, solids in model.items()
     }
 
