@@ -137,7 +137,9 @@ def first_mismatch(value: Any, hint: Any, where: str = "") -> str | None:
     if origin is tuple:
         if not isinstance(value, tuple) or len(value) != len(parts):
             return f"{here} is not a pair of numbers"
-        return _first_in(value, tuple, lambda: [(where, one, part) for one, part in zip(value, parts, strict=True)], here)
+        return _first_in(
+            value, tuple, lambda: [(where, one, part) for one, part in zip(value, parts, strict=True)], here
+        )
     return _scalar_mismatch(value, hint, here)
 
 

@@ -1,0 +1,231 @@
+"""Plain trace data → inline SVG. Plots elsewhere return data; only this module draws.
+
+Text stays text (searchable, in the reader's font), colours become CSS variables (light and dark mode),
+and every id is made unique, so that many figures can live in one page.
+"""
+
+import io
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import matplotlib
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from reports import palette
+from reports.wording import MINUS, significant
+
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark"]
+Scale = Literal["linear", "log", "symlog"]
+
+STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "reports",
+    "text.parse_math": False,
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.edgecolor": palette.MUTED.light,
+    "axes.labelcolor": palette.MUTED.light,
+    "axes.labelpad": 5.0,
+    "xtick.color": palette.MUTED.light,
+    "ytick.color": palette.MUTED.light,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 0.0,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": palette.RULE.light,
+    "grid.linewidth": 0.8,
+}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Points of one kind and colour; `x` and `y` are equally long. A `range` is a bar from `x` to `x_high`."""
+
+    label: str
+    colour: str
+    kind: Kind
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    x_high: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes. `rows` names whole numbers on the y axis, the first on top."""
+
+    title: str
+    x_label: str
+    y_label: str
+    traces: tuple[Trace, ...]
+    alt: str
+    x_scale: Scale = "linear"
+    y_scale: Scale = "linear"
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+    rows: tuple[str, ...] = ()
+    size: tuple[float, float] = field(default=(4.5, 2.9))
+    linear_below: float = 1.0
+    """Where a `symlog` axis begins to be logarithmic."""
+
+
+def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
+    """The same limits on every panel, so that the eye may compare across them."""
+    for axis in axes:
+        values = [v for panel in panels for trace in panel.traces for v in (*getattr(trace, axis), *_high(trace, axis))]
+        if not values:
+            continue
+        log = bool(panels) and getattr(panels[0], f"{axis}_scale") == "log"
+        limits = padded([v for v in values if v > 0] if log else values, log)
+        panels = [replace(panel, **{f"{axis}_limits": limits}) for panel in panels]
+    return panels
+
+
+def _high(trace: Trace, axis: str) -> tuple[float, ...]:
+    return trace.x_high if axis == "x" else ()
+
+
+def padded(values: list[float], log: bool) -> tuple[float, float] | None:
+    """A little wider than the values."""
+    if not values:
+        return None
+    low, high = min(values), max(values)
+    if log:
+        ratio = (high / low) ** 0.05 if high > low else 1.5
+        return low / ratio, high * ratio
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin
+
+
+def draw(panel: Panel) -> Figure:
+    """The figure of one panel; give it to `svg` or save it as PNG."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=panel.size)
+        left = 0.9 if panel.rows else 0.62
+        width, height = panel.size
+        axes = figure.add_axes(
+            (left / width, 0.5 / height, 1 - (left + 0.12) / width, 1 - 0.62 / height), facecolor="none"
+        )
+        figure.patch.set_visible(False)
+        for trace in panel.traces:
+            _PENS[trace.kind](axes, trace)
+        _axis(axes, panel, "x")
+        _axis(axes, panel, "y")
+        if panel.rows:
+            axes.set_ylim(len(panel.rows) - 0.5, -0.5)
+            axes.yaxis.set_major_locator(FixedLocator(range(len(panel.rows))))
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: panel.rows[round(at)]))
+            axes.yaxis.set_minor_locator(NullLocator())
+        return figure
+
+
+def _axis(axes: Axes, panel: Panel, name: str) -> None:
+    scale, limits = getattr(panel, f"{name}_scale"), getattr(panel, f"{name}_limits")
+    axis = getattr(axes, f"{name}axis")
+    getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
+    if scale == "log":
+        getattr(axes, f"set_{name}scale")("log")
+    elif scale == "symlog":
+        getattr(axes, f"set_{name}scale")("symlog", linthresh=panel.linear_below)
+    if limits is not None:
+        getattr(axes, f"set_{name}lim")(*limits)
+    if scale == "linear":
+        axis.set_major_locator(MaxNLocator(5))
+    elif scale == "log":
+        low, high = getattr(axes, f"get_{name}lim")()
+        narrow = math.log10(high / low) < 1.7
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=8))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda at, _: tick(at)))
+
+
+def tick(value: float) -> str:
+    """A short label: 0.05, 20, 5k, 2M."""
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= size:
+            return f"{value / size:g}{letter}".replace("-", MINUS)
+    if value != 0 and abs(value) < 1e-4:
+        return significant(value, 1)
+    return f"{value:.4g}".replace("-", MINUS)
+
+
+def _line(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=2.0, solid_capstyle="round")
+
+
+def _thin(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=0.8, alpha=0.45)
+
+
+def _dots(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, "o", color=trace.colour, markersize=4.6, markeredgewidth=0)
+
+
+def _cross(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, "x", color=trace.colour, markersize=8, markeredgewidth=2.2, clip_on=False, zorder=5)
+
+
+def _floor(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.1, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _outline(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.4, drawstyle="steps-post", solid_joinstyle="miter")
+
+
+def _range(axes: Axes, trace: Trace) -> None:
+    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
+
+
+def _mark(axes: Axes, trace: Trace) -> None:
+    axes.plot(
+        trace.x, trace.y, "D", markerfacecolor="none", markeredgecolor=trace.colour, markersize=5, markeredgewidth=1.2
+    )
+
+
+_PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
+    "line": _line,
+    "thin": _thin,
+    "dots": _dots,
+    "cross": _cross,
+    "floor": _floor,
+    "outline": _outline,
+    "range": _range,
+    "mark": _mark,
+}
+
+
+def svg(panel: Panel, name: str) -> Markup:
+    """One `<svg>` element for the page; `name` makes its ids unique there and is of letters, digits and dashes."""
+    buffer = io.StringIO()
+    with matplotlib.rc_context(STYLE):
+        draw(panel).savefig(buffer, format="svg", metadata={"Date": None})
+    return Markup(inlined(buffer.getvalue(), name, panel.alt))
+
+
+def inlined(text: str, name: str, alt: str) -> str:
+    """A standalone SVG of Matplotlib made fit for one page among many others."""
+    body = text[text.index("<svg") :]
+    box = re.search(r'viewBox="([^"]+)"', body)
+    inner = body[body.index(">") + 1 : body.rindex("</svg>")]
+    inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
+    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
+    inner = re.sub(r' id="([^"]+)"', lambda found: f' id="{name}-{found[1]}"' if found[1] in used else "", inner)
+    inner = re.sub(r'(xlink:href="#|url\(#)', lambda found: f"{found[1].removeprefix('xlink:')}{name}-", inner)
+    inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
+    inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)
+    inner = re.sub(r"(\d+\.\d\d)\d+", r"\1", inner)
+    inner = re.sub(r"\s*\n\s*", " ", inner)
+    for colour in palette.EVERY:
+        inner = inner.replace(colour.light, f"var({colour.variable})")
+    view = box[1] if box else "0 0 1 1"
+    return f'<svg class="plot" viewBox="{view}" role="img" aria-label="{escape(alt)}">{inner}</svg>'

@@ -1,0 +1,61 @@
+"""The other scores beside PSNR, and every comparison that was made, in full."""
+
+from reports.grid import EMPTY, Column, Entry, Grid
+from reports.load import Records
+from reports.psnr_table import difference_entry, losses
+from reports.table import METRICS, average_of, cells_frame, shared_scenes, spread_of
+from reports.wording import number
+
+
+def metrics_grid(records: Records) -> Grid:
+    """A row for each scene and method: means over the finished seeds."""
+    frame = cells_frame(records)
+    shown = [metric for metric in METRICS if frame[metric.name].notna().any()]
+    columns = [Column("scene", numeric=False), Column("method", numeric=False)]
+    for metric in shown:
+        arrow = "↑" if metric.higher_is_better else "↓"
+        columns.append(Column(f"{metric.label} {arrow}", small=metric.unit))
+    rows, totals = [], []
+    for scene in records.scenes:
+        for place, method in enumerate(records.methods):
+            cells = records.cells_of(scene, method)
+            if not cells:
+                continue
+            lost = losses(cells)
+            row = [Entry(scene if place == 0 else ""), Entry(method, lost, "failed" if lost else "")]
+            for metric in shown:
+                mean = spread_of(frame, scene, method, metric.name).mean
+                row.append(Entry(number(mean, metric.digits)) if mean is not None else EMPTY)
+            rows.append(row)
+    for place, method in enumerate(records.methods if len(records.scenes) > 1 else []):
+        row = [Entry("mean" if place == 0 else ""), Entry(method)]
+        for metric in shown:
+            mean = average_of(frame, method, metric.name, shared_scenes(frame, metric.name)).mean
+            row.append(Entry(number(mean, metric.digits)) if mean is not None else EMPTY)
+        totals.append(row)
+    note = "; ".join(f"{metric.label}: {metric.meaning}" for metric in shown)
+    return Grid("All scores", columns, rows, totals, f"Arrows point to the better side. {note}.")
+
+
+def comparisons_grid(records: Records) -> Grid:
+    """Every comparison of the run, with the smallest true difference that it would have found."""
+    labels = {metric.name: metric.label for metric in METRICS}
+    names = ("scene", "method − against", "metric", "at equal")
+    columns = [Column(name, numeric=False) for name in names]
+    columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
+    rows = []
+    for one in records.comparisons:
+        digits = 2 if one.metric in ("psnr", "delta_e") else 4
+        rows.append(
+            [
+                Entry("all scenes" if one.scene == "all" else one.scene),
+                Entry(f"{one.method} − {one.against}"),
+                Entry(labels.get(one.metric, one.metric)),
+                Entry("steps" if one.budget == "steps" else "time"),
+                difference_entry(one),
+                Entry(number(one.smallest_detectable, digits)),
+                Entry(str(one.pairs)),
+            ]
+        )
+    note = "Smallest detectable: the true difference that a run like this one would find in 80 % of repetitions."
+    return Grid("Every comparison", columns, rows, note=note)

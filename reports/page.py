@@ -1,0 +1,208 @@
+"""Records → report.html: one self-contained file that works offline and asks nothing of anyone."""
+
+import os
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from reports import claims as paper_claims
+from reports import error_maps, palette, properties, wording
+from reports.claims_table import claims_grid
+from reports.convergence import convergence
+from reports.differences_plot import difference_panels
+from reports.figure import Panel, svg
+from reports.grid import Grid
+from reports.headline import headline, roles, smallest_detectable
+from reports.histograms import amplified_methods, amplifier_over_time, density_histograms
+from reports.load import Records
+from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.pictures import views
+from reports.psnr_table import differences_grid, scores_grid
+from reports.scale import facts, in_a_line, is_paper_scale
+from reports.work_precision import error_against
+
+CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+
+
+@dataclass(frozen=True)
+class Plot:
+    title: str
+    svg: Markup
+
+
+def page(records: Records) -> str:
+    """The whole page as text."""
+    here = Path(__file__).parent
+    environment = Environment(
+        loader=FileSystemLoader(here), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    colours = palette.colours_of(records.methods)
+    environment.filters["named"] = lambda text: named(text, colours)
+    environment.filters["signed"] = wording.signed
+    environment.filters["interval"] = wording.interval
+    content = _content(records)
+    return environment.get_template("page.html").render(
+        **content,
+        policy=CONTENT_POLICY,
+        style=Markup((here / "page.css").read_text(encoding="utf-8").replace("/* palette */", variables())),
+        colours=colours,
+        sections=[(name, title) for name, title in SECTIONS if content[name]],
+    )
+
+
+SECTIONS = (
+    ("psnr", "PSNR"),
+    ("convergence", "Convergence"),
+    ("work", "Error against cost"),
+    ("pictures", "Pictures"),
+    ("metrics", "Other scores"),
+    ("amplifier", "Amplifier"),
+    ("claims", "The paper’s claims"),
+    ("failures", "Unfinished cells"),
+    ("warnings", "Warnings"),
+    ("properties", "Measured properties"),
+    ("parameters", "Weights"),
+    ("left_out", "Left out"),
+    ("deviations", "Deviations"),
+    ("comparisons", "Every comparison"),
+    ("provenance", "Provenance"),
+)
+
+
+def _content(records: Records) -> dict[str, Any]:
+    """What each section shows; an empty one is left out with its entry in the contents."""
+    run = records.run
+    return {
+        "records": records,
+        "run": run,
+        "headline": headline(records),
+        "cast": roles(records),
+        "detectable": smallest_detectable(records),
+        "facts": facts(records),
+        "scale": in_a_line(records),
+        "at_paper_scale": is_paper_scale(records),
+        "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
+        "failed": records.failed,
+        "not_tested": run.not_tested,
+        "tally": tally(records),
+        "psnr": {
+            "scores": scores_grid(records),
+            "differences": differences_grid(records) if records.comparisons else None,
+            "plots": plots(difference_panels(records), "difference"),
+        },
+        "convergence": _some(
+            steps=plots(convergence(records, "step"), "steps"),
+            seconds=plots(convergence(records, "seconds"), "seconds"),
+        ),
+        "work": _some(
+            seconds=plots(error_against(records, "seconds"), "error"),
+            evaluations=plots(error_against(records, "network_evaluations"), "evaluations"),
+        ),
+        "pictures": views(records),
+        "amplified_by": error_maps.AMPLIFIED,
+        "delta_e_white": error_maps.DELTA_E_WHITE,
+        "metrics": metrics_grid(records),
+        "amplifier": _some(
+            density=plots(density_histograms(records), "density"),
+            over_time=plots(amplifier_over_time(records), "over-time"),
+        ),
+        "amplified_methods": amplified_methods(records),
+        "claims": claims_grid(records) if run.paper else None,
+        "failures": filled(properties.failures_grid(records)),
+        "warnings": filled(properties.warnings_grid(records)),
+        "properties": filled(properties.properties_grid(records)),
+        "parameters": filled(properties.parameters_grid(records)),
+        "left_out": filled(properties.left_out_grid(records)),
+        "deviations": run.deviations,
+        "comparisons": filled(comparisons_grid(records)),
+        "provenance": provenance(records),
+    }
+
+
+def filled(grid: Grid) -> Grid | None:
+    return grid if grid.rows else None
+
+
+def _some(**parts: list[Plot]) -> dict[str, list[Plot]] | None:
+    return parts if any(parts.values()) else None
+
+
+def plots(panels: list[Panel], name: str) -> list[Plot]:
+    return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]
+
+
+def tally(records: Records) -> list[tuple[str, int]]:
+    """How many of the paper's claims hold, do not, are undecided or were not tested."""
+    if not records.run.paper:
+        return []
+    found = Counter(claim.verdict for claim in paper_claims.claims(records))
+    order: tuple[paper_claims.Verdict, ...] = ("holds", "does not hold", "inconclusive", paper_claims.UNTESTED)
+    return [(verdict, found[verdict]) for verdict in order if found[verdict]]
+
+
+def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Groups of name and value: how to get the same again."""
+    run = records.run
+    groups = [
+        (
+            "Run",
+            [("command", run.command), *((f"{name} (wall)", wording.duration(s)) for name, s in run.phases.items())],
+        ),
+        ("Settings", flat(run.settings)),
+        ("Machine and versions", flat(run.provenance)),
+    ]
+    for scene in run.scenes:
+        box = f"{scene.bounds}" if scene.bounds else ""
+        about = [("view set", scene.view_set), ("near, far", f"{scene.near:g}, {scene.far:g}"), ("box", box)]
+        groups.append((f"View set {scene.name}", [*about, *flat(scene.rendered)]))
+    return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
+
+
+def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Nested settings as `a.b` → text."""
+    rows = []
+    for name, value in data.items():
+        if isinstance(value, dict):
+            rows += flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((f"{prefix}{name}", ", ".join(map(str, value)) if isinstance(value, list) else str(value)))
+    return rows
+
+
+def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
+    """Text with the methods' names set in their colours."""
+    names = sorted(colours, key=len, reverse=True)
+    pattern = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, names))})(?![\w-])")
+    parts = []
+    for place, part in enumerate(pattern.split(text)):
+        known = place % 2 == 1
+        parts.append(
+            Markup('<b class="name" style="color: var({})">{}</b>').format(colours[part].variable, part)
+            if known
+            else escape(part)
+        )
+    return Markup("").join(parts)
+
+
+def variables() -> str:
+    """The palette as CSS: light, then dark."""
+    light, dark = (
+        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in palette.EVERY) for tone in ("light", "dark")
+    )
+    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
+
+
+def write_page(records: Records, path: Path) -> None:
+    """Beside its place, then renamed: a reader never sees half a page."""
+    text = page(records)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,144 @@
+"""PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
+
+from harness.records import CellRecord, Comparison
+from reports.grid import EMPTY, Column, Entry, Grid
+from reports.headline import BUDGETS, roles
+from reports.load import Records
+from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
+from reports.wording import counted, interval, number, signed
+
+FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
+
+
+def scores_grid(records: Records) -> Grid:
+    """Mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
+    frame = cells_frame(records)
+    printed = _printed(records)
+    columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
+    columns += [Column(method, method) for method in records.methods]
+    columns.append(Column("ceiling", small="noise of the truth"))
+    columns += [Column(name, small="paper") for name in ("NeRF", "Q-NeRF")] if printed else []
+    rows = []
+    for scene in records.scenes:
+        about = records.scene(scene)
+        row = [Entry(scene), Entry(number(about.psnr_floor if about else None, 1), tone="muted")]
+        for method in records.methods:
+            test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
+            row.append(score_entry(test, train, records.cells_of(scene, method)))
+        row.append(Entry(number(about.psnr_ceiling if about else None, 1), tone="muted"))
+        rows.append(row + [Entry(number(value, 1), tone="muted") for value in printed.get(scene.lower(), ())])
+        rows[-1] += [EMPTY] * (len(columns) - len(rows[-1]))
+    note = (
+        "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
+        "The smaller line is PSNR on training views: a wide gap means that views were memorised."
+    )
+    return Grid("Test PSNR", columns, rows, _average(records, len(columns), bool(printed)), note)
+
+
+def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]]:
+    frame = cells_frame(records)
+    scenes = shared_scenes(frame, "psnr")
+    if len(scenes) < 2:
+        return []
+    whole = len(scenes) == len(records.scenes)
+    name = "mean" if whole else f"mean of {len(scenes)} of {len(records.scenes)} scenes"
+    row = [Entry(name), EMPTY]
+    for method in records.methods:
+        test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
+        row.append(score_entry(test, train, []))
+    row.append(EMPTY)
+    if with_paper:
+        printed = [value for scene, value in _printed(records).items() if scene in scenes]
+        complete = len(printed) == len(scenes)
+        row += [
+            Entry(number(sum(pair[place] for pair in printed) / len(printed), 1), tone="muted") if complete else EMPTY
+            for place in (0, 1)
+        ]
+    return [row + [EMPTY] * (width - len(row))]
+
+
+def score_entry(test: Spread, train: Spread, cells: list[CellRecord]) -> Entry:
+    """The mean of the finished seeds; whatever did not finish is named in the same cell."""
+    lost = losses(cells)
+    if test.mean is None:
+        return Entry(lost or "–", tone="failed" if lost else "muted")
+    text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
+    parts = [f"train {number(train.mean)}"] if train.mean is not None else []
+    parts += [lost] if lost else []
+    return Entry(text, " · ".join(parts), "failed" if lost else "")
+
+
+def losses(cells: list[CellRecord]) -> str:
+    """`1 of 3 diverged`, or nothing."""
+    words = []
+    for status, name in FAILURES.items():
+        many = sum(cell.status == status for cell in cells)
+        if many:
+            words.append(f"{many} of {len(cells)} {name}")
+    return ", ".join(words)
+
+
+def differences_grid(records: Records) -> Grid:
+    """Each contender minus baseline and minus control, at equal steps and at equal time, as the comparisons say."""
+    cast = roles(records)
+    pairs = [
+        (method, rival, budget, words)
+        for method in cast.contenders
+        for budget, words in BUDGETS
+        for rival in (cast.baseline, cast.control)
+        if rival and rival != method
+    ]
+    scenes = [*records.scenes, "all"]
+    pairs = [pair for pair in pairs if any(records.comparison(s, *pair[:2], budget=pair[2]) for s in scenes)]
+    gains = {scene: values[1] - values[0] for scene, values in _printed(records).items()}
+    columns = [Column("scene", numeric=False)]
+    columns += [Column(f"{method} − {rival}", rival, words) for method, rival, _, words in pairs]
+    columns += [Column("Δ", small="paper")] if gains else []
+    rows = []
+    for scene in scenes:
+        row = [Entry("all scenes" if scene == "all" else scene)]
+        row += [
+            difference_entry(records.comparison(scene, method, rival, budget=budget))
+            for method, rival, budget, _ in pairs
+        ]
+        if gains:
+            row.append(Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted"))
+        rows.append(row)
+    note = (
+        "Difference in test PSNR (dB) with its 95 % interval, paired over seeds, and the verdict. "
+        f"Against {cast.control}, an effect of bandwidth alone is gone."
+        if cast.control
+        else "Difference in test PSNR (dB) with its 95 % interval, paired over seeds, and the verdict."
+    )
+    return Grid("Differences in PSNR", columns, rows[:-1], rows[-1:], note)
+
+
+def difference_entry(one: Comparison | None) -> Entry:
+    """`+0.82`, below it interval and verdict, and how many cells could not be paired."""
+    if one is None:
+        return EMPTY
+    aside = f", {counted(one.left_aside, 'cell')} left aside" if one.left_aside else ""
+    if one.difference is None:
+        return Entry("–", f"{one.verdict}{aside}", one.verdict)
+    digits = 2 if one.metric in ("psnr", "delta_e") else 4
+    small = f"{interval(one.interval, digits)} {one.verdict}{aside}".strip()
+    return Entry(signed(one.difference, digits), small, one.verdict)
+
+
+def _printed(records: Records) -> dict[str, tuple[float, float]]:
+    table = records.run.paper.get("table2") or {}
+    known = {scene.lower() for scene in records.scenes}
+    return {
+        scene.lower(): (row["nerf"], row["qnerf"])
+        for scene, row in table.items()
+        if scene.lower() in known and isinstance(row, dict) and {"nerf", "qnerf"} <= set(row)
+    }
+
+
+def _gain(gains: dict[str, float], scenes: list[str], scene: str) -> float | None:
+    """The printed gain, or for `all` the mean of those of the scenes that were run, where all are printed."""
+    if scene != "all":
+        return gains.get(scene.lower())
+    there = [gains.get(one.lower()) for one in scenes]
+    complete = [gain for gain in there if gain is not None]
+    return sum(complete) / len(complete) if len(complete) == len(there) else None

@@ -1,0 +1,93 @@
+"""summary.json: every number of the page for those who script against it (schema in the project's design notes)."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from harness.records import CellRecord, finite_or_none, write_json
+from reports.claims import claims
+from reports.headline import headline
+from reports.load import Records
+from reports.table import METRICS
+
+SCHEMA = 1
+
+
+def summary(records: Records) -> dict[str, Any]:
+    """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why."""
+    run = records.run
+    return {
+        "schema": SCHEMA,
+        "profile": run.profile,
+        "finished": run.finished,
+        "headline": headline(records).title,
+        "command": run.command,
+        "seeds": run.seeds,
+        "methods": run.methods,
+        "scenes": [
+            {
+                "scene": scene.name,
+                "width": scene.width,
+                "height": scene.height,
+                "views": scene.views,
+                "psnr_ceiling": scene.psnr_ceiling,
+                "psnr_floor": scene.psnr_floor,
+            }
+            for scene in run.scenes
+        ],
+        "cells": [_cell(cell) for cell in records.cells],
+        "comparisons": [asdict(one) for one in records.comparisons],
+        "claims": [_claim(one.__dict__) for one in claims(records)],
+        "left_out": [
+            {
+                "scene": scene.name,
+                "what": one.what,
+                "reason": one.reason,
+                "seconds_saved": one.seconds_saved,
+                "difference": one.difference,
+                "interval": one.interval,
+            }
+            for scene in run.scenes
+            for one in scene.left_out
+        ],
+        "deviations": run.deviations,
+        "not_tested": run.not_tested,
+        "phases": run.phases,
+        "settings": run.settings,
+        "provenance": run.provenance,
+    }
+
+
+def _cell(cell: CellRecord) -> dict[str, Any]:
+    names = [metric.name for metric in METRICS]
+    scores = [*names, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in names)]
+    return {
+        "scene": cell.scene,
+        "method": cell.method,
+        "seed": cell.seed,
+        "status": cell.status,
+        "reason": cell.reason,
+        "steps": cell.steps,
+        "train_seconds": cell.train_seconds,
+        **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},
+        "curve": {
+            "steps": [point.step for point in cell.curve],
+            "seconds": [point.seconds for point in cell.curve],
+            "network_evaluations": [point.network_evaluations for point in cell.curve],
+            "psnr": [finite_or_none(point.psnr) for point in cell.curve],
+            "rmse_linear": [finite_or_none(point.rmse_linear) for point in cell.curve],
+        },
+        "parameters": cell.parameters,
+        "properties": cell.properties,
+        "warnings": cell.warnings,
+    }
+
+
+def _claim(claim: dict[str, Any]) -> dict[str, Any]:
+    shown = ("id", "source", "printed", "measured", "interval", "scale", "verdict", "statement", "unit", "note")
+    return {name: claim[name] for name in shown}
+
+
+def write_summary(records: Records, path: Path) -> None:
+    """Whole or not at all; NaN and Infinity are refused."""
+    write_json(path, summary(records))

@@ -1,0 +1,284 @@
+"""A hand-written run, through the records' own writers: what the reports are tested and developed on.
+
+python -m tests.reports.fake_run OUT    writes eight scenes × three methods × three seeds with pictures
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+
+from harness.records import (
+    CellRecord,
+    Checkpoint,
+    Comparison,
+    LeftOut,
+    RunRecord,
+    SceneRecord,
+    StoredImage,
+    ViewScore,
+    records_folder,
+    write_cell,
+    write_comparisons,
+    write_run,
+)
+
+EIGHT = ("chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship")
+METHODS = {
+    "nerf": "vanilla NeRF: 2^k encoding, L = 10",
+    "nerf_matched": "nerf with the bandwidth of φ: 2^k, L = 7",
+    "qnerf": "Listings 1–4, made to run",
+}
+STEPS = (50, 100, 200, 400, 800, 1600)
+GAIN = {"nerf": 0.0, "nerf_matched": 0.9, "qnerf": 0.8}
+SLOWNESS = {"nerf": 1.0, "nerf_matched": 0.97, "qnerf": 1.06}
+PAPER = {
+    "table1": {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000},
+    "parameters_measured": {"density_net": 493_056, "density_head": 257, "colour_net": 53_251, "total": 546_566},
+    "table2": {
+        scene: {"nerf": nerf, "qnerf": qnerf}
+        for scene, nerf, qnerf in (
+            ("chair", 33.0, 34.4),
+            ("drums", 25.0, 26.2),
+            ("ficus", 30.1, 31.6),
+            ("hotdog", 36.2, 38.0),
+            ("lego", 32.5, 34.0),
+            ("materials", 29.6, 31.0),
+            ("mic", 32.9, 34.4),
+            ("ship", 28.7, 30.2),
+        )
+    },
+    "table3": {"iterations": {"nerf": 150_000, "qnerf": 123_000}, "hours": {"nerf": 4.2, "qnerf": 3.4}},
+    "table4": [
+        {"method": "nerf", "configuration": "Baseline NeRF", "psnr": 32.5, "ssim": 0.961},
+        {"method": "nerf_phi", "configuration": "+ φ-Encoding", "psnr": 33.2, "ssim": 0.967},
+        {"method": "qnerf", "configuration": "+ φ-Skip (Full Q-NeRF)", "psnr": 34.0, "ssim": 0.974},
+    ],
+    "sloc": 427,
+}
+
+
+def final_psnr(place: int, method: str, seed: int) -> float:
+    return round(23.0 + 0.7 * place + GAIN[method] + 0.15 * math.sin(7 * seed + 3 * place + len(method)), 3)
+
+
+def fake_cell(scene: str, place: int, method: str, seed: int, images: list[StoredImage] | None = None) -> CellRecord:
+    """A finished cell with a plausible curve."""
+    final = final_psnr(place, method, seed)
+    curve = []
+    for step in STEPS:
+        psnr = round(final - 3.2 * (1 - math.log(step / 50) / math.log(32)) ** 1.4, 3)
+        curve.append(
+            Checkpoint(
+                step=step,
+                seconds=round(step * 0.02 * SLOWNESS[method], 3),
+                network_evaluations=step * 16_000,
+                psnr=psnr,
+                rmse_linear=round(1.3 * 10 ** (-psnr / 20), 5),
+                ssim=round(0.6 + psnr / 100, 4),
+                density=_density(step) if method == "qnerf" else None,
+                alpha=round(0.618 + 0.0001 * step, 4) if method == "qnerf" else None,
+                beta=round(1 + 0.00008 * step, 4) if method == "qnerf" else None,
+            )
+        )
+    amplified = method == "qnerf"
+    scores = {
+        "psnr": final,
+        "ssim": round(0.6 + final / 100, 4),
+        "flip": round(0.4 - final / 100, 4),
+        "delta_e": round(12 - final / 4, 3),
+        "rmse_linear": round(1.3 * 10 ** (-final / 20), 5),
+        "depth_rmse": round(0.31 + 0.01 * place, 4),
+        "opacity_iou": round(0.97 - 0.004 * place, 4),
+        "psnr_train": round(final + 1.1, 3),
+        "psnr_ceiling": 38.0 + 0.5 * place,
+        "psnr_floor": 15.0 + 0.4 * place,
+    }
+    return CellRecord(
+        scene=scene,
+        method=method,
+        seed=seed,
+        status="done",
+        reason=None,
+        steps=STEPS[-1],
+        train_seconds=curve[-1].seconds,
+        scores=scores,
+        curve=curve,
+        views=[ViewScore("r_0", final, 0.85, 0.12, 5.0, 0.06, 0.3, 0.96, scores["psnr_ceiling"])],
+        trace={
+            "step": [float(step) for step in STEPS],
+            "loss": [10 ** (-(point.psnr or 0) / 10) for point in curve],
+            "alpha": [point.alpha for point in curve],
+            "beta": [point.beta for point in curve],
+        },
+        parameters={"density_net": 21_000, "density_head": 65, "colour_net": 3_900, "amplifier": 2 * amplified}
+        | {"total": 24_965 + 2 * amplified},
+        properties={
+            "chunk_max_difference": 0.031 if amplified else 0.0,
+            "opacity_unit_slab": 0.632 if amplified else 1.0,
+        },
+        warnings=["billboard: train PSNR 6.2 dB above test"] if scene == "ficus" and seed == 1 else [],
+        images=images or [],
+        settings={"steps": STEPS[-1]},
+        provenance={},
+    )
+
+
+def diverged(cell: CellRecord) -> CellRecord:
+    """The same cell, but with a NaN in its density after step 400."""
+    return replace(
+        cell,
+        status="diverged",
+        reason="not finite at step 412: density_head.weight",
+        steps=412,
+        scores=dict.fromkeys(cell.scores),
+        curve=[point for point in cell.curve if point.step <= 400],
+        views=[],
+        images=[],
+    )
+
+
+def _density(step: int) -> dict[str, list[float]]:
+    edges = [0.0, *(round(10 ** (-2 + 0.1 * k), 6) for k in range(41))]
+    before = np.exp(-0.5 * ((np.arange(41) - 24) / (6 + step / 400)) ** 2)
+    after = np.where(np.arange(41) < 21, before, 0.0)
+    after[20] += before[21:].sum()
+    return {"edges": edges, "before": (before / before.sum()).tolist(), "after": (after / after.sum()).tolist()}
+
+
+def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Comparison]:
+    """Differences of means with made-up intervals: the reports must show these, and compute none of their own."""
+    found = []
+    for budget, loss in (("steps", 0.0), ("seconds", 0.12)):
+        for method, against in (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")):
+            for scene in [*scenes, "all"]:
+                pairs = [
+                    (a.scores["psnr"], b.scores["psnr"])
+                    for a in cells
+                    for b in cells
+                    if (a.method, b.method) == (method, against)
+                    and (a.scene, a.seed) == (b.scene, b.seed)
+                    and scene in (a.scene, "all")
+                ]
+                both = [a - b for a, b in pairs if a is not None and b is not None]
+                if not both:
+                    continue
+                mean = round(sum(both) / len(both) - (loss if method == "qnerf" else 0), 3)
+                half = 0.12 if scene == "all" else 0.3
+                low, high = round(mean - half, 3), round(mean + half, 3)
+                verdict = "better" if low > 0 else "worse" if high < 0 else "inconclusive"
+                if verdict == "inconclusive" and max(-low, high) < 0.25:
+                    verdict = "equivalent"
+                aside = len(pairs) - len(both)
+                found.append(
+                    Comparison(
+                        scene, method, against, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), aside
+                    )
+                )
+    return found
+
+
+def _pictures(out: Path, scene: str, place: int, method: str, size: int) -> list[StoredImage]:
+    """A ball before white, blurred by the method; truth is shared by the methods."""
+    folder = records_folder(out) / "images"
+    folder.mkdir(parents=True, exist_ok=True)
+    stored = []
+    for number, view in enumerate(("r_12", "r_87")):
+        y, x = np.mgrid[0:size, 0:size] / size - 0.5
+        radius = np.hypot(x - 0.05 * number, y)
+        inside = np.clip((0.33 - radius) * size / 2, 0, 1)
+        stripes = 0.5 + 0.5 * np.sin(40 * (x + y) + place)
+        colour = np.stack([stripes, 0.3 + 0.4 * np.sin(place) ** 2 + 0 * x, 1 - stripes], -1)
+        truth = colour * inside[..., None] + 1 - inside[..., None]
+        drawn = truth + 0.06 * (1.2 - GAIN[method]) * np.sin(90 * x + len(method))[..., None] * inside[..., None]
+        names = [f"images/{scene}.{view}.truth.png"]
+        names += [f"images/{scene}.{method}.0.{view}{kind}.png" for kind in ("", ".opacity")]
+        pictures: list[np.ndarray] = [truth, drawn, np.repeat(inside[..., None], 3, -1)]
+        for name, picture in zip(names, pictures, strict=True):
+            matplotlib.image.imsave(records_folder(out) / name, np.clip(picture, 0, 1).astype(np.float32))
+        stored.append(StoredImage(view, *names))
+    return stored
+
+
+def scene_record(name: str, place: int, size: int) -> SceneRecord:
+    return SceneRecord(
+        name=name,
+        title=f"{name.capitalize()}, a procedural analogue",
+        view_set=f"out/view_sets/{name}-{size}",
+        width=size,
+        height=size,
+        views={"train": 100, "val": 10, "test": 25},
+        near=2.0,
+        far=6.0,
+        bounds=[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]],
+        psnr_ceiling=38.0 + 0.5 * place,
+        psnr_floor=15.0 + 0.4 * place,
+        rendered={"variant": "scalar_rgb", "spp": 64, "seconds": 12.5},
+        left_out=[LeftOut("view-direction branch", "every surface is Lambertian", 1.25, -0.01, (-0.08, 0.06))]
+        if place % 2
+        else [],
+    )
+
+
+def run_record(scenes: list[str], methods: dict[str, str], seeds: int, size: int) -> RunRecord:
+    return RunRecord(
+        profile="reduced",
+        command="nox -s benchmark",
+        scenes=[scene_record(name, place, size) for place, name in enumerate(scenes)],
+        methods=methods,
+        deviations=[
+            "Listing 4 indexes a 2-D tensor with three indices: repaired to [:, :1].",
+            "Eq. 3 ends in φ^(L−1).",
+        ],
+        paper=PAPER,
+        seeds=list(range(seeds)),
+        settings={
+            "profile": "reduced",
+            "resolution": size,
+            "steps": STEPS[-1],
+            "depth": 6,
+            "width": 64,
+            "rays": 1024,
+            "learning_rate": 0.0005,
+        },
+        provenance={"commit": "abc1234", "python": "3.11.7", "versions": {"torch": "2.15.0", "mitsuba": "3.9.1"}},
+        phases={"render": 100.0, "train": 900.0, "total": 1030.0},
+        finished=True,
+        not_tested=["800 × 800 pictures and 200 000 steps (profile full).", "LPIPS: it needs downloaded weights."],
+    )
+
+
+def write_fake_run(
+    out: Path,
+    scenes: tuple[str, ...] = ("chair", "drums"),
+    methods: dict[str, str] = METHODS,
+    seeds: int = 3,
+    size: int = 32,
+    pictures: bool = True,
+    with_diverged: bool = True,
+    change: Callable[[RunRecord], RunRecord] = lambda run: run,
+    change_cell: Callable[[CellRecord], CellRecord] = lambda cell: cell,
+) -> Path:
+    """Writes the run under `out` and returns `out`; the second scene's last qnerf cell diverged."""
+    cells = []
+    for place, scene in enumerate(scenes):
+        for method in methods:
+            stored = _pictures(out, scene.replace("/", "_"), place, method, size) if pictures else []
+            cells += [fake_cell(scene, place, method, seed, stored if seed == 0 else None) for seed in range(seeds)]
+    if with_diverged:
+        lost = max(i for i, cell in enumerate(cells) if (cell.scene, cell.method) == (scenes[-1], "qnerf"))
+        cells[lost] = diverged(cells[lost])
+    cells = [change_cell(cell) for cell in cells]
+    for cell in cells:
+        write_cell(out, cell)
+    write_run(out, change(run_record(list(scenes), methods, seeds, size)))
+    write_comparisons(out, fake_comparisons(list(scenes), cells))
+    return out
+
+
+if __name__ == "__main__":
+    write_fake_run(Path(sys.argv[1]), EIGHT, size=100)
