@@ -12,6 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from scenes.scene import Description
 
+Point = Sequence[float] | np.ndarray
+
 
 @dataclass(frozen=True)
 class Solid:
@@ -84,7 +86,8 @@ def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) 
     reach = radius * np.tan(np.linspace(0.0, np.pi / 4, segments + 1))
     offset, inward = np.concatenate([-reach[::-1], reach]), np.arange(2 * segments + 2) <= segments
     # a grid on each side of the box, dense in the corners alone, drawn in to the radius about the core
-    points, faces = [], []
+    points: list[np.ndarray] = []
+    faces: list[np.ndarray] = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for sign in (1.0, -1.0):
@@ -257,7 +260,7 @@ def creased(solid: Solid, degrees: float = 50.0) -> Solid:
     return Solid(solid.vertices[source], renamed.reshape(-1, 3), uv, normals[chosen])
 
 
-def spline(points: Sequence[Sequence[float]], count: int, closed: bool = False) -> np.ndarray:
+def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = False) -> np.ndarray:
     """Smooth curve [count, D] through the points, evenly spread over its chord length."""
     through = np.asarray(points, dtype=np.float64)
     if closed:
@@ -268,7 +271,7 @@ def spline(points: Sequence[Sequence[float]], count: int, closed: bool = False) 
     return result
 
 
-def rod(start: Sequence[float], end: Sequence[float], radius: float, sides: int = 16) -> Solid:
+def rod(start: Point, end: Point, radius: float, sides: int = 16) -> Solid:
     """Straight round bar between two points."""
     return tube(np.array([start, end], dtype=np.float64), radius, sides)
 
@@ -281,3 +284,8 @@ def around(solid: Solid, count: int) -> Solid:
 def mirrored(solid: Solid) -> Solid:
     """The solid and its mirror image, left and right of the plane y = 0."""
     return merged([solid, solid.scaled(1.0, -1.0, 1.0)])
+
+
+def with_normals(solids: Iterable[Solid]) -> Solid:
+    """Merged; what has no normals yet is `creased`."""
+    return merged(solid if solid.normals is not None else creased(solid) for solid in solids)

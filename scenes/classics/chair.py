@@ -203,6 +203,7 @@ def build() -> Description:
     fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.2))
     carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
     seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
+    seat = replace(seat, uv=seat.vertices[:, 1::-1])  # the pattern points to the back
     front = leaning(padded(back_outline() * 1.01, 0.07, 0.075))
     rear = leaning(padded(back_outline()[::-1] * [-1.02, 1.02], 0.05, 0.03).turned(180, (0, 1, 0)))
     covers = merged([seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)])
@@ -212,7 +213,8 @@ def build() -> Description:
         "nails": (nails(), surfaces.brass()),
     }
     return {"type": "scene", "light": studio()} | {
-        name: mesh(solid.moved(x=0.05, z=-0.05).scaled(1.0, 1.10, 0.97), bsdf) for name, (solid, bsdf) in parts.items()
+        name: mesh(solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935), bsdf)
+        for name, (solid, bsdf) in parts.items()
     }
 
 

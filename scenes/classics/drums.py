@@ -10,7 +10,6 @@ from scenes.solids import (
     around,
     ball,
     box,
-    creased,
     cylinder,
     lathe,
     merged,
@@ -20,6 +19,7 @@ from scenes.solids import (
     rounded_box,
     spline,
     tube,
+    with_normals,
 )
 
 FLOOR = -0.86
@@ -239,7 +239,7 @@ def build() -> Description:
         cymbal_on_boom((0.34, -0.10, 0.78), 0.20, 16, 180, foot=(0.50, -0.42)),
     )
     return {"type": "scene", "light": studio()} | {
-        material: mesh(creased(merged(solids).moved(x=0.20, z=0.06).scaled(0.98)), MATERIALS[material])
+        material: mesh(with_normals(solids).moved(x=0.14, y=-0.02, z=0.02).scaled(0.96), MATERIALS[material])
         for material, solids in kit.items()
     }
 

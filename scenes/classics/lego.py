@@ -3,6 +3,8 @@
 Lengths are in studs (the pitch of the grid), z in studs above the baseplate; `STUD` turns them into scene units.
 """
 
+from itertools import accumulate
+
 import numpy as np
 
 from scenes import surfaces
@@ -23,6 +25,7 @@ from scenes.solids import (
     rod,
     rounded_box,
     tube,
+    with_normals,
 )
 
 STUD = 0.118
@@ -66,10 +69,8 @@ def wall(
     x: float, y: float, z: float, lengths: list[int], width: int, height: float = BRICK, studs: bool = False
 ) -> Solid:
     """A row of bricks, one behind the other along x."""
-    starts = np.cumsum([0, *lengths[:-1]])
-    return merged(
-        brick(x + start, y, z, length, width, height, studs) for start, length in zip(starts, lengths, strict=True)
-    )
+    starts = accumulate(lengths[:-1], initial=0)
+    return merged(brick(x + start, y, z, n, width, height, studs) for start, n in zip(starts, lengths, strict=True))
 
 
 def prism(outline: list[tuple[float, float]], low: float, high: float) -> Solid:
@@ -96,9 +97,9 @@ def beam(holes: int) -> Solid:
     cell = lathe([(0.3, -0.45), (0.5, -0.45), (0.5, 0.45), (0.3, 0.45), (0.3, -0.45)], 16)
     radius = np.hypot(*cell.vertices[:, :2].T)
     cosine, sine = (cell.vertices[:, :2] / radius[:, None]).T
+    square = 1 / np.maximum(np.abs(cosine), np.abs(sine))
     cells = []
     for hole in range(holes):
-        square = 1 / np.maximum(np.abs(cosine), np.abs(sine))
         free = ((hole == 0) & (cosine < 0)) | ((hole == holes - 1) & (cosine > 0))
         grow = np.where((radius > 0.4) & ~free, square, 1.0)
         cells.append(Solid(cell.vertices * np.c_[grow, grow, np.ones_like(grow)], cell.faces).moved(hole))
@@ -214,7 +215,7 @@ def rear() -> Model:
     slope = prism([(-7, 2.1), (-6.02, 2.1), (-6.02, 3.3), (-6.2, 3.3)], -2 + GAP, 2 - GAP)
     lamps = [creased(cylinder(0.28, 0.2, 18)).turned(-55, (0, 1, 0)).moved(-6.62, y, 2.82) for y in (-1.5, 1.5)]
     arc = np.linspace(-0.2, 1.9, 14)
-    claw = strip(np.c_[-6.3 - 1.3 * np.sin(arc), 0.9 + 1.3 * np.cos(arc)][::-1] * [1, 1], 0.24, -0.16, 0.16)
+    claw = strip(np.c_[-6.3 - 1.3 * np.sin(arc), 0.9 + 1.3 * np.cos(arc)][::-1], 0.24, -0.16, 0.16)
     arms = [rod((-5.8, y, 1.7), (-7.3, y, 1.8), 0.14, 10) for y in (-1.2, 1.2)]
     bar = rod((-7.3, -1.6, 1.8), (-7.3, 1.6, 1.8), 0.17, 12)
     return {
@@ -230,7 +231,7 @@ def blade() -> Model:
     profile = np.c_[9.15 + 2.5 * np.cos(arc), 2.35 + 2.5 * np.sin(arc)]
     shield = strip(profile, 0.3, -5.2, 5.2)
     edge = prism([(7.3, 0.12), (7.9, 0.05), (7.75, 0.5), (7.45, 0.55)], -5.2, 5.2)
-    ribs = [strip(profile[3:-3] - [0.2, 0], 0.35, y - 0.12, y + 0.12) for y in (-4.2, -2.1, 0, 2.1, 4.2)]
+    ribs = [strip(profile[3:-3] - [0.2, 0.0], 0.35, y - 0.12, y + 0.12) for y in (-4.2, -2.1, 0, 2.1, 4.2)]
     rim = brick(6.7, -5, 4.05, 1, 10, PLATE)
     arms = mirrored(beam(10).turned(4, (0, 1, 0)).moved(-2.6, 5.1, 1.9))
     pins = mirrored(
@@ -265,10 +266,6 @@ def build() -> Description:
 
 def track_pair() -> Model:
     return {colour: [mirrored(solid) for solid in solids] for colour, solids in track().items()}
-
-
-def with_normals(solids: list[Solid]) -> Solid:
-    return merged(solid if solid.normals is not None else creased(solid) for solid in solids)
 
 
 SCENE = Scene(

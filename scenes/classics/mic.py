@@ -10,7 +10,6 @@ from scenes.solids import (
     around,
     ball,
     box,
-    creased,
     cylinder,
     lathe,
     merged,
@@ -21,6 +20,7 @@ from scenes.solids import (
     smooth,
     spline,
     tube,
+    with_normals,
 )
 
 RADIUS, HALF = 0.43, 0.10
@@ -75,11 +75,8 @@ def head() -> Parts:
 
 def handle() -> Parts:
     """Collar, tapering lacquered barrel with a switch and a grooved grip, end ring, plug."""
-    collar = lathe(
-        [(0.12, -0.09), (0.175, -0.09), (0.19, -0.07), (0.19, -0.03), (0.175, -0.01), (0.19, 0.01), (0.26, 0.07)]
-        + [(0.27, 0.085), (0.26, 0.10), (0.18, 0.10)],
-        64,
-    )
+    waist = [(0.12, -0.09), (0.175, -0.09), (0.19, -0.07), (0.19, -0.03), (0.175, -0.01), (0.19, 0.01)]
+    collar = lathe([*waist, (0.26, 0.07), (0.27, 0.085), (0.26, 0.10), (0.18, 0.10)], 64)
     barrel = [(0.09, -0.74), (0.105, -0.73)]
     for groove in np.linspace(-0.69, -0.57, 4):
         barrel += [(0.108, groove), (0.098, groove + 0.008), (0.098, groove + 0.02), (0.110, groove + 0.028)]
@@ -90,8 +87,8 @@ def handle() -> Parts:
     ]
     plug = lathe([(0.0, -0.95), (0.03, -0.95), (0.045, -0.93), (0.07, -0.81), (0.09, -0.77), (0.09, -0.74)], 40)
     # the switch looks up
-    plate = rounded_box(0.03, 0.065, 0.15, 0.012).moved(-0.142, 0, -0.26)
-    slider = rounded_box(0.04, 0.04, 0.05, 0.01).moved(-0.158, 0, -0.23)
+    plate = rounded_box(0.03, 0.065, 0.13, 0.012).turned(-6, (0, 1, 0)).moved(-0.146, 0, -0.205)
+    slider = rounded_box(0.04, 0.04, 0.05, 0.01).turned(-6, (0, 1, 0)).moved(-0.164, 0, -0.19)
     parts = {"chrome": [collar, plate], "lacquer": [lathe(barrel, 64)], "brass": rings, "rubber": [plug, slider]}
     return {material: [solid.moved(z=NECK) for solid in solids] for material, solids in parts.items()}
 
@@ -144,22 +141,16 @@ def stand() -> Parts:
 
 
 def cable() -> Parts:
-    """From the plug down to the floor, once round the base and away."""
-    start = on_axis(NECK - 0.93)
-    hang = [on_axis(NECK - 0.90), start, on_axis(NECK - 1.0), (-0.70, 0.03, -0.72), (-0.70, 0.08, -0.95)]
-    turn = np.linspace(np.radians(165), np.radians(-150), 12)
-    radius = np.linspace(0.52, 0.56, 12)
-    coil = [(FOOT + r * np.cos(a), r * np.sin(a), FLOOR + 0.022) for r, a in zip(radius, turn, strict=True)]
-    away = [
-        (-0.52, -0.52, FLOOR + 0.03),
-        (-0.30, -0.68, FLOOR + 0.02),
-        (0.0, -0.66, FLOOR + 0.02),
-        (0.22, -0.72, FLOOR + 0.02),
-    ]
-    path = spline([*hang, *coil, *away], 200)
+    """From the plug down to the floor, once round the base and away to a jack."""
+    hang = [on_axis(NECK - 0.90), on_axis(NECK - 0.93), on_axis(NECK - 1.0)]
+    fall = [(-0.70, 0.03, -0.72), (-0.70, 0.08, -0.95)]
+    turn, radius = np.radians(np.linspace(165, -150, 12)), np.linspace(0.52, 0.56, 12)
+    coil = np.c_[FOOT + radius * np.cos(turn), radius * np.sin(turn), np.full(12, FLOOR + 0.022)]
+    away = [(x, y, FLOOR + 0.02) for x, y in ((-0.52, -0.52), (-0.30, -0.68), (0.0, -0.66), (0.22, -0.72))]
+    path = spline(np.array([*hang, *fall, *coil, *away]), 200)
     path[:, 2] = np.maximum(path[:, 2], FLOOR + 0.02)
-    jack = [rod(path[-2], path[-1] + 5 * (path[-1] - path[-2]), 0.03, 12)]
-    return {"rubber": [tube(path, 0.02, 8), *jack]}
+    jack = rod(path[-2], path[-1] + 5 * (path[-1] - path[-2]), 0.03, 12)
+    return {"rubber": [tube(path, 0.02, 8), jack]}
 
 
 MATERIALS: dict[str, Description] = {
@@ -183,11 +174,7 @@ def build() -> Description:
         for material, solids in group.items():
             parts.setdefault(material, []).extend(solids)
     return {"type": "scene", "light": studio()} | {
-        material: mesh(
-            merged(solid if solid.normals is not None else creased(solid) for solid in solids).moved(z=0.04),
-            MATERIALS[material],
-        )
-        for material, solids in parts.items()
+        material: mesh(with_normals(solids).scaled(0.95), MATERIALS[material]) for material, solids in parts.items()
     }
 
 
