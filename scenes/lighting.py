@@ -53,3 +53,16 @@ def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Descr
     ):
         image = image + box[..., None] * np.array(colour)
     return {"type": "envmap", "data": (brightness * image).astype(np.float32), "to_world": Z_UP}
+
+
+def hazed(light: Description, share: float) -> Description:
+    """The same light through thin cloud: that share of what comes from above is spread evenly over the sky.
+
+    Softer shadows, and less noise where light must find its way through water.
+    """
+    image = light["data"].astype(np.float64)
+    above = directions(*image.shape[:2])[..., 2] > 0
+    weight = np.where(above, np.sqrt(1 - directions(*image.shape[:2])[..., 2] ** 2), 0.0)[..., None]
+    even = (weight * image).sum(axis=(0, 1)) / weight.sum()
+    hazy = np.where(above[..., None], image + share * (even - image), image)
+    return light | {"data": hazy.astype(np.float32)}

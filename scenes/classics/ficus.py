@@ -47,7 +47,7 @@ def soil() -> Solid:
 
 @dataclass
 class Plant:
-    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(20200319))
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(3))
     wood: list[Solid] = field(default_factory=list)
     leaves: list[Solid] = field(default_factory=list)
 
@@ -111,7 +111,9 @@ def grow(plant: Plant, start: np.ndarray, direction: np.ndarray, length: float, 
             grow(plant, point, outward, size, max(0.45 * taper[index], 0.005), order + 1)
 
 
-def wander(random: np.random.Generator, start: np.ndarray, direction: np.ndarray, length: float, habit: Order) -> np.ndarray:
+def wander(
+    random: np.random.Generator, start: np.ndarray, direction: np.ndarray, length: float, habit: Order
+) -> np.ndarray:
     """A path that changes its direction a little at each step."""
     path, heading = [start], unit(direction)
     for _ in range(habit.points - 1):
@@ -165,7 +167,7 @@ def leaf_colours() -> np.ndarray:
     midrib = np.exp(-((across / 0.07) ** 2))
     veins = np.exp(-((((along * 9 - across * 0.9) % 1.0 - 0.5) / 0.1) ** 2)) * 0.35
     share = np.clip(midrib + veins, 0, 1)
-    greens = ((0.055, 0.19, 0.03), (0.08, 0.25, 0.035), (0.12, 0.32, 0.045), (0.035, 0.14, 0.03))
+    greens = ((0.075, 0.24, 0.035), (0.10, 0.30, 0.045), (0.15, 0.38, 0.055), (0.05, 0.18, 0.03))
     return np.concatenate([surfaces.mixed(green, (0.30, 0.46, 0.14), 0.6 * share) for green in greens], axis=1)
 
 

@@ -24,7 +24,7 @@ def build() -> Description:
     return {
         "type": "scene",
         "light": studio(brightness=1.25),
-        "plate": mesh(plate(), surfaces.plastic((0.78, 0.78, 0.77), roughness=0.08)),
+        "plate": mesh(plate(), surfaces.plastic((0.66, 0.66, 0.65), roughness=0.08)),
         "buns": mesh(buns, surfaces.plastic(surfaces.texture(bread()), roughness=0.35)),
         "sausages": mesh(sausages, surfaces.plastic(surfaces.texture(skin()), roughness=0.14)),
         "mustard": mesh(mustard, surfaces.plastic((0.93, 0.66, 0.03), roughness=0.1)),
@@ -34,9 +34,7 @@ def build() -> Description:
 def hot_dog(side: int) -> tuple[Solid, Solid, Solid]:
     """Bun, sausage and mustard, along y, slightly turned so that the two are no copies of each other."""
     parts = bun(seed=side), sausage(), mustard(phase=1.3 * side)
-    bun_, sausage_, mustard_ = (
-        part.turned(90 + 3 * side).moved(x=side * BETWEEN, z=BUN_CENTRE) for part in parts
-    )
+    bun_, sausage_, mustard_ = (part.turned(90 + 3 * side).moved(x=side * BETWEEN, z=BUN_CENTRE) for part in parts)
     return bun_, sausage_, mustard_
 
 
@@ -44,8 +42,9 @@ def plate() -> Solid:
     """A well, a raised rim with a soft lip, a foot below."""
     under = [(0, -0.03), (0.5, -0.03), (0.54, -0.055), (0.6, -0.055), (0.63, -0.03), (0.80, -0.018), (0.88, 0.05)]
     lip = [(0.96, 0.09), (1.17, 0.128), (1.197, 0.142), (1.205, 0.154), (1.197, 0.164), (1.17, 0.162)]
-    top = [(1.1, 0.148), (0.98, 0.124), (0.93, 0.108), (0.89, 0.08), (0.85, 0.036), (0.81, 0.012), (0.76, 0.002), (0.7, 0), (0, 0)]
-    return smooth(lathe([*under, *lip, *top], segments=128).moved(z=PLATE_TOP))
+    slope = [(1.1, 0.148), (0.98, 0.124), (0.93, 0.108), (0.89, 0.08), (0.85, 0.036), (0.81, 0.012)]
+    well = [(0.76, 0.002), (0.7, 0), (0, 0)]
+    return smooth(lathe([*under, *lip, *slope, *well], segments=128).moved(z=PLATE_TOP))
 
 
 def along(length: float, count: int) -> np.ndarray:

@@ -47,7 +47,7 @@ def materials() -> dict[str, Description]:
         "mirror": surfaces.metal("Ag"),
         "blue_plastic": surfaces.plastic(surfaces.srgb("#1d4fc4"), 0.05),
         "wood": surfaces.varnish(surfaces.texture(wood())),
-        "frosted_glass": surfaces.tinted(surfaces.glass(roughness=0.12), (0.55, 0.85, 0.80)),
+        "frosted_glass": surfaces.tinted(surfaces.glass(roughness=0.08), (0.70, 0.95, 0.92)),
         "chalk": surfaces.matte((0.42, 0.24, 0.62)),
         "rubber": surfaces.rubber(),
         "brushed_steel": surfaces.steel(0.3),
