@@ -3,7 +3,7 @@
 A `Solid` is geometry without material; `mesh(solid, bsdf)` makes the entry of a scene description.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -289,3 +289,26 @@ def mirrored(solid: Solid) -> Solid:
 def with_normals(solids: Iterable[Solid]) -> Solid:
     """Merged; what has no normals yet is `creased`."""
     return merged(solid if solid.normals is not None else creased(solid) for solid in solids)
+
+
+Parts = dict[str, list[Solid]]
+"""Name of a material → solids made of it."""
+
+
+def together(*groups: Parts) -> Parts:
+    """Many groups as one, material by material."""
+    result: Parts = {}
+    for group in groups:
+        for material, solids in group.items():
+            result.setdefault(material, []).extend(solids)
+    return result
+
+
+def each(parts: Parts, change: Callable[[Solid], Solid]) -> Parts:
+    """The parts with every solid changed in the same way, say moved."""
+    return {material: [change(solid) for solid in solids] for material, solids in parts.items()}
+
+
+def meshes(parts: Parts, materials: dict[str, Description]) -> Description:
+    """One entry of a scene description for each material."""
+    return {material: mesh(with_normals(solids), materials[material]) for material, solids in parts.items()}

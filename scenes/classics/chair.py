@@ -7,7 +7,20 @@ import numpy as np
 from scenes import surfaces
 from scenes.lighting import studio
 from scenes.scene import Description, Scene
-from scenes.solids import Solid, ball, creased, lathe, loft, merged, mesh, mirrored, rod, smooth, spline, tube
+from scenes.solids import (
+    Solid,
+    ball,
+    each,
+    lathe,
+    loft,
+    merged,
+    meshes,
+    mirrored,
+    rod,
+    smooth,
+    spline,
+    tube,
+)
 
 GREEN, GOLD = surfaces.srgb("#2f6b45"), surfaces.srgb("#dcb75c")
 
@@ -206,16 +219,14 @@ def build() -> Description:
     seat = replace(seat, uv=seat.vertices[:, 1::-1])  # the pattern points to the back
     front = leaning(padded(back_outline() * 1.01, 0.07, 0.075))
     rear = leaning(padded(back_outline()[::-1] * [-1.02, 1.02], 0.05, 0.03).turned(180, (0, 1, 0)))
-    covers = merged([seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)])
     parts = {
-        "frame": (creased(replace(carving, uv=None)), wood),
-        "cloth": (covers, fabric),
-        "nails": (nails(), surfaces.brass()),
+        "frame": [carving],
+        "cloth": [seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)],
+        "nails": [nails()],
     }
-    return {"type": "scene", "light": studio()} | {
-        name: mesh(solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935), bsdf)
-        for name, (solid, bsdf) in parts.items()
-    }
+    centred = each(parts, lambda solid: solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935))
+    materials = {"frame": wood, "cloth": fabric, "nails": surfaces.brass()}
+    return {"type": "scene", "light": studio()} | meshes(centred, materials)
 
 
 SCENE = Scene(

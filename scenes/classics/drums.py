@@ -6,37 +6,29 @@ from scenes import surfaces
 from scenes.lighting import studio
 from scenes.scene import Description, Scene
 from scenes.solids import (
+    Parts,
     Solid,
     around,
     ball,
     box,
     cylinder,
+    each,
     lathe,
     merged,
-    mesh,
+    meshes,
     mirrored,
     rod,
     rounded_box,
     spline,
+    together,
     tube,
-    with_normals,
 )
 
 FLOOR = -0.86
-Kit = dict[str, list[Solid]]
-"""Material → solids made of it."""
 
 
-def placed(kit: Kit, place: np.ndarray) -> Kit:
-    return {material: [solid.transformed(place) for solid in solids] for material, solids in kit.items()}
-
-
-def together(*kits: Kit) -> Kit:
-    result: Kit = {}
-    for kit in kits:
-        for material, solids in kit.items():
-            result.setdefault(material, []).extend(solids)
-    return result
+def placed(kit: Parts, place: np.ndarray) -> Parts:
+    return each(kit, lambda solid: solid.transformed(place))
 
 
 def pose(at: tuple[float, float, float], tilt: float = 0.0, azimuth: float = 0.0) -> np.ndarray:
@@ -59,7 +51,7 @@ def skin(radius: float, z: float) -> Solid:
     return lathe([(radius, z), (0.7 * radius, z), (0.0, z)], 64)
 
 
-def drum(radius: float, depth: float, lugs: int, shell: str, top: str, bottom: str) -> Kit:
+def drum(radius: float, depth: float, lugs: int, shell: str, top: str, bottom: str) -> Parts:
     """Centred, its axis z: shell, hoops, tension rods with lugs, two skins."""
     half = depth / 2
     hoop = merged(pipe(radius + 0.022, radius + 0.004, s * half - 0.02, s * half + 0.02) for s in (-1, 1))
@@ -83,15 +75,13 @@ def cymbal(radius: float) -> Solid:
     return lathe([tuple(point) for point in np.vstack([below, above])], 72)
 
 
-def tripod(height: float, spread: float = 0.26) -> Kit:
+def tripod(height: float, spread: float = 0.26) -> Parts:
     """A stand of this height on the origin: three braced legs, a telescoping pole, wing nuts, rubber feet."""
-    leg = merged(
-        [rod((0, 0, 0.30), (spread, 0, 0.015), 0.011, 8), rod((0, 0, 0.14), (0.55 * spread, 0, 0.145), 0.008, 8)]
-    )
+    brace = rod((0, 0, 0.14), (0.55 * spread, 0, 0.145), 0.008, 8)
+    leg = merged([rod((0, 0, 0.30), (spread, 0, 0.015), 0.011, 8), brace])
     foot = ball(0.022, 12).moved(spread, 0, 0.018)
-    pole = merged(
-        [rod((0, 0, 0.08), (0, 0, 0.58 * height), 0.016, 12), rod((0, 0, 0.5 * height), (0, 0, height), 0.0105, 10)]
-    )
+    lower, upper = (0.08, 0.58 * height, 0.016), (0.5 * height, height, 0.0105)
+    pole = merged(rod((0, 0, low), (0, 0, high), radius, 12) for low, high, radius in (lower, upper))
     collar = merged([cylinder(0.026, 0.05, 16).moved(z=z) for z in (0.29, 0.58 * height)])
     wing = rounded_box(0.012, 0.06, 0.022, 0.005).moved(0.03, 0, 0.58 * height)
     return {"chrome": [around(leg, 3), pole, collar, wing], "rubber": [around(foot, 3)]}
@@ -99,10 +89,10 @@ def tripod(height: float, spread: float = 0.26) -> Kit:
 
 def cymbal_on_boom(
     at: tuple[float, float, float], radius: float, tilt: float, azimuth: float, foot: tuple[float, float]
-) -> Kit:
+) -> Parts:
     """The stand rises at `foot`, some way off; a boom with a counterweight reaches over to the plate."""
     hub = 0.2 * radius
-    plate: Kit = {
+    plate: Parts = {
         "bronze": [cymbal(radius)],
         "felt": [cylinder(0.022, 0.022, 16).moved(z=hub + 0.015)],
         "chrome": [rod((0, 0, -0.08), (0, 0, hub + 0.05), 0.008, 8), ball(0.016, 10).moved(z=hub + 0.05)],
@@ -117,21 +107,21 @@ def cymbal_on_boom(
     return together(placed(plate, place), stand, {"chrome": boom, "steel": [weight]})
 
 
-def hi_hat(x: float, y: float, z: float, radius: float) -> Kit:
+def hi_hat(x: float, y: float, z: float, radius: float) -> Parts:
     pair = [cymbal(radius).moved(z=0.014), cymbal(radius).scaled(1, 1, -1).moved(z=-0.014)]
-    top: Kit = {
+    top: Parts = {
         "bronze": pair,
         "chrome": [rod((0, 0, -0.1), (0, 0, 0.28), 0.007, 8), cylinder(0.02, 0.05, 16).moved(z=0.2 * radius + 0.05)],
         "felt": [cylinder(0.024, 0.016, 16).moved(z=0.2 * radius + 0.02)],
     }
-    pedal: Kit = {"steel": [rounded_box(0.26, 0.09, 0.016, 0.007).turned(-14, (0, 1, 0)).moved(-0.16, 0, 0.05)]}
+    pedal: Parts = {"steel": [rounded_box(0.26, 0.09, 0.016, 0.007).turned(-14, (0, 1, 0)).moved(-0.16, 0, 0.05)]}
     return together(
         placed(top, pose((x, y, z))),
         placed(together(tripod(z - FLOOR), pedal), pose((x, y, FLOOR))),
     )
 
 
-def bass_drum() -> Kit:
+def bass_drum() -> Parts:
     """On its side, front to +x: wooden hoops with claws, a printed translucent front skin, spurs, a pedal behind."""
     radius, depth = 0.44, 0.46
     body = drum(radius, depth, 10, "shell", "front", "clear")
@@ -154,7 +144,7 @@ def bass_drum() -> Kit:
     return together(kit, {"chrome": [mirrored(spur), frame, axle, beater], "steel": [plate], "felt": [head]})
 
 
-def rack_toms() -> Kit:
+def rack_toms() -> Parts:
     """Two, tilted to the player, on a post and L-arms from the bass drum."""
     toms = [
         placed(drum(r, d, 6, "shell", "frosted", "clear"), pose((0.10, s * 0.245, 0.31), 24, 180 + s * 12))
@@ -166,7 +156,7 @@ def rack_toms() -> Kit:
     return together(*toms, {"chrome": [post, arms, foot, ball(0.036, 14).moved(0.11, 0, 0.29)]})
 
 
-def floor_tom() -> Kit:
+def floor_tom() -> Parts:
     radius, depth, middle = 0.245, 0.42, -0.36
     kit = drum(radius, depth, 8, "shell", "frosted", "clear")
     leg = tube(
@@ -187,7 +177,7 @@ def floor_tom() -> Kit:
     return placed(together(kit, {"chrome": [legs], "rubber": [feet]}), pose((-0.42, -0.64, middle), 4, 60))
 
 
-def snare() -> Kit:
+def snare() -> Parts:
     x, y, z = -0.50, 0.40, -0.22
     kit = placed(drum(0.225, 0.14, 8, "steel", "coated", "clear"), pose((x, y, z), 5, 200))
     arm = tube(spline([(0, 0, -0.20), (0.13, 0, -0.13), (0.235, 0, -0.07), (0.24, 0, -0.03)], 12), 0.011, 8)
@@ -195,7 +185,7 @@ def snare() -> Kit:
     return together(kit, placed(tripod(0.46, 0.22), pose((x, y, FLOOR))), {"chrome": [basket]})
 
 
-def throne() -> Kit:
+def throne() -> Parts:
     seat = lathe([(0, -0.05), (0.17, -0.05), (0.195, -0.03), (0.2, 0.0), (0.19, 0.03), (0.15, 0.045), (0, 0.05)], 48)
     stand = placed(tripod(0.48, 0.20), pose((-0.86, -0.08, FLOOR)))
     return together(stand, {"leather": [seat.moved(-0.86, -0.08, FLOOR + 0.50)]})
@@ -238,10 +228,8 @@ def build() -> Description:
         cymbal_on_boom((0.00, -0.66, 0.48), 0.32, 14, 140, foot=(0.26, -0.78)),
         cymbal_on_boom((0.34, -0.10, 0.78), 0.20, 16, 180, foot=(0.50, -0.42)),
     )
-    return {"type": "scene", "light": studio()} | {
-        material: mesh(with_normals(solids).moved(x=0.14, y=-0.02, z=0.02).scaled(0.96), MATERIALS[material])
-        for material, solids in kit.items()
-    }
+    centred = each(kit, lambda solid: solid.moved(x=0.14, y=-0.02, z=0.02).scaled(0.96))
+    return {"type": "scene", "light": studio()} | meshes(centred, MATERIALS)
 
 
 SCENE = Scene(

@@ -11,28 +11,29 @@ from scenes import surfaces
 from scenes.lighting import studio
 from scenes.scene import Description, Scene
 from scenes.solids import (
+    Parts,
     Solid,
     around,
     ball,
     box,
     creased,
     cylinder,
+    each,
     lathe,
     loft,
     merged,
-    mesh,
+    meshes,
     mirrored,
     rod,
     rounded_box,
+    together,
     tube,
-    with_normals,
 )
 
 STUD = 0.118
 PLATE, BRICK = 0.4, 1.2
 GAP = 0.03
-Model = dict[str, list[Solid]]
-"""Colour → solids of it."""
+"""Between neighbouring bricks, to be seen as a seam."""
 
 MATERIALS: dict[str, Description] = {
     "yellow": surfaces.plastic(surfaces.srgb("#f7c414"), 0.1),
@@ -46,14 +47,6 @@ MATERIALS: dict[str, Description] = {
     "lamp": surfaces.glass(1.5),
     "amber": surfaces.plastic(surfaces.srgb("#ff7a10"), 0.0),
 }
-
-
-def together(*models: Model) -> Model:
-    result: Model = {}
-    for model in models:
-        for colour, solids in model.items():
-            result.setdefault(colour, []).extend(solids)
-    return result
 
 
 def brick(x: float, y: float, z: float, length: int, width: int, height: float, studs: bool = True) -> Solid:
@@ -106,11 +99,11 @@ def beam(holes: int) -> Solid:
     return creased(merged(cells)).turned(90, (1, 0, 0))
 
 
-def baseplate() -> Model:
+def baseplate() -> Parts:
     return {"sand": [brick(-8, -6, -PLATE, 16, 12, PLATE)]}
 
 
-def track() -> Model:
+def track() -> Parts:
     """The left one: a belt of cleated links round two wheels, rollers, a pierced frame beam."""
     rear, front, middle, radius, height = -4.6, 3.4, 3.6, 1.35, 1.62
     straight = front - rear
@@ -126,9 +119,8 @@ def track() -> Model:
             place = link.moved(0, 0, radius).turned(angle, (0, 1, 0)).moved(straight / 2)
         links.append(place.turned(180 * lap, (0, 1, 0)).moved((front + rear) / 2, middle, height))
     rim = lathe([(0.85, -0.6), (1.2, -0.6), (1.2, 0.6), (0.85, 0.6), (0.85, -0.6)], 40)
-    hub = merged(
-        [cylinder(0.36, 1.3, 24), around(box(0.85, 0.26, 0.5).moved(0.5), 6), box(0.2, 0.5, 1.5), box(0.5, 0.2, 1.5)]
-    )
+    spokes = around(box(0.85, 0.26, 0.5).moved(0.5), 6)
+    hub = merged([cylinder(0.36, 1.3, 24), spokes, box(0.2, 0.5, 1.5), box(0.5, 0.2, 1.5)])
     wheel = creased(merged([rim, hub])).turned(90, (1, 0, 0))
     roller = creased(lathe([(0, -0.5), (0.42, -0.5), (0.42, 0.5), (0, 0.5)], 24)).turned(90, (1, 0, 0))
     wheels = [wheel.moved(x, middle, height) for x in (rear, front)]
@@ -136,15 +128,14 @@ def track() -> Model:
     return {"black": [creased(merged(links))], "yellow": wheels, "grey": [*rollers, beam(9).moved(-4.6, 2.42, height)]}
 
 
-def chassis() -> Model:
+def chassis() -> Parts:
     floor = wall(-6, -2, 1.3, [4, 4, 3], 4, 2 * PLATE)
-    fender = merged(
-        [brick(-5, 2, 3.3, 9, 3, PLATE), brick(-5, 2, 2.9, 2, 1, PLATE, False), brick(2, 2, 2.9, 2, 1, PLATE, False)]
-    )
+    under = [brick(x, 2, 2.9, 2, 1, PLATE, False) for x in (-5, 2)]
+    fender = merged([brick(-5, 2, 3.3, 9, 3, PLATE), *under])
     return {"dark": [floor], "yellow": [mirrored(fender)]}
 
 
-def engine() -> Model:
+def engine() -> Parts:
     """Hood of staggered bricks, slatted grille, lamps, exhaust and air filter."""
     hood = [wall(0, -2, 2.1, [2, 3], 4), wall(0, -2, 3.3, [3, 2], 4)]
     top = [brick(0, -2, 4.5, 3, 2, PLATE), brick(0, 0, 4.5, 3, 2, PLATE)]
@@ -153,32 +144,18 @@ def engine() -> Model:
     frame = [box(0.2, 0.16, 2.0).moved(5.05, y, 3.35) for y in (-1.38, 1.38)]
     lamps = [ball(0.34, 20).scaled(0.7, 1, 1).moved(5.1, y, 4.1) for y in (-1.72, 1.72)]
     sockets = [creased(cylinder(0.36, 0.3, 20)).turned(90, (0, 1, 0)).moved(4.98, y, 4.1) for y in (-1.72, 1.72)]
-    pipe = creased(
-        lathe(
-            [
-                (0.2, 4.9),
-                (0.2, 5.4),
-                (0.34, 5.5),
-                (0.34, 6.5),
-                (0.2, 6.6),
-                (0.2, 7.3),
-                (0.13, 7.3),
-                (0.13, 6.8),
-                (0, 6.8),
-            ],
-            24,
-        )
-    )
-    filter_ = creased(lathe([(0.3, 4.9), (0.3, 5.5), (0.5, 5.5), (0.5, 5.9), (0.0, 6.1)], 24))
+    muffler = [(0.2, 4.9), (0.2, 5.4), (0.34, 5.5), (0.34, 6.5), (0.2, 6.6), (0.2, 7.3), (0.13, 7.3), (0.13, 6.8)]
+    exhaust = creased(lathe([*muffler, (0.0, 6.8)], 24))
+    air_filter = creased(lathe([(0.3, 4.9), (0.3, 5.5), (0.5, 5.5), (0.5, 5.9), (0.0, 6.1)], 24))
     return {
         "yellow": [*hood, *top, nose],
-        "dark": [*slats, *frame, filter_.moved(1.2, -1.0)],
-        "chrome": [pipe.moved(2.2, 1.0), *sockets],
+        "dark": [*slats, *frame, air_filter.moved(1.2, -1.0)],
+        "chrome": [exhaust.moved(2.2, 1.0), *sockets],
         "lamp": lamps,
     }
 
 
-def cab() -> Model:
+def cab() -> Parts:
     """Four thin pillars, a studded roof with a beacon, seat, levers and a driver at the wheel."""
     pillars = [box(0.28, 0.28, 3.8).moved(x, y, 4.9) for x in (-3.8, -0.2) for y in (-1.84, 1.84)]
     rails = [rod((-3.8, y, 4.6), (-0.2, y, 4.6), 0.09, 10) for y in (-1.84, 1.84)]
@@ -199,7 +176,7 @@ def cab() -> Model:
     )
 
 
-def driver() -> Model:
+def driver() -> Parts:
     head = creased(lathe([(0, 4.75), (0.3, 4.75), (0.4, 4.87), (0.4, 5.3), (0.3, 5.42), (0, 5.42)], 24)).moved(-2.7)
     helmet = creased(lathe([(0.46, 5.2), (0.46, 5.4), (0.36, 5.62), (0.15, 5.72), (0, 5.74)], 24)).moved(-2.7)
     torso = prism([(-3.05, 3.4), (-2.35, 3.4), (-2.45, 4.7), (-2.95, 4.7)], -0.55, 0.55)
@@ -209,7 +186,7 @@ def driver() -> Model:
     return {"yellow": [head, mirrored(hand)], "red": [torso, mirrored(creased(arm))], "blue": [legs], "grey": [helmet]}
 
 
-def rear() -> Model:
+def rear() -> Parts:
     """Counterweight with a slope, red lamps, a ripper."""
     block = [brick(-6, -2, 2.1, 2, 4, BRICK, False), brick(-6, -2, 3.3, 2, 4, PLATE)]
     slope = prism([(-7, 2.1), (-6.02, 2.1), (-6.02, 3.3), (-6.2, 3.3)], -2 + GAP, 2 - GAP)
@@ -225,7 +202,7 @@ def rear() -> Model:
     }
 
 
-def blade() -> Model:
+def blade() -> Parts:
     """A concave shield with ribs behind, on pierced beams beside the tracks, lifted by two cylinders."""
     arc = np.radians(np.linspace(232, 136, 24))
     profile = np.c_[9.15 + 2.5 * np.cos(arc), 2.35 + 2.5 * np.sin(arc)]
@@ -234,19 +211,11 @@ def blade() -> Model:
     ribs = [strip(profile[3:-3] - [0.2, 0.0], 0.35, y - 0.12, y + 0.12) for y in (-4.2, -2.1, 0, 2.1, 4.2)]
     rim = brick(6.7, -5, 4.05, 1, 10, PLATE)
     arms = mirrored(beam(10).turned(4, (0, 1, 0)).moved(-2.6, 5.1, 1.9))
-    pins = mirrored(
-        creased(
-            merged(
-                [
-                    cylinder(0.27, 1.2, 16).turned(90, (1, 0, 0)).moved(-2.6 + 0.997 * i, 4.9, 1.9 - 0.07 * i)
-                    for i in (0, 4)
-                ]
-            )
-        )
-    )
+    pin = creased(cylinder(0.27, 1.2, 16)).turned(90, (1, 0, 0))
+    pins = mirrored(merged(pin.moved(-2.6 + 0.997 * hole, 4.9, 1.9 - 0.07 * hole) for hole in (0, 4)))
     low, high = np.array([6.15, 2.6, 3.0]), np.array([2.2, 2.6, 4.3])
-    barrel = rod(tuple(high), tuple(high + 0.55 * (low - high)), 0.3, 18)
-    piston = rod(tuple(high + 0.5 * (low - high)), tuple(low), 0.15, 14)
+    barrel = rod(high, high + 0.55 * (low - high), 0.3, 18)
+    piston = rod(high + 0.5 * (low - high), low, 0.15, 14)
     eyes = merged([ball(0.34, 14).moved(*low), ball(0.36, 14).moved(*high)])
     return {
         "yellow": [shield, rim],
@@ -257,15 +226,9 @@ def blade() -> Model:
 
 
 def build() -> Description:
-    model = together(baseplate(), track_pair(), chassis(), engine(), cab(), rear(), blade())
-    return {"type": "scene", "light": studio()} | {
-        colour: mesh(with_normals(solids).moved(z=-3.1).scaled(STUD), MATERIALS[colour])
-        for colour, solids in model.items()
-    }
-
-
-def track_pair() -> Model:
-    return {colour: [mirrored(solid) for solid in solids] for colour, solids in track().items()}
+    model = together(baseplate(), each(track(), mirrored), chassis(), engine(), cab(), rear(), blade())
+    placed = each(model, lambda solid: solid.moved(z=-3.1).scaled(STUD))
+    return {"type": "scene", "light": studio()} | meshes(placed, MATERIALS)
 
 
 SCENE = Scene(

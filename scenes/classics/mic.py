@@ -6,21 +6,23 @@ from scenes import surfaces
 from scenes.lighting import studio
 from scenes.scene import Description, Scene
 from scenes.solids import (
+    Parts,
     Solid,
     around,
     ball,
     box,
     cylinder,
+    each,
     lathe,
     merged,
-    mesh,
+    meshes,
     mirrored,
     rod,
     rounded_box,
     smooth,
     spline,
+    together,
     tube,
-    with_normals,
 )
 
 RADIUS, HALF = 0.43, 0.10
@@ -32,8 +34,6 @@ NECK = -HALF - RADIUS
 FLOOR = -1.10
 FOOT = -0.14
 """x of the pole."""
-Parts = dict[str, list[Solid]]
-"""Material → solids made of it."""
 
 
 def head_surface(polar: np.ndarray, azimuth: np.ndarray, lift: np.ndarray | float = 0.0) -> np.ndarray:
@@ -90,7 +90,7 @@ def handle() -> Parts:
     plate = rounded_box(0.03, 0.065, 0.13, 0.012).turned(-6, (0, 1, 0)).moved(-0.146, 0, -0.205)
     slider = rounded_box(0.04, 0.04, 0.05, 0.01).turned(-6, (0, 1, 0)).moved(-0.164, 0, -0.19)
     parts = {"chrome": [collar, plate], "lacquer": [lathe(barrel, 64)], "brass": rings, "rubber": [plug, slider]}
-    return {material: [solid.moved(z=NECK) for solid in solids] for material, solids in parts.items()}
+    return each(parts, lambda solid: solid.moved(z=NECK))
 
 
 def on_axis(along: float, below: float = 0.0) -> np.ndarray:
@@ -131,7 +131,7 @@ def stand() -> Parts:
         "brass": [lathe(trim, 96)],
         "chrome": [rod((0, 0, 0.15), (0, 0, 0.56), 0.024, 20), lathe(sleeve, 40), grip],
     }
-    placed = {material: [solid.moved(x=FOOT, z=FLOOR) for solid in solids] for material, solids in foot.items()}
+    placed = each(foot, lambda solid: solid.moved(x=FOOT, z=FLOOR))
     end = on_axis(NECK - 0.34, 0.27)
     top = FLOOR + 0.54
     way = [(FOOT, 0, top), (FOOT + 0.02, 0, top + 0.10), (FOOT + 0.17, 0, top + 0.20), (FOOT + 0.33, 0, top + 0.30)]
@@ -166,16 +166,9 @@ MATERIALS: dict[str, Description] = {
 
 
 def build() -> Description:
-    parts: Parts = {}
-    for group in (head(), handle(), clip()):
-        for material, solids in group.items():
-            parts.setdefault(material, []).extend(solid.turned(TILT, (0, 1, 0)).moved(*HEAD) for solid in solids)
-    for group in (stand(), cable()):
-        for material, solids in group.items():
-            parts.setdefault(material, []).extend(solids)
-    return {"type": "scene", "light": studio()} | {
-        material: mesh(with_normals(solids).scaled(0.95), MATERIALS[material]) for material, solids in parts.items()
-    }
+    tipped = each(together(head(), handle(), clip()), lambda solid: solid.turned(TILT, (0, 1, 0)).moved(*HEAD))
+    parts = each(together(tipped, stand(), cable()), lambda solid: solid.scaled(0.95))
+    return {"type": "scene", "light": studio()} | meshes(parts, MATERIALS)
 
 
 SCENE = Scene(
