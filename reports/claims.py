@@ -6,8 +6,9 @@ A printed difference is judged by the interval of the measured one:
 The scale stands beside each: at another scale than the paper's, a verdict is about that scale.
 
 `RunRecord.paper` holds the printed numbers; what it lacks is not judged:
-    table1               {component: weights}           table2  {scene: {"nerf": dB, "qnerf": dB}}
-    parameters_measured  {component: weights}           table3  {"iterations": {"nerf", "qnerf"}, "hours": {…}}
+    table1, parameters_measured   {component: weights}: printed, counted at the paper's size
+    table2               {scene: {"nerf": dB, "qnerf": dB}}
+    table3               {"iterations_to_30_db": {"nerf", "qnerf"}, "hours_to_30_db": {"nerf", "qnerf"}}
     table4               [{"method", "configuration", "psnr", "ssim"}], the baseline first
     sloc, sloc_measured  lines of the core module: printed, ours
 """
@@ -25,11 +26,18 @@ from reports.headline import roles
 from reports.load import Records
 from reports.scale import in_a_line
 from reports.table import curves_frame
-from reports.wording import count, interval, signed
+from reports.wording import count, counted, interval, signed
 
 Verdict = Literal["holds", "does not hold", "inconclusive", "not tested at this scale"]
 UNTESTED: Verdict = "not tested at this scale"
 TARGET_DB = 30.0
+COMPONENTS = {
+    "density_net": "density MLP",
+    "density_head": "density head",
+    "colour_net": "colour MLP",
+    "amplifier": "amplifier",
+    "total": "total",
+}
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,15 @@ def half_unit(printed: float) -> float:
     return 0.5 * 10**-decimals
 
 
+def judge_comparison(printed: float, rounding: float, one: Comparison | None) -> Verdict:
+    """A printed gain against a comparison; where cells were lost, their survivors settle nothing."""
+    if one is None or one.difference is None:
+        return UNTESTED
+    return (
+        "inconclusive" if one.left_aside or one.interval is None else judge_difference(printed, rounding, one.interval)
+    )
+
+
 def judge_difference(printed: float, rounding: float, measured: tuple[float, float] | None) -> Verdict:
     """A printed gain against the interval of the measured one."""
     if measured is None:
@@ -87,19 +104,22 @@ def _difference_claim(
     pair = one.interval if one else None
     measured = one.difference if one else None
     unit, digits = ("dB", 1) if one is None or one.metric == "psnr" else ("", 3)
-    verdict = judge_difference(printed, rounding, pair)
+    verdict = judge_comparison(printed, rounding, one)
     return Claim(ident, source, statement, printed, measured, pair, scale, verdict, unit, digits)
 
 
 def _matched_note(records: Records, scene: str) -> str:
-    """What is left of a gain over the baseline once bandwidth is matched."""
+    """What is left of a gain over the baseline once bandwidth is matched, and what could not be paired."""
     cast = roles(records)
+    parts = []
+    over_baseline = records.comparison(scene, "qnerf", "nerf")
+    if over_baseline and over_baseline.left_aside:
+        parts.append(f"{counted(over_baseline.left_aside, 'cell')} without a score")
     one = records.comparison(scene, "qnerf", cast.control) if cast.control else None
-    if one is None or one.difference is None:
-        return ""
-    return f"against {cast.control}: {signed(one.difference)} {interval(one.interval)} ({one.verdict})".replace(
-        "  ", " "
-    )
+    if one is not None and one.difference is not None:
+        shown = f"{signed(one.difference)} {interval(one.interval)}".strip()
+        parts.append(f"against {cast.control}: {shown} ({one.verdict})")
+    return "; ".join(parts)
 
 
 def _abstract(records: Records, scale: str) -> Iterator[Claim]:
@@ -108,7 +128,7 @@ def _abstract(records: Records, scale: str) -> Iterator[Claim]:
         return
     low, high = min(printed.values()), max(printed.values())
     one = records.comparison("all", "qnerf", "nerf")
-    verdict = judge_difference(low, half_unit(low), one.interval if one else None)
+    verdict = judge_comparison(low, half_unit(low), one)
     yield Claim(
         "abstract-psnr-range",
         "Abstract",
@@ -144,8 +164,8 @@ def _table1(records: Records, scale: str) -> Iterator[Claim]:
         if ours is not None:
             verdict = "holds" if abs(ours - weights) <= half_unit(weights) else "does not hold"
         note = "counted in the network as Table 1 describes it" if ours is not None else "not counted in this run"
-        statement = f"Weights of {component.replace('_', ' ')}"
-        size = "the paper's network" if ours is not None else scale
+        statement = f"Weights, {COMPONENTS.get(component, component)}"
+        size = "the paper’s network" if ours is not None else scale
         yield Claim(f"table1-{component}", "Table 1", statement, weights, ours, None, size, verdict, "weights", 0, note)
 
 
@@ -183,7 +203,10 @@ def _noted(claim: Claim, note: str) -> Claim:
 def _table3(records: Records, scale: str) -> Iterator[Claim]:
     """Steps and time until the mean over all scenes reaches 30 dB."""
     table: dict[str, Any] = records.run.paper.get("table3") or {}
-    kinds = (("iterations", "step", "fewer iterations"), ("hours", "seconds", "less training time"))
+    kinds = (
+        ("iterations_to_30_db", "step", "fewer iterations"),
+        ("hours_to_30_db", "seconds", "less training time"),
+    )
     for name, axis, words in kinds:
         row = table.get(name)
         if not isinstance(row, dict) or not {"nerf", "qnerf"} <= set(row):
@@ -197,11 +220,13 @@ def _table3(records: Records, scale: str) -> Iterator[Claim]:
         note = "range over seeds" if pair else "" if savings else f"not both methods reach {TARGET_DB:.0f} dB"
         measured = mean(savings) if savings else None
         statement = f"Q-NeRF needs this much {words} to reach {TARGET_DB:.0f} dB"
-        yield Claim(f"table3-{name}", "Table 3", statement, printed, measured, pair, scale, verdict, "%", 0, note)
+        yield Claim(
+            f"table3-{name.split('_')[0]}", "Table 3", statement, printed, measured, pair, scale, verdict, "%", 0, note
+        )
 
 
 def _savings(curves: pd.DataFrame, axis: str) -> list[float]:
-    """Per seed: by how many per cent qnerf is sooner than nerf at 30 dB of the mean over scenes; empty unless all are."""
+    """By how many per cent qnerf is sooner than nerf at 30 dB of the mean over scenes; empty unless both always are."""
     found = []
     for seed in sorted(set(curves["seed"])):
         reached = [

@@ -3,9 +3,10 @@
 from reports.claims import UNTESTED, Claim, claims
 from reports.grid import Column, Entry, Grid
 from reports.load import Records
+from reports.scale import in_a_line
 from reports.wording import NOTHING, count, interval, number, signed
 
-TONES = {"holds": "better", "does not hold": "worse", "inconclusive": "inconclusive", UNTESTED: "muted"}
+TONES = {"holds": "holds", "does not hold": "fails", "inconclusive": "", UNTESTED: "muted"}
 
 
 def claims_grid(records: Records) -> Grid:
@@ -13,10 +14,12 @@ def claims_grid(records: Records) -> Grid:
     columns = [Column("source", numeric=False), Column("claim", numeric=False), Column("printed")]
     columns += [Column("measured"), Column("verdict", numeric=False)]
     rows = []
+    here = in_a_line(records)
     for claim in claims(records):
+        scale = "" if claim.verdict == UNTESTED else "at this run’s scale" if claim.scale == here else claim.scale
         row = [Entry(claim.source), Entry(claim.statement, claim.note), Entry(printed_text(claim))]
         row.append(Entry(measured_text(claim), interval_text(claim)))
-        row.append(Entry(claim.verdict, claim.scale, TONES[claim.verdict]))
+        row.append(Entry(claim.verdict, scale, TONES[claim.verdict]))
         rows.append(row)
     return Grid("Printed and measured", columns, rows)
 

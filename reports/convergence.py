@@ -1,6 +1,5 @@
 """PSNR against steps and against training seconds: every seed thin, the mean thick, a cross where a run diverged."""
 
-import math
 from typing import Literal
 
 import pandas as pd
@@ -11,6 +10,8 @@ from reports.palette import INK, MUTED, colours_of
 from reports.table import curves_frame
 
 Axis = Literal["step", "seconds", "network_evaluations"]
+
+NEAR_DB = 2.0
 
 LABELS: dict[str, str] = {
     "step": "training step",
@@ -29,7 +30,7 @@ def convergence(records: Records, axis: Axis) -> list[Panel]:
     with_lines = []
     for panel in panels:
         low, high = floors.get(panel.title, (None, None))
-        with_lines.append(_with_level(_with_level(panel, "floor", low), "ceiling", high, only_if_near=True))
+        with_lines.append(_with_level(_with_level(panel, "floor", low), "ceiling", high))
     return with_common_limits(with_lines, "x")
 
 
@@ -98,11 +99,11 @@ def _panel(title: str, curves: pd.DataFrame, colours: dict[str, str], axis: str,
     return Panel(title, LABELS[axis], LABELS[score], traces, alt, "log", "log" if score == "rmse_linear" else "linear")
 
 
-def _with_level(panel: Panel, label: str, level: float | None, only_if_near: bool = False) -> Panel:
-    """A dashed level across the panel; one that is far above everything is left to the table."""
+def _with_level(panel: Panel, label: str, level: float | None) -> Panel:
+    """A dashed level across the panel; one that is far from all curves is left to the table."""
     xs = [x for trace in panel.traces for x in trace.x]
     ys = [y for trace in panel.traces for y in trace.y]
-    if level is None or not math.isfinite(level) or not xs or (only_if_near and level > max(ys) + 4):
+    if level is None or not xs or not min(ys) - NEAR_DB <= level <= max(ys) + NEAR_DB:
         return panel
     colour = INK.light if label == "ceiling" else MUTED.light
     line = Trace(label, colour, "floor", (min(xs), max(xs)), (level, level))

@@ -52,9 +52,9 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
         traces += _printed(records, rows)
     said = [f"{one.scene} {signed(one.difference)} {interval(one.interval)} {one.verdict}" for _, one in shown]
     title = f"{method} − {rival} at {words}"
-    height = 0.75 + 0.24 * len(rows)
+    height = 0.75 + 0.25 * len(rows)
     alt = f"{title}, in dB: {'; '.join(said)}."
-    return Panel(title, "difference in test PSNR (dB)", "", tuple(traces), alt, rows=tuple(rows), size=(4.5, height))
+    return Panel(title, "difference in test PSNR (dB)", "", tuple(traces), alt, rows=tuple(rows), size=(4.6, height))
 
 
 def _printed(records: Records, rows: list[str]) -> list[Trace]:

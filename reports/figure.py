@@ -8,8 +8,8 @@ import io
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import matplotlib
 from markupsafe import Markup, escape
@@ -23,7 +23,7 @@ from reports.wording import MINUS, significant
 Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark"]
 Scale = Literal["linear", "log", "symlog"]
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "reports",
     "text.parse_math": False,
@@ -72,7 +72,7 @@ class Panel:
     x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
     rows: tuple[str, ...] = ()
-    size: tuple[float, float] = field(default=(4.5, 2.9))
+    size: tuple[float, float] = (3.7, 2.6)
     linear_below: float = 1.0
     """Where a `symlog` axis begins to be logarithmic."""
 
@@ -85,7 +85,9 @@ def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
             continue
         log = bool(panels) and getattr(panels[0], f"{axis}_scale") == "log"
         limits = padded([v for v in values if v > 0] if log else values, log)
-        panels = [replace(panel, **{f"{axis}_limits": limits}) for panel in panels]
+        panels = [
+            replace(panel, x_limits=limits) if axis == "x" else replace(panel, y_limits=limits) for panel in panels
+        ]
     return panels
 
 
@@ -141,11 +143,17 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
         axis.set_major_locator(MaxNLocator(5))
     elif scale == "log":
         low, high = getattr(axes, f"get_{name}lim")()
-        narrow = math.log10(high / low) < 1.7
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=8))
+        axis.set_major_locator(LogLocator(subs=subdivisions(math.log10(high / low)), numticks=8))
     axis.set_minor_formatter(NullFormatter())
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda at, _: tick(at)))
+
+
+def subdivisions(decades: float) -> tuple[float, ...]:
+    """Which multiples of a power of ten are labelled on a log axis that spans so many decades."""
+    if decades > 1.7:
+        return (1.0,)
+    return (1.0, 2.0, 5.0) if decades > 0.6 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 
 
 def tick(value: float) -> str:
@@ -153,7 +161,7 @@ def tick(value: float) -> str:
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size:
             return f"{value / size:g}{letter}".replace("-", MINUS)
-    if value != 0 and abs(value) < 1e-4:
+    if value != 0 and abs(value) < 1e-3:
         return significant(value, 1)
     return f"{value:.4g}".replace("-", MINUS)
 
@@ -223,7 +231,7 @@ def inlined(text: str, name: str, alt: str) -> str:
     inner = re.sub(r'(xlink:href="#|url\(#)', lambda found: f"{found[1].removeprefix('xlink:')}{name}-", inner)
     inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
     inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)
-    inner = re.sub(r"(\d+\.\d\d)\d+", r"\1", inner)
+    inner = re.sub(r'="[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), inner)
     inner = re.sub(r"\s*\n\s*", " ", inner)
     for colour in palette.EVERY:
         inner = inner.replace(colour.light, f"var({colour.variable})")

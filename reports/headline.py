@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from harness.records import Comparison
 from reports.load import Records
+from reports.table import average_of, cells_frame, shared_scenes
 from reports.wording import counted, interval, listed, number, signed
 
 BASELINE = "nerf"
@@ -74,10 +75,8 @@ def headline(records: Records) -> Headline:
         return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
     method = cast.contenders[0]
     of_method = [duel for duel in fought if duel.method == method]
-    sentences = [sentence for name, words in BUDGETS for sentence in _numbers(of_method, name, words)]
-    sentences += _bandwidth_sentence(records, cast, of_method)
-    sentences += disagreements(records, method)
-    return Headline(_title(cast, method, of_method), sentences, fought)
+    sentences = [_means(records), *_bandwidth(records, cast, of_method), *disagreements(records, method)]
+    return Headline(_title(records, cast, method, of_method), [sentence for sentence in sentences if sentence], fought)
 
 
 def title_of(method: str, baseline: str, control: str | None, vs_baseline: str | None, vs_control: str | None) -> str:
@@ -114,35 +113,44 @@ def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control
     }[vs_control]
 
 
-def _title(cast: Roles, method: str, fought: list[Duel]) -> str:
-    verdicts = {duel.against: duel.steps.verdict if duel.steps else None for duel in fought}
+def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
+    cells = [cell for cell in records.cells if cell.method == method]
+    lost = sum(cell.status in ("diverged", "error") for cell in cells)
+    if cells and lost == len(cells):
+        return f"{method} did not finish a single cell: nothing can be said of its quality"
+    verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
     vs_control = verdicts.get(cast.control) if cast.control else None
-    return title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
+    title = title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
+    if lost and verdicts.get(cast.baseline) == "inconclusive":
+        return f"{method} lost {lost} of its {counted(len(cells), 'cell')}: against {cast.baseline} nothing is settled"
+    differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
+    return f"{title} (at equal steps)" if differs else title
 
 
-def _numbers(fought: list[Duel], budget: str, words: str) -> list[str]:
-    """At equal steps, mean test PSNR of qnerf is 0.82 dB above nerf [..] and 0.05 dB below nerf_matched [..]."""
-    parts = []
-    for duel in fought:
-        one = duel.steps if budget == "steps" else duel.seconds
-        if one is not None and one.difference is not None:
-            with_interval = f" {interval(one.interval)}" if one.interval else ""
-            parts.append(f"{signed(one.difference)} dB{with_interval} against {duel.against} ({one.verdict})")
-    return [f"At {words}, {fought[0].method} stands at {listed(parts)}."] if parts else []
+def _means(records: Records) -> str:
+    """Mean test PSNR of every method over the scenes that all of them have."""
+    frame = cells_frame(records)
+    scenes = shared_scenes(frame, "psnr")
+    if not scenes:
+        return ""
+    scored = [f"{method} {number(average_of(frame, method, 'psnr', scenes).mean)} dB" for method in records.methods]
+    where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
+    return f"Mean test PSNR {where}: {listed(scored)}."
 
 
-def _bandwidth_sentence(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
-    """What the control itself gains over the baseline, where it was run: the size of the bandwidth effect."""
+def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
+    """Why there is a control, and what it gains by itself: the size of the bandwidth effect."""
     if cast.control is None:
         return [f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."]
+    why = (
+        f"{cast.control} is {cast.baseline} with nothing changed but the highest frequency of its encoding, "
+        f"brought down to what the φ encoding reaches. "
+        f"What it gains too is owed to bandwidth, not to the parts of the new method"
+    )
     one = records.comparison("all", cast.control, cast.baseline)
-    if one is None or one.difference is None or fought[0].method == cast.control:
-        return []
-    return [
-        f"Changing the bandwidth alone ({cast.control} against {cast.baseline}) makes {signed(one.difference)} dB"
-        f" {interval(one.interval)}".rstrip()
-        + f" ({one.verdict})."
-    ]
+    if one is None or one.difference is None:
+        return [f"{why}."]
+    return [f"{why}: here {signed(one.difference)} dB {interval(one.interval)}".rstrip() + f" ({one.verdict})."]
 
 
 def disagreements(records: Records, method: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Density before and after the amplifier, and the amplifier's α and β over training."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from harness.records import CellRecord, Checkpoint
 from reports.figure import Panel, Scale, Trace, with_common_limits
@@ -13,7 +14,7 @@ SMALLEST_SHARE = 1e-5
 
 
 def density_histograms(records: Records) -> list[Panel]:
-    """One panel for each scene and method with an amplifier: the last checkpoint, mean over seeds with the same bins."""
+    """A panel for each scene and method with an amplifier: the last checkpoint, mean over seeds with the same bins."""
     colours = colours_of(records.methods)
     panels = []
     for scene in records.scenes:
@@ -77,7 +78,7 @@ def _panel(title: str, density: dict[str, list[float]], colour: str) -> Panel:
 
 def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
     """Linear for evenly wide bins, otherwise logarithmic, through zero where the bins reach it."""
-    widths = [high - low for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    widths = [high - low for low, high in pairwise(edges)]
     if max(widths) < 3 * min(widths):
         return "linear", 1.0
     if edges[0] > 0:
@@ -87,7 +88,7 @@ def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
 
 def _shift(density: dict[str, list[float]]) -> str:
     """The means of both histograms, from the bins' middles."""
-    middles = [(low + high) / 2 for low, high in zip(density["edges"][:-1], density["edges"][1:], strict=True)]
+    middles = [(low + high) / 2 for low, high in pairwise(density["edges"])]
     means = [
         sum(middle * share for middle, share in zip(middles, density[side], strict=True))
         for side in ("before", "after")

@@ -8,6 +8,7 @@ import types
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ def read_records(out: Path) -> Records:
     if not (folder / "run.json").is_file():
         raise NoRecords(f"{folder / 'run.json'}: missing; finish the run (python -m harness run --resume)")
     run = _sound(folder / "run.json", RunRecord, lambda: read_run(out))
-    cells = [_sound(path, CellRecord, lambda path=path: read_cell(path)) for path in paths]
+    cells = [_sound(path, CellRecord, partial(read_cell, path)) for path in paths]
     comparisons = _sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out))
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, unsorted.methods

@@ -22,7 +22,7 @@ from reports.histograms import amplified_methods, amplifier_over_time, density_h
 from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
-from reports.psnr_table import differences_grid, scores_grid
+from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale
 from reports.work_precision import error_against
 
@@ -92,7 +92,7 @@ def _content(records: Records) -> dict[str, Any]:
         "tally": tally(records),
         "psnr": {
             "scores": scores_grid(records),
-            "differences": differences_grid(records) if records.comparisons else None,
+            "differences": differences_grids(records),
             "plots": plots(difference_panels(records), "difference"),
         },
         "convergence": _some(
@@ -156,10 +156,12 @@ def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
         ("Settings", flat(run.settings)),
         ("Machine and versions", flat(run.provenance)),
     ]
+    sets = []
     for scene in run.scenes:
-        box = f"{scene.bounds}" if scene.bounds else ""
-        about = [("view set", scene.view_set), ("near, far", f"{scene.near:g}, {scene.far:g}"), ("box", box)]
-        groups.append((f"View set {scene.name}", [*about, *flat(scene.rendered)]))
+        rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
+        views = [f"{many} {split}" for split, many in scene.views.items() if many]
+        sets.append((scene.name, "; ".join([scene.view_set, ", ".join(views), *rendered])))
+    groups.append(("View sets", sets))
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
 
 

@@ -1,7 +1,7 @@
 """Rendered views beside their ground truth, with maps of the error; which ones is a fixed rule, not a choice.
 
-Shown are the stored views of the first seed in which most methods of a scene have one. On the page they are base64 PNGs, made
-smaller where a large run would otherwise make the page heavy.
+Shown are the stored views of the first seed in which most methods of a scene have one.
+On the page they are base64 PNGs, made smaller where a large run would otherwise make the page heavy.
 """
 
 import base64
@@ -44,6 +44,8 @@ class View:
     seed: int
     truth: str | None
     methods: list[Shown]
+    first: bool
+    """The scene's first view; the page folds the others away."""
 
 
 def views(records: Records) -> list[View]:
@@ -59,8 +61,8 @@ def views(records: Records) -> list[View]:
     found = []
     for scene, seed in chosen:
         cells = [cell for cell in records.cells if cell.scene == scene and cell.seed == seed]
-        for name in dict.fromkeys(image.view for cell in cells for image in cell.images):
-            found.append(_view(records, scene, seed, name, cells, side))
+        names = dict.fromkeys(image.view for cell in cells for image in cell.images)
+        found += [_view(records, scene, seed, name, cells, side, not place) for place, name in enumerate(names)]
     return found
 
 
@@ -78,7 +80,7 @@ def seed_shown(records: Records, scene: str) -> int | None:
     return best if best is not None and having[best] else None
 
 
-def _view(records: Records, scene: str, seed: int, name: str, cells: list[CellRecord], side: int) -> View:
+def _view(records: Records, scene: str, seed: int, name: str, cells: list[CellRecord], side: int, first: bool) -> View:
     stored = {cell.method: image for cell in cells for image in cell.images if image.view == name}
     truth = next(
         (picture for image in stored.values() if (picture := read(records.folder, image.truth)) is not None), None
@@ -91,7 +93,8 @@ def _view(records: Records, scene: str, seed: int, name: str, cells: list[CellRe
             continue
         shown.append(_shown(records.folder, cell, stored.get(method), truth, side))
     title = about.title if about else scene
-    return View(scene, title, name, seed, data_uri(smaller(truth, side)) if truth is not None else None, shown)
+    small = data_uri(smaller(truth, side)) if truth is not None else None
+    return View(scene, title, name, seed, small, shown, first)
 
 
 def _shown(folder: Path, cell: CellRecord, image: StoredImage | None, truth: Picture | None, side: int) -> Shown:
@@ -137,5 +140,5 @@ def data_uri(picture: Picture) -> str:
     """PNG in base64, for an `<img>` that needs no other file."""
     buffer = io.BytesIO()
     eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
-    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png", metadata={"Software": None})
+    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

@@ -1,21 +1,16 @@
 """What a method is rather than how it scores: measured properties, weights, warnings, failures, what was left out."""
 
+from reports.claims import COMPONENTS
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
-from reports.wording import count, duration, interval, listed, significant, signed
+from reports.wording import count, duration, interval, listed, signed, significant
 
 PROPERTY_NAMES = {
     "chunk_max_difference": "largest change of a pixel when a view is rendered in small chunks",
     "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
+    "largest_density": "largest density found in the scene",
     "opacity_unit_slab": "largest opacity that one unit of solid matter can reach",
     "occupied_share": "share of the scene's box that holds matter",
-}
-COMPONENTS = {
-    "density_net": "density MLP",
-    "density_head": "density head",
-    "colour_net": "colour MLP",
-    "amplifier": "amplifier",
-    "total": "total",
 }
 
 

@@ -5,7 +5,7 @@ from reports.grid import EMPTY, Column, Entry, Grid
 from reports.headline import BUDGETS, roles
 from reports.load import Records
 from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
-from reports.wording import counted, interval, number, signed
+from reports.wording import NOTHING, counted, interval, number, signed
 
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
@@ -65,7 +65,7 @@ def score_entry(test: Spread, train: Spread, cells: list[CellRecord]) -> Entry:
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
     parts += [lost] if lost else []
-    return Entry(text, " · ".join(parts), "failed" if lost else "")
+    return Entry(text, lines(*parts), "failed" if lost else "")
 
 
 def losses(cells: list[CellRecord]) -> str:
@@ -78,51 +78,50 @@ def losses(cells: list[CellRecord]) -> str:
     return ", ".join(words)
 
 
-def differences_grid(records: Records) -> Grid:
-    """Each contender minus baseline and minus control, at equal steps and at equal time, as the comparisons say."""
+def differences_grids(records: Records) -> list[Grid]:
+    """For each contender its difference to baseline and control, at equal steps and equal time, as compared."""
     cast = roles(records)
-    pairs = [
-        (method, rival, budget, words)
-        for method in cast.contenders
-        for budget, words in BUDGETS
-        for rival in (cast.baseline, cast.control)
-        if rival and rival != method
-    ]
-    scenes = [*records.scenes, "all"]
-    pairs = [pair for pair in pairs if any(records.comparison(s, *pair[:2], budget=pair[2]) for s in scenes)]
-    gains = {scene: values[1] - values[0] for scene, values in _printed(records).items()}
+    found = []
+    for method in cast.contenders:
+        pairs = [(rival, *budget) for budget in BUDGETS for rival in (cast.baseline, cast.control) if rival]
+        scenes = [*records.scenes, "all"]
+        pairs = [pair for pair in pairs if any(records.comparison(s, method, pair[0], budget=pair[1]) for s in scenes)]
+        if pairs:
+            found.append(_differences(records, method, pairs, cast.control))
+    return found
+
+
+def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]], control: str | None) -> Grid:
+    printed = _printed(records) if method == "qnerf" else {}
+    gains = {scene: values[1] - values[0] for scene, values in printed.items()}
     columns = [Column("scene", numeric=False)]
-    columns += [Column(f"{method} − {rival}", rival, words) for method, rival, _, words in pairs]
+    columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
     columns += [Column("Δ", small="paper")] if gains else []
     rows = []
-    for scene in scenes:
+    for scene in [*records.scenes, "all"]:
         row = [Entry("all scenes" if scene == "all" else scene)]
-        row += [
-            difference_entry(records.comparison(scene, method, rival, budget=budget))
-            for method, rival, budget, _ in pairs
-        ]
-        if gains:
-            row.append(Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted"))
+        row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
+        row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
         rows.append(row)
-    note = (
-        "Difference in test PSNR (dB) with its 95 % interval, paired over seeds, and the verdict. "
-        f"Against {cast.control}, an effect of bandwidth alone is gone."
-        if cast.control
-        else "Difference in test PSNR (dB) with its 95 % interval, paired over seeds, and the verdict."
-    )
-    return Grid("Differences in PSNR", columns, rows[:-1], rows[-1:], note)
+    note = "Difference in test PSNR (dB), its 95 % interval, paired over seeds, and the verdict."
+    note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
+    return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 
 
 def difference_entry(one: Comparison | None) -> Entry:
     """`+0.82`, below it interval and verdict, and how many cells could not be paired."""
     if one is None:
         return EMPTY
-    aside = f", {counted(one.left_aside, 'cell')} left aside" if one.left_aside else ""
+    aside = f"{counted(one.left_aside, 'cell')} left aside" if one.left_aside else ""
     if one.difference is None:
-        return Entry("–", f"{one.verdict}{aside}", one.verdict)
+        return Entry(NOTHING, lines(one.verdict, aside), one.verdict)
     digits = 2 if one.metric in ("psnr", "delta_e") else 4
-    small = f"{interval(one.interval, digits)} {one.verdict}{aside}".strip()
+    small = lines(interval(one.interval, digits), one.verdict, aside)
     return Entry(signed(one.difference, digits), small, one.verdict)
+
+
+def lines(*parts: str) -> str:
+    return "\n".join(filter(None, parts))
 
 
 def _printed(records: Records) -> dict[str, tuple[float, float]]:

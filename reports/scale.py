@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from statistics import median
+from typing import Any
 
 from reports.load import Records
-from reports.wording import count, counted, duration, listed, significant
+from reports.wording import count, counted, duration, listed
 
 PAPER_RESOLUTION = 800
 PAPER_STEPS = 200_000
@@ -31,9 +32,9 @@ def facts(records: Records) -> list[Fact]:
         Fact("training time", f"{duration(median(seconds))} a cell (median)" if seconds else "", "3.4–4.2 h to 30 dB"),
         Fact("seeds", count(len(records.run.seeds)), "1, as far as stated"),
         Fact("network", _network(records), "8 × 256"),
-        Fact("rays a step", _setting(settings, "rays"), "1\u202f024"),
-        Fact("samples a ray", _setting(settings, "samples"), "not stated"),
-        Fact("learning rate", _setting(settings, "learning_rate"), "0.0005"),
+        Fact("rays a step", setting(settings, "train", "rays"), "1\u202f024"),
+        Fact("samples a ray", _samples(settings), "not stated"),
+        Fact("learning rate", setting(settings, "train", "learning_rate"), "0.0005"),
     ]
     return [fact for fact in found if fact.value]
 
@@ -46,15 +47,15 @@ def in_a_line(records: Records) -> str:
         f"{_steps(records)} steps",
         counted(len(records.run.seeds), "seed"),
     ]
-    network = _setting(records.run.settings, "depth"), _setting(records.run.settings, "width")
-    if all(network):
-        parts.append(f"{network[0]} × {network[1]} network")
+    parts.append(f"{_layers(records)} network" if _layers(records) else "")
     return ", ".join(part for part in parts if part)
 
 
 def is_paper_scale(records: Records) -> bool:
     """True where the run has the paper's setting; everything else says something about another scale."""
-    return records.run.profile == "full"
+    large = all(scene.width >= PAPER_RESOLUTION for scene in records.run.scenes)
+    long = all(cell.steps >= PAPER_STEPS for cell in records.cells if cell.status == "done")
+    return large and long and _layers(records) == "8 × 256"
 
 
 def _resolutions(records: Records) -> str:
@@ -80,19 +81,34 @@ def _steps(records: Records) -> str:
 
 
 def _network(records: Records) -> str:
-    depth, width = _setting(records.run.settings, "depth"), _setting(records.run.settings, "width")
+    size = _layers(records)
     weights = sorted({cell.parameters["total"] for cell in records.cells if "total" in cell.parameters})
-    size = f"{depth} × {width}" if depth and width else ""
     if not weights:
         return size
     between = count(weights[0]) if weights[0] == weights[-1] else f"{count(weights[0])}–{count(weights[-1])}"
     return f"{size}, {between} weights" if size else f"{between} weights"
 
 
-def _setting(settings: dict[str, object], name: str) -> str:
-    value = settings.get(name)
+def _layers(records: Records) -> str:
+    """Depth × width of the density network."""
+    depth, width = (setting(records.run.settings, "train", "network", name) for name in ("depth", "width"))
+    return f"{depth} × {width}" if depth and width else ""
+
+
+def _samples(settings: dict[str, Any]) -> str:
+    coarse, fine = (setting(settings, "train", name) for name in ("bins", "fine_bins"))
+    cells = setting(settings, "train", "grid", "cells")
+    words = f"{coarse} coarse + {fine} fine" if fine not in ("", "0") else f"up to {coarse}" if coarse else ""
+    return f"{words}, empty space skipped ({cells}³ grid)" if words and cells not in ("", "0") else words
+
+
+def setting(settings: dict[str, Any], *path: str) -> str:
+    """A nested setting in words; nothing where the run does not state it."""
+    value: Any = settings
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
     if isinstance(value, bool) or value is None:
         return ""
     if isinstance(value, int):
         return count(value)
-    return significant(value) if isinstance(value, float) else str(value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -5,6 +5,7 @@ import math
 NOTHING = "–"
 """Stands where there is no number."""
 MINUS = "−"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -37,9 +38,10 @@ def significant(value: float | None, digits: int = 3) -> str:
     magnitude = math.floor(math.log10(abs(value)))
     if magnitude >= digits - 1:
         return count(round(value))
-    if magnitude < -4:
+    if magnitude < -digits:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10^{int(exponent)}".replace("-", MINUS)
+        power = f"10{str(int(exponent)).translate(RAISED)}"
+        return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
     return number(value, digits - 1 - magnitude)
 
 

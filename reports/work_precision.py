@@ -6,6 +6,9 @@ from reports.load import Records
 from reports.palette import INK
 from reports.table import cells_frame, curves_frame
 
+FURTHEST = 10
+"""A floor this many times below the smallest error would only squeeze the curves."""
+
 
 def error_against(records: Records, axis: Axis) -> list[Panel]:
     """Linear RMSE in each scene, with the noise of the ground truth as a floor where it is known."""
@@ -32,7 +35,8 @@ def noise_floors(records: Records) -> dict[str, float]:
 
 def _with_floor(panel: Panel, level: float | None) -> Panel:
     xs = [x for trace in panel.traces for x in trace.x]
-    if level is None or level <= 0 or not xs:
+    ys = [y for trace in panel.traces for y in trace.y]
+    if level is None or level <= 0 or not xs or level < min(ys) / FURTHEST:
         return panel
     line = Trace("noise of the ground truth", INK.light, "floor", (min(xs), max(xs)), (level, level))
     return Panel(**{**panel.__dict__, "traces": (*panel.traces, line)})

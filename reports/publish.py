@@ -1,0 +1,153 @@
+"""Small PNG plots for a README, from the records of a run, beside a copy of its numbers."""
+
+import math
+from pathlib import Path
+
+import matplotlib
+import matplotlib.image
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from reports.convergence import traces_of
+from reports.figure import STYLE, tick
+from reports.load import Records
+from reports.palette import INK, MUTED, colours_of
+from reports.pictures import read, seed_shown
+from reports.psnr_table import losses
+from reports.summary import write_summary
+from reports.table import cells_frame, curves_frame
+
+DOTS_PER_INCH = 130
+
+
+def write_published(records: Records, folder: Path) -> list[Path]:
+    """psnr.png, error_vs_time.png, views.png (where pictures were kept) and summary.json; gives what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_summary(records, folder / "summary.json")
+    written = [folder / "summary.json"]
+    with matplotlib.rc_context(STYLE):
+        figures = {"psnr": psnr_dots(records), "error_vs_time": error_against_time(records), "views": contact(records)}
+        for name, figure in figures.items():
+            if figure is not None:
+                _save(figure, folder / f"{name}.png")
+                written.append(folder / f"{name}.png")
+    return written
+
+
+def _save(figure: Figure, path: Path) -> None:
+    FigureCanvasAgg(figure)
+    figure.patch.set_visible(True)
+    figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)
+
+
+def psnr_dots(records: Records) -> Figure:
+    """A dot for each scene, method and seed; a dash at the mean; what did not finish as a cross below."""
+    frame = cells_frame(records)
+    colours = colours_of(records.methods)
+    figure = Figure(figsize=(max(4.0, 1.0 + 0.85 * len(records.scenes)), 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    width = 0.62 / len(records.methods)
+    done = frame[(frame["status"] == "done") & frame["psnr"].notna()]
+    lowest = float(done["psnr"].min()) if len(done) else 0.0
+    for place, scene in enumerate(records.scenes):
+        for order, method in enumerate(records.methods):
+            at = place + (order - (len(records.methods) - 1) / 2) * width
+            scores = done[(done["scene"] == scene) & (done["method"] == method)]["psnr"]
+            axes.plot([at] * len(scores), scores, "o", color=colours[method].light, markersize=4.5, alpha=0.75, mew=0)
+            if len(scores):
+                axes.plot([at - width / 3, at + width / 3], [scores.mean()] * 2, color=colours[method].light, lw=2)
+            if losses(records.cells_of(scene, method)):
+                axes.plot([at], [lowest - 1], "x", color=colours[method].light, markersize=7, mew=2)
+    axes.set_xticks(range(len(records.scenes)), records.scenes, color=INK.light)
+    axes.set_ylabel("test PSNR (dB)")
+    axes.grid(axis="x", visible=False)
+    _legend(axes, records, "cross: a seed that did not finish" if records.failed else "")
+    return figure
+
+
+def error_against_time(records: Records) -> Figure | None:
+    """Linear RMSE against training seconds, a panel a scene."""
+    curves = curves_frame(records)
+    scenes = [scene for scene in records.scenes if curves.loc[curves["scene"] == scene, "rmse_linear"].notna().any()]
+    if not scenes:
+        return None
+    across = min(4, len(scenes))
+    down = math.ceil(len(scenes) / across)
+    figure = Figure(figsize=(2.5 * across + 0.4, 2.1 * down + 0.6), layout="constrained")
+    colours = {method: colour.light for method, colour in colours_of(records.methods).items()}
+    grid = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
+    for place, axes in enumerate(grid.flat):
+        if place >= len(scenes):
+            axes.set_visible(False)
+            continue
+        for trace in traces_of(curves[curves["scene"] == scenes[place]], colours, "seconds", "rmse_linear"):
+            if trace.kind == "cross":
+                axes.plot(trace.x, trace.y, "x", color=trace.colour, markersize=7, mew=2)
+            else:
+                thick = trace.kind == "line"
+                axes.plot(trace.x, trace.y, color=trace.colour, lw=1.8 if thick else 0.7, alpha=1 if thick else 0.45)
+        axes.set_title(scenes[place], fontsize=9, loc="left", color=INK.light)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    for axis in (grid.flat[0].xaxis, grid.flat[0].yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=6))
+        axis.set_major_formatter(FuncFormatter(lambda at, _: tick(at)))
+        axis.set_minor_formatter(NullFormatter())
+    figure.supxlabel("training seconds", fontsize=9, color=MUTED.light)
+    figure.supylabel("test error (linear RMSE)", fontsize=9, color=MUTED.light)
+    _legend(grid.flat[0], records, "")
+    return figure
+
+
+def contact(records: Records) -> Figure | None:
+    """Ground truth and every method for the first stored view of each scene."""
+    rows = []
+    for scene in records.scenes:
+        seed = seed_shown(records, scene)
+        cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+        first = next((cell.images[0] for cell in cells.values() if cell.images), None)
+        if first is None:
+            continue
+        paths = [first.truth] + [
+            next((image.render for image in cells[method].images if image.view == first.view), "")
+            if method in cells
+            else ""
+            for method in records.methods
+        ]
+        rows.append((scene, [read(records.folder, path) if path else None for path in paths]))
+    if not rows:
+        return None
+    names = ["ground truth", *records.methods]
+    figure = Figure(figsize=(1.5 * len(rows), 1.55 * len(names)), layout="constrained")
+    grid = figure.subplots(len(names), len(rows), squeeze=False)
+    for column, (scene, pictures) in enumerate(rows):
+        for line, picture in enumerate(pictures):
+            axes = grid[line][column]
+            axes.set_xticks([])
+            axes.set_yticks([])
+            axes.spines[:].set_visible(False)
+            axes.grid(visible=False)
+            if picture is None:
+                axes.text(
+                    0.5, 0.5, "did not finish", ha="center", va="center", color=MUTED.light, transform=axes.transAxes
+                )
+            else:
+                axes.imshow(picture, interpolation="nearest")
+            if line == 0:
+                axes.set_title(scene, fontsize=9, color=INK.light)
+            if column == 0:
+                axes.set_ylabel(names[line], fontsize=9, color=INK.light)
+    return figure
+
+
+def _legend(axes: Axes, records: Records, words: str) -> None:
+    colours = colours_of(records.methods)
+    handles = [axes.plot([], [], "o", color=colours[method].light, label=method)[0] for method in records.methods]
+    handles += [axes.plot([], [], " ", label=words)[0]] if words else []
+    figure = axes.get_figure()
+    if figure is not None:
+        figure.legend(
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=len(handles), frameon=False
+        )
