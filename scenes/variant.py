@@ -106,7 +106,7 @@ def choose_variant(name: str | None = None) -> Variant:
 
 @functools.cache
 def _choose(wanted: str | None) -> Variant:
-    refused = []
+    refused: list[str] = []
     for name in VARIANTS if wanted is None else (wanted,):
         if name == "scalar_rgb":
             why = f"scalar_rgb: {'; '.join(refused)}" if refused else "scalar_rgb: asked for"

@@ -1,0 +1,251 @@
+"""Descriptions → Mitsuba → images. The only module that imports Mitsuba, and the only caller of `mi.render`.
+
+Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
+"""
+
+import hashlib
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenes.errors import InputError
+from scenes.needs import Needs, needs
+from scenes.pixels import display_from_linear, over_white
+from scenes.scene import Description
+from scenes.variant import Variant
+from scenes.viewpoints import FOV_X_RADIANS, check_poses
+
+RENDERER_VERSION = 1
+"""Counted up with every change that changes images, so that cached view sets are rendered again."""
+NEAR_CLIP = 1e-3
+LARGEST_WAVEFRONT = 1 << 22
+"""Paths in flight at once in a vectorised variant; more are rendered in passes."""
+_OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+class RenderError(RuntimeError):
+    """A scene of ours that cannot be rendered: a defect of the scene, not of the user's input."""
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """One view: the mean of two independent renders of half the samples each."""
+
+    rgba: np.ndarray
+    """float32 [h, w, 4], linear, premultiplied."""
+    variance: np.ndarray
+    """float32 [h, w, 4]: estimated variance of `rgba`, (a − b)² / 4 of the two halves:
+    unbiased, one degree of freedom."""
+    depth: np.ndarray
+    """float32 [h, w]: distance along the unit ray to the first surface, clear or not, the mean over the pixel's
+    hits; 0 where nothing was hit."""
+    normal: np.ndarray
+    """float32 [h, w, 3]: shading normal in the world frame, outwards as the mesh has it, the unit mean over the pixel's
+    hits; 0 where nothing was hit."""
+    noise_mse: float
+    """Expected mean square error of the display image over white that noise alone causes."""
+
+
+class LoadedScene:
+    """A description as Mitsuba objects, ready to be seen from many sides."""
+
+    def __init__(
+        self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
+        fov_x_radians: float = FOV_X_RADIANS,
+    ) -> None:  # fmt: skip
+        mi = use(variant)
+        self.needs: Needs = needs(description)
+        self.integrator_name = "volpath" if self.needs.participating_media else "path"
+        self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
+        self._vectorised = not variant.name.startswith("scalar")
+        self._scene = mi.load_dict(
+            {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
+        )
+        self._integrator = mi.load_dict(
+            {
+                "type": "aov",
+                "aovs": "normal:sh_normal",
+                "colour": {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": True},
+                "distance": {"type": "depth"},
+            }
+        )
+        self._sensors: dict[int, Any] = {}
+
+    def bounds(self) -> np.ndarray:
+        """Corners [2, 3] of the box around all shapes, padded by 1 % of its longest side, float64."""
+        box = self._scene.bbox()
+        corners = np.array([box.min, box.max], dtype=np.float64).reshape(2, 3)
+        if not np.isfinite(corners).all() or (corners[1] < corners[0]).any():
+            raise RenderError(f"the scene's box is {corners.tolist()}: it holds no shape, or one that is not finite")
+        padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
+        return corners + np.array([[-padding], [padding]])
+
+    def half(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """One independent render: float32 [h, w, 11], RGBA, distance × 3, hit, normal × 3."""
+        import mitsuba as mi
+
+        passes, spp_pass = self._passes(spp)
+        sensor = self._sensor(spp_pass)
+        parameters = mi.traverse(sensor)
+        parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
+        parameters.update()
+        total = np.zeros((self.height, self.width, 11))
+        for number in range(passes):
+            image = mi.render(
+                self._scene, sensor=sensor, integrator=self._integrator,
+                seed=seed_from(seed, number), spp=spp_pass,
+            )  # fmt: skip
+            total += np.array(image)
+        return total / passes
+
+    def actual_spp(self, spp: int) -> int:
+        """Samples a pixel that both halves together take where `spp` are asked for: `spp` or a few more."""
+        passes, spp_pass = self._passes(math.ceil(spp / 2))
+        return 2 * passes * spp_pass
+
+    def _passes(self, spp: int) -> tuple[int, int]:
+        """Passes of one half of `spp` samples, and the samples of each."""
+        passes = math.ceil(self.width * self.height * spp / LARGEST_WAVEFRONT) if self._vectorised else 1
+        return passes, even_spp(math.ceil(spp / passes))
+
+    def _sensor(self, spp: int) -> Any:
+        import mitsuba as mi
+
+        if spp not in self._sensors:
+            self._sensors[spp] = mi.load_dict(
+                {
+                    "type": "perspective",
+                    "fov": math.degrees(self.fov_x_radians),
+                    "fov_axis": "x",
+                    "near_clip": NEAR_CLIP,
+                    "far_clip": 1e5,
+                    "film": {
+                        "type": "hdrfilm",
+                        "width": self.width,
+                        "height": self.height,
+                        "rfilter": {"type": "box"},
+                        "pixel_format": "rgba",
+                        "component_format": "float32",
+                    },
+                    "sampler": {"type": "multijitter", "sample_count": spp},
+                }
+            )
+        return self._sensors[spp]
+
+
+def use(variant: Variant) -> Any:
+    """Mitsuba with that variant set; the LLVM library is named before Dr.Jit loads one."""
+    if variant.libllvm:
+        os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
+    import mitsuba as mi
+
+    if mi.variant() != variant.name:
+        mi.set_variant(variant.name)
+    return mi
+
+
+def render_views(
+    scene: LoadedScene, camera_to_world: np.ndarray, spp: int, seeds: Sequence[int], names: Sequence[str]
+) -> Iterator[RenderedView]:
+    """Renders each pose [n, 4, 4] with at least `spp` samples a pixel, one at a time, so that progress can be shown.
+
+    `seeds` and `names` hold one entry a view. Raises `InputError` before the first render for a pose that is not
+    rigid or for fewer than 2 samples, and `RenderError` for an image that is not finite.
+    """
+    if spp < 2:
+        raise InputError(f"{spp} samples a pixel: two halves are needed to know the noise; choose 2 or more")
+    check_poses(camera_to_world, list(names))
+    for pose, seed, name in zip(camera_to_world, seeds, names, strict=True):
+        halves = [scene.half(pose, math.ceil(spp / 2), seed_from(seed, half)) for half in ("a", "b")]
+        if not np.isfinite(halves).all():
+            bad = int((~np.isfinite(np.mean(halves, axis=0)).all(axis=-1)).sum())
+            raise RenderError(f"{name}: {bad} of {scene.width * scene.height} pixels are not finite; mend the scene")
+        yield combine(halves[0], halves[1], scene.fov_x_radians)
+
+
+def combine(a: np.ndarray, b: np.ndarray, fov_x_radians: float) -> RenderedView:
+    """Two halves as `LoadedScene.half` renders them → one view."""
+    mean = (a + b) / 2
+    hits = mean[..., 7]
+    hit = hits > 0
+    distance = np.where(hit, mean[..., 4] / np.where(hit, hits, 1.0), 0.0)
+    # Mitsuba's rays start on the near plane, not at the camera
+    depth = np.where(hit, distance + NEAR_CLIP * _ray_stretch(hits.shape[0], hits.shape[1], fov_x_radians), 0.0)
+    length = np.linalg.norm(mean[..., 8:], axis=-1, keepdims=True)
+    normal = np.where(length > 1e-6, mean[..., 8:] / np.where(length > 1e-6, length, 1.0), 0.0)
+    display_a, display_b = (over_white(display_from_linear(half[..., :4])).astype(np.float64) for half in (a, b))
+    return RenderedView(
+        rgba=mean[..., :4].astype(np.float32),
+        variance=((a[..., :4] - b[..., :4]) ** 2 / 4).astype(np.float32),
+        depth=depth.astype(np.float32),
+        normal=normal.astype(np.float32),
+        noise_mse=float(np.mean((display_a - display_b) ** 2) / 4),
+    )
+
+
+def _ray_stretch(height: int, width: int, fov_x_radians: float) -> np.ndarray:
+    """Length [h, w] of the rays through the pixel centres per unit of z."""
+    focal = 0.5 * width / math.tan(0.5 * fov_x_radians)
+    x = (np.arange(width) + 0.5 - 0.5 * width) / focal
+    y = (np.arange(height) + 0.5 - 0.5 * height) / focal
+    return np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+
+def even_spp(spp: int) -> int:
+    """The smallest sample count ≥ `spp` that fits the sampler's grid of strata."""
+    columns = math.isqrt(spp)
+    return columns * math.ceil(spp / columns)
+
+
+def seed_from(*parts: object) -> int:
+    """A 32-bit seed from what it is for."""
+    return int.from_bytes(hashlib.sha256(repr(parts).encode()).digest()[:4], "big")
+
+
+def to_mitsuba(value: Any) -> Any:
+    """An entry of a description → what `mi.load_dict` takes (see `scenes.scene.Description`)."""
+    import mitsuba as mi
+
+    if isinstance(value, dict):
+        if value.get("type") == "mesh":
+            return _mesh(value)
+        entry = {name: to_mitsuba(inner) for name, inner in value.items() if name != "data"}
+        if "data" in value:
+            pixels = np.ascontiguousarray(value["data"], dtype=np.float32)
+            if value["type"] in ("bitmap", "envmap"):
+                entry["bitmap"] = mi.Bitmap(pixels)
+            elif value["type"] == "gridvolume":
+                entry["grid"] = mi.VolumeGrid(pixels)
+            else:
+                raise RenderError(f"a {value['type']} with data: only bitmap, envmap and gridvolume may hold pixels")
+        return entry
+    if isinstance(value, np.ndarray):
+        if value.shape == (4, 4):
+            return mi.ScalarTransform4f(value.astype(np.float64))
+        return value.tolist()
+    return value
+
+
+def _mesh(entry: Description) -> Any:
+    import mitsuba as mi
+
+    unknown = set(entry) - {"type", "vertices", "faces", "uv", "normals", "bsdf", "interior", "exterior"}
+    if unknown:
+        raise RenderError(f"a mesh with {' '.join(sorted(unknown))}: known are vertices faces uv normals and bsdf")
+    properties = mi.Properties()
+    for name in ("bsdf", "interior", "exterior"):
+        if name in entry:
+            properties[name] = mi.load_dict(to_mitsuba(entry[name]))
+    mesh = mi.Mesh("mesh", len(entry["vertices"]), len(entry["faces"]), properties, "normals" in entry, "uv" in entry)
+    parameters = mi.traverse(mesh)
+    for ours, theirs in (("vertices", "vertex_positions"), ("faces", "faces"), ("uv", "vertex_texcoords"),
+                         ("normals", "vertex_normals")):  # fmt: skip
+        if ours in entry:
+            dtype = np.uint32 if ours == "faces" else np.float32
+            parameters[theirs] = np.ascontiguousarray(entry[ours], dtype=dtype).ravel()
+    parameters.update()
+    return mesh
