@@ -19,6 +19,9 @@ DENSITY_BIAS = -1.0
 class NoAmplifier(nn.Module):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
 
+    bounded = False
+    """Whether density stays within [0, 1]."""
+
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         sigma = softplus_density(raw, DENSITY_BIAS)
         return sigma, sigma
@@ -29,6 +32,8 @@ class Listing2Amplifier(nn.Module):
 
     The mean runs over whatever points share the call, so the field depends on the chunk; density is bounded by 1.
     """
+
+    bounded = True
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,6 +49,8 @@ class Listing2Amplifier(nn.Module):
 
 class Equation4Amplifier(nn.Module):
     """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
+
+    bounded = False
 
     def __init__(self) -> None:
         super().__init__()

@@ -99,6 +99,9 @@ class RadianceField(Protocol):
 class Amplifier(Protocol):
     """From the raw density output of a network to density; see `baselines.amplifiers`."""
 
+    bounded: bool
+    """Whether density stays within [0, 1]."""
+
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]: ...
 
 

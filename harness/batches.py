@@ -1,6 +1,5 @@
 """(seed, step) → the ray batch that every method gets."""
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -8,12 +7,6 @@ from torch import Tensor
 from baselines.contract import Rays
 from harness.rays import Cameras
 from harness.seeds import generator_for
-
-
-def over_white(rgba: np.ndarray) -> np.ndarray:
-    """Straight-alpha display colour [..., 4] over white → [..., 3]: what is trained on and scored."""
-    colour: np.ndarray = rgba[..., :3] * rgba[..., 3:] + (1.0 - rgba[..., 3:])
-    return colour
 
 
 class Batches:

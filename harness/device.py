@@ -1,6 +1,7 @@
 """Where tensors live, and the switches that make a run repeatable. ROCm is torch's `cuda`."""
 
 import os
+from pathlib import Path
 
 import torch
 
@@ -40,8 +41,6 @@ def multiplies_bfloat16(device: torch.device) -> bool:
     """Whether the processor has bfloat16 matrix or vector products; without them float32 is faster."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
-    try:
-        flags = open("/proc/cpuinfo", encoding="utf-8").read()  # noqa: PTH123, SIM115
-    except OSError:
-        return False
+    cpuinfo = Path("/proc/cpuinfo")
+    flags = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
     return "avx512_bf16" in flags or "amx_bf16" in flags

@@ -6,7 +6,7 @@ Whatever is wrong with a file is said once, naming the file and the remedy: no t
 import math
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, is_dataclass
 from functools import partial
 from pathlib import Path
@@ -100,7 +100,7 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
 
 
-def _sound(path: Path, hint: Any, read: typing.Callable[[], Any]) -> Any:
+def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
     """What `read` returns, if it is what its type says; otherwise a message that names the file."""
     try:
         value = read()
@@ -144,7 +144,7 @@ def first_mismatch(value: Any, hint: Any, where: str = "") -> str | None:
     return _scalar_mismatch(value, hint, here)
 
 
-def _first_in(value: Any, kind: type, items: typing.Callable[[], list[tuple[str, Any, Any]]], here: str) -> str | None:
+def _first_in(value: Any, kind: type, items: Callable[[], list[tuple[str, Any, Any]]], here: str) -> str | None:
     if not isinstance(value, kind):
         return f"{here} is {type(value).__name__}, not {kind.__name__}"
     found = (first_mismatch(one, hint, where.strip(".")) for where, one, hint in items())

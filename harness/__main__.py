@@ -1,0 +1,120 @@
+"""python -m harness run: parse, call, exit code."""
+
+import argparse
+import shlex
+import sys
+import time
+from pathlib import Path
+
+PROFILES = ("smoke", "reduced", "full")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options of `run`, the same in every nox session."""
+    top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    run = commands.add_parser("run", help="render, train, score and record a comparison")
+    run.add_argument("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
+    run.add_argument("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
+    run.add_argument("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
+    run.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
+    run.add_argument("--budget-steps", type=int, metavar="N", help="training steps of each cell")
+    run.add_argument("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
+    run.add_argument("--resolution", type=int, metavar="PX", help="width of the views")
+    run.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    run.add_argument("--executor", default="local", choices=("local",), help="where cells run")
+    run.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
+    run.add_argument("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
+    run.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
+    run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
+    run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
+    run.add_argument("--quiet", action="store_true", help="no progress")
+    return top
+
+
+def main(arguments: list[str]) -> int:
+    """0 all done · 1 our own error · 2 bad usage or input · 3 some cell diverged or failed · 130 interrupted."""
+    options = parser().parse_args(arguments)
+    # after the parsing, so that --help and a mistyped option answer at once
+    from harness.progress import chosen_progress
+    from scenes.errors import InputError
+
+    show = chosen_progress(options.quiet or options.dry_run)
+    try:
+        return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
+    except InputError as mistake:
+        show.close()
+        print(f"error: {mistake}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        show.close()
+        print("interrupted: finished cells are kept; go on with --resume and --out", file=sys.stderr)
+        return 130
+    finally:
+        show.close()
+
+
+def _run(options: argparse.Namespace, show, command: str) -> int:  # type: ignore[no-untyped-def]
+    from harness.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.plan import planned
+    from harness.runner import Machine, outcome, plan_lines, run
+    from scenes.errors import InputError
+
+    device = chosen_device(options.device)
+    plan = planned(
+        options.profile,
+        scenes=options.scenes,
+        methods=options.methods,
+        seeds=options.seeds,
+        budget_steps=options.budget_steps,
+        budget_seconds=options.budget_seconds,
+        resolution=options.resolution,
+        view_set=options.view_set,
+        bfloat16_pays=multiplies_bfloat16(device),
+    )
+    cores = available_cores()
+    if options.workers is not None and not 1 <= options.workers <= 256:
+        raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
+    workers = min(options.workers or (cores if device.type == "cpu" else 1), len(plan.groups()))
+    machine = Machine(device.type, workers, max(1, cores // workers))
+    if options.dry_run:
+        from harness.cost import estimate_lines
+
+        print("\n".join([*plan_lines(plan, machine), *estimate_lines(plan, machine)]))
+        return 0
+    for line in plan_lines(plan, machine):
+        show.line(line)
+    out = options.out or fresh_folder(options.profile, options.resume)
+    code = run(plan, out, options.view_sets, machine, options.resume, command, show)
+    _point_latest_to(out)
+    show.line(f"{outcome(out)}; records in {out / 'records'}")
+    return code
+
+
+def fresh_folder(profile: str, resume: bool) -> Path:
+    """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
+    latest = Path("out/latest")
+    if resume and latest.exists():
+        return latest.resolve()
+    stem = Path("out") / f"{profile}-{time.strftime('%Y%m%d-%H%M%S')}"
+    candidates = [stem, *(stem.with_name(f"{stem.name}-{count}") for count in range(2, 100))]
+    return next(path for path in candidates if not path.exists())
+
+
+def _point_latest_to(out: Path) -> None:
+    """`latest` beside the folder, where it lies in `out/`; elsewhere nothing."""
+    if out.resolve().parent != Path("out").resolve():
+        return
+    link = Path("out/latest")
+    beside = link.with_name(".latest.part")
+    try:
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(out.resolve().name)
+        beside.replace(link)
+    except OSError:
+        pass  # a file system without links: the folder's name was printed
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,145 @@
+"""A trained method against the views: scores of the fixed test set, properties, and pictures for the report."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from baselines.contract import Rendering
+from harness import metrics
+from harness.rays import Cameras
+from harness.records import ViewScore, finite_or_none
+from harness.trainer import Diverged, Trainer
+from scenes.pixels import over_white
+from scenes.view_set import Split, ViewSet
+
+HISTOGRAM_BINS = 40
+SMALL_CHUNK = 256
+"""Rays a call in the chunk-dependence measurement, against the whole view in one call."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A rendered view as arrays [height, width, …]."""
+
+    colour: np.ndarray
+    opacity: np.ndarray
+    depth: np.ndarray
+
+    @staticmethod
+    def of(rendering: Rendering, height: int, width: int) -> "View":
+        def image(values: torch.Tensor) -> np.ndarray:
+            return values.cpu().numpy().reshape(height, width, *values.shape[1:])
+
+        return View(image(rendering.colour), image(rendering.opacity), image(rendering.depth))
+
+
+def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
+    return Cameras.of(split.camera_to_world, views.width, views.height, views.focal, views.near, views.far).to(device)
+
+
+def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> View:
+    return View.of(trainer.render(cameras.all_rays(view), chunk), cameras.height, cameras.width)
+
+
+def quick_scores(trainer: Trainer, cameras: Cameras, split: Split, chunk: int) -> dict[str, float | None]:
+    """psnr, ssim and rmse_linear, each the mean over all views of the split."""
+    rows = []
+    for index in range(len(cameras)):
+        image, truth = render_view(trainer, cameras, index, chunk).colour, over_white(split.rgba[index])
+        rows.append((metrics.psnr(image, truth), metrics.ssim(image, truth), metrics.rmse_linear(image, truth)))
+    means = np.mean(rows, axis=0)
+    return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
+
+
+def view_scores(image: View, split: Split, index: int) -> ViewScore:
+    """Every score of one view; geometry where the view set carries it."""
+    rgba = split.rgba[index]
+    truth = over_white(rgba)
+    noise = None if split.noise_mse is None else float(split.noise_mse[index])
+    depth = None if split.depth is None else metrics.depth_rmse(image.depth, split.depth[index], rgba[..., 3] > 0.99)
+    return ViewScore(
+        view=split.names[index],
+        psnr=finite_or_none(metrics.psnr(image.colour, truth)),
+        ssim=metrics.ssim(image.colour, truth),
+        flip=metrics.flip(image.colour, truth),
+        delta_e=metrics.delta_e(image.colour, truth),
+        rmse_linear=metrics.rmse_linear(image.colour, truth),
+        depth_rmse=depth,
+        opacity_iou=metrics.opacity_iou(image.opacity, rgba[..., 3]),
+        psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
+    )
+
+
+SCORES = ("psnr", "ssim", "flip", "delta_e", "rmse_linear", "depth_rmse", "opacity_iou", "psnr_ceiling")
+
+
+def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
+    """Means over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
+    means: dict[str, float | None] = {}
+    for name in SCORES:
+        values = [value for row in rows if (value := getattr(row, name)) is not None]
+        means[name] = float(np.mean(values)) if values else None
+    return means
+
+
+def train_psnr(trainer: Trainer, views: ViewSet, count: int, chunk: int) -> float | None:
+    """Mean PSNR over `count` evenly spread training views: what the method fits, beside what it generalises to."""
+    cameras = cameras_of(views, views.train, trainer.device)
+    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
+    values = [
+        metrics.psnr(render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i]))
+        for i in chosen
+    ]
+    return finite_or_none(float(np.mean(values)))
+
+
+def floor_psnr(views: ViewSet) -> float | None:
+    """PSNR of answering every test view with the training view whose camera is nearest: below it nothing is learnt."""
+    train, test = views.train.camera_to_world[:, :3, 3], views.test.camera_to_world[:, :3, 3]
+    nearest = np.argmin(np.linalg.norm(test[:, None] - train[None], axis=-1), axis=1)
+    values = [
+        metrics.psnr(over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest)
+    ]
+    return finite_or_none(float(np.mean(values)))
+
+
+@torch.no_grad()
+def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[float]]:
+    """Shares of a regular grid of points over the box by density, before and after the amplifier.
+
+    Bins are linear over [0, 1] where the method's density is bounded to it, else logarithmic from 1e-3 to 1e3.
+    """
+    axis = (torch.arange(points, device=trainer.device) + 0.5) / points
+    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
+    before, after = trainer.field.density_before_and_after(trainer.box.from_unit(unit))
+    if not bool(torch.isfinite(after).all()):
+        raise Diverged(trainer.step, "density after the amplifier")
+    bounded = trainer.field.amplifier.bounded
+    edges = np.linspace(0.0, 1.0, HISTOGRAM_BINS + 1) if bounded else np.geomspace(1e-3, 1e3, HISTOGRAM_BINS + 1)
+
+    def shares(values: torch.Tensor) -> list[float]:
+        inside = np.clip(values.double().cpu().numpy(), edges[0], edges[-1])
+        counts, _ = np.histogram(inside, edges)
+        return [float(share) for share in counts / len(inside)]
+
+    return {"edges": edges.tolist(), "before": shares(before), "after": shares(after)}
+
+
+@torch.no_grad()
+def measured_properties(trainer: Trainer, test: Cameras) -> dict[str, float | str | None]:
+    """Chunk dependence of one test view, the opacity that one unit of the densest matter found has, the grid's share."""
+    rays = test.all_rays(0)
+    whole = trainer.render(rays, len(rays)).colour
+    small = trainer.render(rays, SMALL_CHUNK).colour
+    difference = (whole - small).abs()
+    axis = (torch.arange(48, device=trainer.device) + 0.5) / 48
+    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
+    densest = float(trainer.field.density(trainer.box.from_unit(unit)).max())
+    return {
+        "chunk_max_difference": float(difference.max()),
+        "chunk_rms_difference": float(difference.square().mean().sqrt()),
+        "largest_density": densest,
+        "opacity_unit_slab": -float(np.expm1(-densest)),
+        "occupied_share": trainer.grid.occupied_share() if trainer.grid else None,
+    }

@@ -1,0 +1,92 @@
+"""One group of cells, (scene, seed), from its view set to its records: what a worker process does."""
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.records import CellRecord, cell_path, write_cell
+from harness.schedule import Budget
+from harness.settings import ScoreSettings, TrainSettings, ViewSettings
+from scenes.errors import InputError
+
+
+@dataclass(frozen=True)
+class GroupTask:
+    """Everything that a worker needs, picklable."""
+
+    scene: str
+    seed: int
+    methods: tuple[str, ...]
+    view_set: Path
+    views: ViewSettings
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+    device: str
+    threads: int
+    out: Path
+
+
+def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Callable[[CellRecord], None]) -> None:
+    """Train, score and write every method of the group; an error of ours ends in records of status `error`."""
+    import torch
+
+    from harness.device import use_threads
+    from harness.lockstep import GroupSettings, train_group
+    from harness.provenance import provenance
+    from scenes.view_set import read_view_set
+
+    try:
+        use_threads(task.threads)
+        device = torch.device(task.device)
+        views = read_view_set(
+            task.view_set,
+            resolution=task.views.resolution,
+            splits=("train", "test"),
+            train_count=task.views.train,
+            test_count=task.views.test,
+        )
+        settings = GroupSettings(task.methods, task.train, task.score, task.budget)
+        origin = provenance(device)
+        for cell in train_group(views, task.scene, task.seed, settings, device, task.out, origin, on_progress):
+            write_cell(task.out, cell)
+            on_cell(cell)
+    except (Exception, MemoryError) as error:
+        lines = traceback.format_exception_only(error)
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{''.join(lines).strip()} ({Path(where.filename).name}:{where.lineno})"
+        if isinstance(error, InputError):
+            reason = str(error)
+        for cell in failed_cells(task, reason):
+            on_cell(cell)
+
+
+def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
+    """Write a record of status `error` for each method of the group that has none yet."""
+    missing = [name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists()]
+    cells = [
+        CellRecord(
+            scene=task.scene,
+            method=method,
+            seed=task.seed,
+            status="error",
+            reason=reason,
+            steps=0,
+            train_seconds=0.0,
+            scores={},
+            curve=[],
+            views=[],
+            trace={},
+            parameters={},
+            properties={},
+            warnings=[],
+            images=[],
+            settings={},
+            provenance={},
+        )
+        for method in missing
+    ]
+    for cell in cells:
+        write_cell(task.out, cell)
+    return cells

@@ -1,0 +1,228 @@
+"""All methods of one scene and one seed, trained in turn on the same batches, each on its own clock."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+
+from baselines.contract import Box
+from harness import evaluate
+from harness.batches import Batches
+from harness.records import CellRecord, Checkpoint, Status, StoredImage, ViewScore, records_folder
+from harness.schedule import Budget, checkpoint_fractions
+from harness.settings import ScoreSettings, TrainSettings
+from harness.trainer import Diverged, Trainer
+from scenes.images import write_png
+from scenes.pixels import over_white
+from scenes.view_set import ViewSet
+
+COLLAPSED_OPACITY = 0.02
+"""Mean test opacity below which a method has learnt nothing but the background."""
+BILLBOARD_GAP_DB = 6.0
+"""Training views this much above test views: the images are painted in front of the cameras, not in the scene."""
+
+
+@dataclass(frozen=True)
+class GroupSettings:
+    """What a group of cells is trained with; the same for every method."""
+
+    methods: tuple[str, ...]
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+
+
+def train_group(
+    views: ViewSet,
+    scene: str,
+    seed: int,
+    settings: GroupSettings,
+    device: torch.device,
+    out: Path,
+    provenance: dict[str, Any],
+    on_progress: Callable[[float], None],
+) -> Iterator[CellRecord]:
+    """Yields the record of each method as soon as it has ended; one that diverges does not stop the others.
+
+    `on_progress` gets the share of the group's training that is done.
+    """
+    box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+    train_cameras = evaluate.cameras_of(views, views.train, device)
+    colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
+    batches = Batches(train_cameras, colours)
+    floor = evaluate.floor_psnr(views)
+    runners = [
+        _Runner(method, views, scene, seed, settings, box, device, out, provenance, floor) for method in settings.methods
+    ]
+    for runner in runners:
+        runner.trainer.warm_up(*batches.batch(seed, 0, settings.train.rays))
+    active = list(runners)
+    turn = 0
+    while active:
+        # who goes first changes, so that nobody always finds the caches that another has filled
+        order = active[turn % len(active) :] + active[: turn % len(active)]
+        for runner in order:
+            rays, truth = batches.batch(seed, runner.trainer.step, settings.train.rays)
+            record = runner.advance(rays, truth)
+            if record is not None:
+                active.remove(runner)
+                yield record
+        turn += 1
+        on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+class _Runner:
+    """One cell: trains, scores at checkpoints, and ends in a record."""
+
+    def __init__(
+        self,
+        method: str,
+        views: ViewSet,
+        scene: str,
+        seed: int,
+        settings: GroupSettings,
+        box: Box,
+        device: torch.device,
+        out: Path,
+        provenance: dict[str, Any],
+        floor: float | None,
+    ) -> None:
+        self.trainer = Trainer(method, box, settings.train, settings.budget, seed, device)
+        self.views = views
+        self.scene = scene
+        self.settings = settings
+        self.out = out
+        self.provenance = provenance
+        self.floor = floor
+        self.test = evaluate.cameras_of(views, views.test, device)
+        self.due = checkpoint_fractions(settings.score.checkpoints, settings.score.earliest)
+        self.curve: list[Checkpoint] = []
+        self.ended = False
+
+    @property
+    def progress(self) -> float:
+        return 1.0 if self.ended else self.trainer.progress
+
+    def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """One step and whatever is due after it; the record when the cell has ended."""
+        try:
+            self.trainer.train_on(rays, truth)
+            if self.trainer.progress < self.due[0]:
+                return None
+            while self.due and self.trainer.progress >= self.due[0]:
+                self.due.pop(0)
+            self.curve.append(self._checkpoint())
+            return None if self.due else self._finished()
+        except Diverged as stop:
+            self.ended = True
+            return self._record("diverged", str(stop), {}, [], {}, [])
+
+    def _checkpoint(self) -> Checkpoint:
+        trainer = self.trainer
+        scores = evaluate.quick_scores(trainer, self.test, self.views.test, self.settings.score.chunk)
+        return Checkpoint(
+            step=trainer.step,
+            seconds=trainer.clock.seconds,
+            network_evaluations=trainer.network_evaluations,
+            psnr=scores["psnr"],
+            rmse_linear=scores["rmse_linear"],
+            ssim=scores["ssim"],
+            density=evaluate.density_histogram(trainer),
+            **trainer.amplifier_scalars(),
+        )
+
+    def _finished(self) -> CellRecord:
+        trainer, score = self.trainer, self.settings.score
+        rows: list[ViewScore] = []
+        images: list[StoredImage] = []
+        opacity = []
+        stored = set(np.linspace(0, len(self.test) - 1, score.stored_views + 2).round().astype(int)[1:-1])
+        for index in range(len(self.test)):
+            view = evaluate.render_view(trainer, self.test, index, score.chunk)
+            rows.append(evaluate.view_scores(view, self.views.test, index))
+            opacity.append(float(view.opacity.mean()))
+            if index in stored:
+                images.append(self._store(view, index))
+        scores = evaluate.mean_scores(rows)
+        scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
+        scores["psnr_floor"] = self.floor
+        properties = evaluate.measured_properties(trainer, self.test)
+        self._save_weights()
+        self.ended = True
+        return self._record("done", None, scores, rows, properties, images, float(np.mean(opacity)))
+
+    def _record(
+        self,
+        status: Status,
+        reason: str | None,
+        scores: dict[str, float | None],
+        rows: list[ViewScore],
+        properties: dict[str, float | str | None],
+        images: list[StoredImage],
+        mean_opacity: float | None = None,
+    ) -> CellRecord:
+        trainer = self.trainer
+        return CellRecord(
+            scene=self.scene,
+            method=trainer.method,
+            seed=trainer.seed,
+            status=status,
+            reason=reason,
+            steps=trainer.step,
+            train_seconds=trainer.clock.seconds,
+            scores=scores,
+            curve=self.curve,
+            views=rows,
+            trace=trainer.trace,
+            parameters=trainer.field.parameter_counts(),
+            properties=properties,
+            warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
+            images=images,
+            settings=asdict(self.settings),
+            provenance=self.provenance,
+        )
+
+    def _store(self, view: evaluate.View, index: int) -> StoredImage:
+        name = self.views.test.names[index]
+        stem = f"{self.scene}.{self.trainer.method}.{self.trainer.seed}.{Path(name).name}"
+        folder = records_folder(self.out) / "images"
+        folder.mkdir(parents=True, exist_ok=True)
+
+        def write(kind: str, rgb: np.ndarray) -> str:
+            opaque = np.ones((*rgb.shape[:2], 1))
+            write_png(folder / f"{stem}.{kind}.png", np.concatenate([rgb, opaque], axis=-1).astype(np.float32))
+            return f"images/{stem}.{kind}.png"
+
+        return StoredImage(
+            view=name,
+            truth=write("truth", over_white(self.views.test.rgba[index])),
+            render=write("render", np.clip(view.colour, 0.0, 1.0)),
+            opacity=write("opacity", np.repeat(np.clip(view.opacity, 0.0, 1.0)[..., None], 3, axis=-1)),
+        )
+
+    def _save_weights(self) -> None:
+        folder = self.out / "checkpoints"
+        folder.mkdir(parents=True, exist_ok=True)
+        tensors = {name: value.contiguous().cpu() for name, value in self.trainer.fields.state_dict().items()}
+        if self.trainer.grid is not None:
+            tensors["occupied"] = self.trainer.grid.occupied.cpu()
+        save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.trainer.seed}.safetensors")
+
+
+def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
+    """States that a reader of the scores must know, in words."""
+    found = []
+    psnr, floor, train = (scores.get(name) for name in ("psnr", "psnr_floor", "psnr_train"))
+    if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
+        found.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
+    if grid_emptied:
+        found.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
+    if psnr is not None and floor is not None and psnr < floor:
+        found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
+    if psnr is not None and train is not None and train - psnr > BILLBOARD_GAP_DB:
+        found.append(f"billboard: training views {train:.2f} dB, test views {psnr:.2f} dB")
+    return found

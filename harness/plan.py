@@ -1,0 +1,159 @@
+"""What a run is going to do: scenes × methods × seeds, how much, and on what. Profiles hold what differs."""
+
+import re
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from baselines.contract import NetworkSize
+from harness.schedule import Budget
+from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from scenes.catalog import CATALOG as SCENES
+from scenes.catalog import CLASSICS
+from scenes.errors import InputError
+
+LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096}
+SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run."""
+
+    profile: str
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+    budget: Budget
+    train: TrainSettings
+    score: ScoreSettings
+    views: ViewSettings
+    view_set: str | None = None
+    """A folder in the Blender format to train on, instead of rendering scenes."""
+
+    def cells(self) -> list[tuple[str, str, int]]:
+        """(scene, method, seed) in the order in which they are run."""
+        return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods]
+
+    def groups(self) -> list[tuple[str, int]]:
+        """(scene, seed): its methods train in lockstep. Seeds outermost, so that a stopped run has every scene."""
+        return [(scene, seed) for seed in self.seeds for scene in self.scenes]
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that the results depend on, as JSON."""
+        kept = {key: value for key, value in asdict(self).items() if key not in ("scenes", "methods", "seeds")}
+        return {**kept, "scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
+
+
+COMPARED = ("nerf", "nerf_matched", "qnerf")
+"""Every default run has the bandwidth control beside the two methods of the paper."""
+
+REDUCED_TRAINING = TrainSettings(
+    network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
+    rays=2048,
+    bins=96,
+    first_bins=32,
+    fine_bins=0,
+    learning_rate=5e-3,
+    last_learning_rate=5e-4,
+    warm_up_steps=50,
+    precision="bfloat16",
+    grid=GridSettings(cells=32, first_step=100, every=25),
+)
+
+PROFILES: dict[str, Plan] = {
+    "smoke": Plan(
+        profile="smoke",
+        scenes=("hotdog", "lego"),
+        methods=COMPARED,
+        seeds=(0, 1),
+        budget=Budget(steps=60, seconds=None),
+        train=replace(REDUCED_TRAINING, rays=512, bins=48, grid=GridSettings(cells=24, first_step=30, every=10)),
+        score=ScoreSettings(checkpoints=3, earliest=0.3, train_views=2, stored_views=1),
+        views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
+    ),
+    "reduced": Plan(
+        profile="reduced",
+        scenes=tuple(CLASSICS),
+        methods=COMPARED,
+        seeds=(0, 1, 2),
+        budget=Budget(steps=1000, seconds=None),
+        train=REDUCED_TRAINING,
+        score=ScoreSettings(checkpoints=6, earliest=0.1),
+        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=32, spp_test=128),
+    ),
+    "full": Plan(
+        profile="full",
+        scenes=tuple(CLASSICS),
+        methods=COMPARED,
+        seeds=(0, 1, 2),
+        budget=Budget(steps=200_000, seconds=None),
+        train=TrainSettings(grid=GridSettings(cells=0)),
+        score=ScoreSettings(checkpoints=12, earliest=0.005),
+        views=ViewSettings(),
+    ),
+}
+
+
+def planned(
+    profile: str,
+    *,
+    scenes: list[str] | None = None,
+    methods: list[str] | None = None,
+    seeds: int | None = None,
+    budget_steps: int | None = None,
+    budget_seconds: float | None = None,
+    resolution: int | None = None,
+    view_set: Path | None = None,
+    bfloat16_pays: bool = True,
+) -> Plan:
+    """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
+
+    `bfloat16_pays` False puts every matrix product back to float32: the processor has no bfloat16 products.
+    """
+    from baselines.catalog import CATALOG as METHODS
+
+    if profile not in PROFILES:
+        raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
+    for name, value in {
+        "seeds": seeds,
+        "budget_steps": budget_steps,
+        "budget_seconds": budget_seconds,
+        "resolution": resolution,
+    }.items():
+        if value is not None and not SMALLEST[name] <= value <= LARGEST[name]:
+            option = "--" + name.replace("_", "-")
+            raise InputError(f"{option} {value}: must lie between {SMALLEST[name]} and {LARGEST[name]:g}")
+    plan = PROFILES[profile]
+    if scenes is not None and view_set is not None:
+        raise InputError("--scenes and --view-set exclude each other: a view set is one scene of its own")
+    if scenes is not None:
+        plan = replace(plan, scenes=_known("--scenes", scenes, list(SCENES)))
+    if view_set is not None:
+        plan = replace(plan, scenes=(scene_name_of(view_set),), view_set=str(view_set))
+    if methods is not None:
+        plan = replace(plan, methods=_known("--methods", methods, list(METHODS)))
+    if seeds is not None:
+        plan = replace(plan, seeds=tuple(range(seeds)))
+    if budget_steps is not None or budget_seconds is not None:
+        plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
+    if resolution is not None:
+        plan = replace(plan, views=replace(plan.views, resolution=resolution))
+    if not bfloat16_pays:
+        plan = replace(plan, train=replace(plan.train, precision="float32"))
+    return plan
+
+
+def scene_name_of(view_set: Path) -> str:
+    """A name for records, from the folder's: letters, digits, `-` and `_` alone."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", view_set.resolve().name).strip("-") or "view-set"
+
+
+def _known(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise InputError(f"{option}: unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{option}: {' '.join(repeated)} named twice")
+    return tuple(names)

@@ -1,0 +1,183 @@
+"""One method in training: its field, optimiser, occupancy grid and clock. Prints and writes nothing."""
+
+import math
+from collections.abc import Iterable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from baselines.catalog import CATALOG
+from baselines.contract import Box, Rays, Rendering
+from baselines.field import NetworkField
+from baselines.occupancy import OccupancyGrid
+from baselines.rendering import Sampling, render_rays
+from harness.schedule import Budget, learning_rate
+from harness.seeds import generator_for
+from harness.settings import TrainSettings
+from harness.stopwatch import Stopwatch
+
+
+class Diverged(ArithmeticError):
+    """Something is NaN or infinite; says at which step and in which tensor."""
+
+    def __init__(self, step: int, tensor: str) -> None:
+        super().__init__(f"not finite at step {step}: {tensor}")
+        self.step = step
+        self.tensor = tensor
+
+
+class Trainer:
+    """Trains one method on one scene with one seed, a batch at a time."""
+
+    def __init__(
+        self, method: str, box: Box, settings: TrainSettings, budget: Budget, seed: int, device: torch.device
+    ) -> None:
+        parts = CATALOG[method].parts
+        self.method = method
+        self.settings = settings
+        self.budget = budget
+        self.seed = seed
+        self.device = device
+        self.box = box
+        self.background = torch.ones(3, device=device)
+        make = [settings.network, box, settings.precision]
+        self.coarse = NetworkField(parts, *make, seed=seed).to(device)
+        self.fine = NetworkField(parts, *make, seed=seed + 1_000_003).to(device) if settings.fine_bins else None
+        self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
+        self.optimiser = torch.optim.Adam(self.fields.parameters(), lr=settings.learning_rate, fused=True)
+        # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
+        self.whole_rays = parts.quadrature == "listing4"
+        self.quadrature = parts.quadrature
+        has_grid = settings.grid.cells > 0 and not self.whole_rays
+        self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold) if has_grid else None
+        self.clock = Stopwatch(device)
+        self.step = 0
+        self.network_evaluations = 0
+        self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
+
+    @property
+    def field(self) -> NetworkField:
+        """The field that is rendered in the end."""
+        return self.fine or self.coarse
+
+    @property
+    def progress(self) -> float:
+        return self.budget.progress(self.step, self.clock.seconds)
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """One forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
+        self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
+        self.optimiser.zero_grad(set_to_none=True)
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """One step on one batch, on the clock. Raises `Diverged`; the weights are then those before the step."""
+        with self.clock.running():
+            self._refresh_grid()
+            rate = learning_rate(
+                self.progress,
+                self.step,
+                self.settings.learning_rate,
+                self.settings.last_learning_rate,
+                self.settings.warm_up_steps,
+            )
+            for group in self.optimiser.param_groups:
+                group["lr"] = rate
+            loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
+            if not math.isfinite(loss_value := loss.item()):
+                raise Diverged(self.step, "loss" if _all_finite(self._weights()) else self._first_not_finite("weight"))
+            loss.backward()
+            norm = float(nn.utils.clip_grad_norm_(self.fields.parameters(), self.settings.clip_norm))
+            if not math.isfinite(norm):
+                raise Diverged(self.step, self._first_not_finite("gradient"))
+            self.optimiser.step()
+            self.optimiser.zero_grad(set_to_none=True)
+        self.step += 1
+        self.network_evaluations += rendering.network_evaluations
+        if self.step % TRACE_EVERY == 0 or self.step == 1:
+            self._note(loss_value, norm, rendering.network_evaluations / len(rays))
+
+    @torch.no_grad()
+    def render(self, rays: Rays, chunk: int) -> Rendering:
+        """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
+        parts = [
+            self._rendered(rays.part(start, start + chunk), None) for start in range(0, max(len(rays), 1), chunk)
+        ]
+        whole = Rendering(
+            colour=torch.cat([part.colour for part in parts]),
+            opacity=torch.cat([part.opacity for part in parts]),
+            depth=torch.cat([part.depth for part in parts]),
+            network_evaluations=sum(part.network_evaluations for part in parts),
+        )
+        for name in ("colour", "opacity", "depth"):
+            if not bool(torch.isfinite(getattr(whole, name)).all()):
+                raise Diverged(self.step, f"rendered {name}")
+        return whole
+
+    def amplifier_scalars(self) -> dict[str, float | None]:
+        """α and β of the amplifier, None where the method has none."""
+        amplifier = self.field.amplifier
+        return {
+            name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
+        }
+
+    def _sampling(self) -> Sampling:
+        grid_in_use = self.grid is not None and self.step > self.settings.grid.first_step
+        return Sampling(
+            bins=self.settings.bins if grid_in_use or self.grid is None else self.settings.first_bins,
+            fine_bins=self.settings.fine_bins,
+            quadrature=self.quadrature,
+            clip_to_box=not self.whole_rays,
+            exploration=self.settings.grid.exploration,
+        )
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None) -> Rendering:
+        return render_rays(
+            self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
+        )
+
+    def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
+        """Mean squared error of display colours, of the coarse pass as well where there is one (as the original)."""
+        rendering = self._rendered(rays, generator)
+        loss = torch.mean((rendering.colour - colours) ** 2)
+        if rendering.coarse_colour is not None:
+            loss = loss + torch.mean((rendering.coarse_colour - colours) ** 2)
+        return loss, rendering
+
+    def _refresh_grid(self) -> None:
+        settings = self.settings.grid
+        since = self.step - settings.first_step
+        if self.grid is None or since < 0 or since % settings.every:
+            return
+        share = 1.0 if since == 0 else settings.share
+        generator = generator_for(self.seed, self.step, "grid")
+        self.network_evaluations += self.grid.refresh(self.field, share, generator)
+
+    def _note(self, loss: float, norm: float, samples_per_ray: float) -> None:
+        values = {
+            "step": float(self.step),
+            "loss": loss,
+            "gradient_norm": norm,
+            "samples_per_ray": samples_per_ray,
+            **self.amplifier_scalars(),
+        }
+        for name, series in self.trace.items():
+            series.append(values[name])
+
+    def _weights(self) -> Iterable[Tensor]:
+        return (weight.detach() for weight in self.fields.parameters())
+
+    def _first_not_finite(self, what: str) -> str:
+        for name, weight in self.fields.named_parameters():
+            tensor = weight.grad if what == "gradient" else weight
+            if tensor is not None and not bool(torch.isfinite(tensor).all()):
+                return f"{what} of {name}"
+        return f"norm of all {what}s"
+
+
+TRACED = ("step", "loss", "gradient_norm", "alpha", "beta", "samples_per_ray")
+TRACE_EVERY = 20
+
+
+def _all_finite(tensors: Iterable[Tensor]) -> bool:
+    return all(bool(torch.isfinite(tensor).all()) for tensor in tensors)

@@ -1,0 +1,162 @@
+"""Tables as data, against literals."""
+
+from dataclasses import replace
+
+import pytest
+
+from harness.records import Comparison
+from reports.grid import Entry
+from reports.load import Records, read_records
+from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.properties import failures_grid, left_out_grid, parameters_grid, properties_grid, warnings_grid
+from reports.psnr_table import difference_entry, differences_grids, scores_grid
+from reports.table import average_of, cells_frame, shared_scenes, spread_of
+from tests.reports.fake_run import write_fake_run
+
+
+def test_spread_is_over_finished_seeds_alone(records: Records):
+    frame = cells_frame(records)
+    whole, lost = spread_of(frame, "chair", "nerf", "psnr"), spread_of(frame, "drums", "qnerf", "psnr")
+    assert whole.mean == pytest.approx((22.886 + 22.85 + 22.874) / 3, abs=0.05)
+    assert (whole.done, whole.seeds) == (3, 3)
+    assert (lost.done, lost.seeds) == (2, 3)
+
+
+def test_an_average_stands_on_scenes_that_every_method_finished(tmp_path):
+    out = write_fake_run(tmp_path / "run", seeds=1, pictures=False)
+    frame = cells_frame(read_records(out))
+    assert shared_scenes(frame, "psnr") == ["chair"]
+    assert average_of(frame, "qnerf", "psnr", ["chair"]).sd is None
+
+
+def test_psnr_table(records: Records):
+    grid = scores_grid(records)
+    assert [column.label for column in grid.columns] == [
+        "scene",
+        "floor",
+        "nerf",
+        "nerf_matched",
+        "qnerf",
+        "ceiling",
+        "NeRF",
+        "Q-NeRF",
+    ]
+    assert grid.rows[1] == [
+        Entry("drums"),
+        Entry("15.4", tone="muted"),
+        Entry("23.82 ± 0.03", "train 24.92"),
+        Entry("24.60 ± 0.10", "train 25.70"),
+        Entry("24.60 ± 0.12", "train 25.70\n1 of 3 diverged", "failed"),
+        Entry("38.5", tone="muted"),
+        Entry("25.0", tone="muted"),
+        Entry("26.2", tone="muted"),
+    ]
+    assert [entry.text for entry in grid.totals[0]][:3] == ["mean", "–", "23.34 ± 0.02"]
+
+
+def test_a_method_that_never_finished_has_no_number(tmp_path):
+    out = write_fake_run(tmp_path / "run", scenes=("chair",), seeds=1, pictures=False)
+    assert scores_grid(read_records(out)).rows[0][4] == Entry("1 of 1 diverged", tone="failed")
+
+
+def test_differences_are_those_of_the_comparisons(records: Records):
+    changed = [
+        replace(one, difference=0.125, interval=(0.05, 0.2), verdict="better", left_aside=0)
+        if (one.scene, one.against, one.budget) == ("chair", "nerf", "steps") and one.method == "qnerf"
+        else one
+        for one in records.comparisons
+    ]
+    (grid,) = differences_grids(replace(records, comparisons=changed))
+    assert [column.label for column in grid.columns] == [
+        "scene",
+        "− nerf",
+        "− nerf_matched",
+        "− nerf",
+        "− nerf_matched",
+        "Δ",
+    ]
+    assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nbetter", "better")
+    assert grid.rows[0][5] == Entry("+1.4", tone="muted")
+    assert grid.totals[0][0].text == "all scenes"
+    assert "1 cell left aside" in grid.totals[0][1].small
+
+
+def test_a_comparison_without_pairs_shows_no_number():
+    one = Comparison("lego", "qnerf", "nerf", "psnr", "steps", None, None, "inconclusive", None, 0, 3)
+    assert difference_entry(one) == Entry("–", "inconclusive\n3 cells left aside", "inconclusive")
+
+
+def test_diverged_cells_show_in_every_table_of_scores(records: Records):
+    metrics = metrics_grid(records)
+    assert [row[1] for row in metrics.rows if row[1].tone == "failed"] == [Entry("qnerf", "1 of 3 diverged", "failed")]
+    assert failures_grid(records).rows == [
+        [
+            Entry("drums · qnerf · seed 2"),
+            Entry("diverged", tone="failed"),
+            Entry("not finite at step 412: density_head.weight"),
+        ]
+    ]
+
+
+def test_a_score_that_no_cell_has_is_no_column(tmp_path):
+    def without_depth(cell):
+        return replace(cell, scores={**cell.scores, "depth_rmse": None})
+
+    out = write_fake_run(tmp_path / "run", pictures=False, change_cell=without_depth)
+    labels = [column.label for column in metrics_grid(read_records(out)).columns]
+    assert labels == ["scene", "method", "PSNR ↑", "SSIM ↑", "FLIP ↓", "ΔE₀₀ ↓", "linear RMSE ↓", "opacity IoU ↑"]
+
+
+def test_weights_beside_table_1(records: Records):
+    grid = parameters_grid(records)
+    assert [entry.text for entry in grid.rows[0]] == [
+        "density MLP",
+        *["21\u202f000"] * 3,
+        "1\u202f300\u202f000",
+        "493\u202f056",
+    ]
+    assert grid.totals[0][0].text == "total"
+    assert grid.totals[0][3].text == "24\u202f967"
+
+
+def test_properties_show_mean_and_range(tmp_path):
+    def other_chunks(cell):
+        value = 0.01 * (1 + cell.seed) if cell.method == "qnerf" else 0.0
+        return replace(cell, properties={"chunk_max_difference": value, "note": "per call", "nothing": None})
+
+    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False, change_cell=other_chunks)
+    grid = properties_grid(read_records(out))
+    assert [row[0].text for row in grid.rows] == [
+        "largest change of a pixel when a view is rendered in small chunks",
+        "note",
+    ]
+    assert grid.rows[0][1:] == [Entry("0"), Entry("0"), Entry("0.0200", "0.0100 – 0.0300")]
+    assert grid.rows[1][1] == Entry("per call")
+
+
+def test_warnings_of_the_same_words_share_a_row(tmp_path):
+    out = write_fake_run(
+        tmp_path / "run",
+        ("chair",),
+        pictures=False,
+        change_cell=lambda cell: replace(cell, warnings=["empty collapse"]),
+    )
+    rows = warnings_grid(read_records(out)).rows
+    assert [entry.text for entry in rows[0]] == ["chair", "nerf", "0, 1 and 2", "empty collapse"]
+    assert len(rows) == 3
+
+
+def test_left_out_says_what_it_saved_and_changed(records: Records):
+    (row,) = left_out_grid(records).rows
+    assert [entry.text for entry in row] == [
+        "drums",
+        "view-direction branch",
+        "every surface is Lambertian",
+        "1.2 s",
+        "−0.010",
+    ]
+    assert row[4].small == "[−0.080, +0.060]"
+
+
+def test_every_comparison_is_listed(records: Records):
+    assert len(comparisons_grid(records).rows) == len(records.comparisons) == 18

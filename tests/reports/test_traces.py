@@ -1,0 +1,175 @@
+"""Plots are plain data: traces against literals."""
+
+import re
+from dataclasses import replace
+
+from harness.records import Checkpoint
+from reports.convergence import convergence
+from reports.differences_plot import difference_panels
+from reports.figure import Panel, Trace, svg, tick, with_common_limits
+from reports.histograms import amplifier_over_time, axis_of, density_histograms
+from reports.load import Records, read_records
+from reports.palette import INK, KNOWN, MUTED
+from reports.work_precision import error_against, noise_floors
+from tests.reports.fake_run import write_fake_run
+
+BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
+
+
+def two_points(cell):
+    """A curve of two round points, higher by one for each seed."""
+    curve = [
+        Checkpoint(10, 1.0 + cell.seed, 1000, 10.0 + cell.seed, 0.2, 0.5),
+        Checkpoint(20, 2.0 + cell.seed, 2000, 20.0 + cell.seed, 0.1, 0.6),
+    ]
+    return replace(cell, curve=curve[:1] if cell.status == "diverged" else curve)
+
+
+def simple(tmp_path, **options) -> Records:
+    options = {"scenes": ("chair",), "methods": {"nerf": "", "qnerf": ""}, "seeds": 2, **options}
+    return read_records(write_fake_run(tmp_path / "run", pictures=False, change_cell=two_points, **options))
+
+
+def test_convergence_against_steps(tmp_path):
+    (panel,) = convergence(simple(tmp_path), "step")
+    assert panel.title == "chair"
+    assert panel.traces[:5] == (
+        Trace("nerf seed 0", BLUE, "thin", (10.0, 20.0), (10.0, 20.0)),
+        Trace("nerf seed 1", BLUE, "thin", (10.0, 20.0), (11.0, 21.0)),
+        Trace("qnerf seed 0", ORANGE, "thin", (10.0, 20.0), (10.0, 20.0)),
+        Trace("qnerf seed 1", ORANGE, "thin", (10.0,), (11.0,)),
+        Trace("nerf mean", BLUE, "line", (10.0, 20.0), (10.5, 20.5)),
+    )
+    assert panel.traces[5:7] == (
+        Trace("qnerf mean", ORANGE, "line", (10.0, 20.0), (10.0, 20.0)),
+        Trace("qnerf seed 1 diverged", ORANGE, "cross", (10.0,), (11.0,)),
+    )
+    assert panel.alt == (
+        "chair: test PSNR (dB) against training step. At the end: nerf 20.5, qnerf 20, qnerf seed 1 diverged."
+    )
+
+
+def test_convergence_against_seconds_takes_the_mean_clock(tmp_path):
+    (panel,) = convergence(simple(tmp_path, with_diverged=False), "seconds")
+    means = [trace for trace in panel.traces if trace.kind == "line"]
+    assert means[0] == Trace("nerf mean", BLUE, "line", (1.5, 2.5), (10.5, 20.5))
+
+
+def test_all_scenes_come_first_where_there_are_several(records: Records):
+    assert [panel.title for panel in convergence(records, "step")] == ["all scenes (mean)", "chair", "drums"]
+
+
+def test_levels_are_drawn_where_they_are_near_alone(tmp_path):
+    (panel,) = convergence(simple(tmp_path), "step")
+    assert [trace.label for trace in panel.traces if trace.kind == "floor"] == ["floor"]
+    assert panel.traces[-1] == Trace("floor", MUTED.light, "floor", (10.0, 20.0), (15.0, 15.0))
+
+
+def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path):
+    out = write_fake_run(
+        tmp_path / "run",
+        ("chair",),
+        seeds=1,
+        pictures=False,
+        change_cell=lambda cell: replace(cell, curve=[]) if cell.status == "diverged" else cell,
+    )
+    (panel,) = convergence(read_records(out), "step")
+    assert {trace.label.split()[0] for trace in panel.traces} == {"nerf", "nerf_matched"}
+
+
+def test_scores_that_are_missing_are_skipped(tmp_path):
+    def holes(cell):
+        return replace(cell, curve=[replace(point, psnr=None) for point in cell.curve[:1]] + cell.curve[1:])
+
+    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False, change_cell=holes)
+    (panel,) = convergence(read_records(out), "step")
+    assert panel.traces[0].x[0] == 100.0
+
+
+def test_error_against_cost_is_log_log(tmp_path):
+    (panel,) = error_against(simple(tmp_path), "network_evaluations")
+    assert (panel.x_scale, panel.y_scale) == ("log", "log")
+    assert panel.traces[0] == Trace("nerf seed 0", BLUE, "thin", (1000.0, 2000.0), (0.2, 0.1))
+
+
+def test_the_noise_floor_follows_from_the_ceiling(records: Records):
+    floors = noise_floors(records)
+    assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
+    (panel,) = [panel for panel in error_against(records, "seconds") if panel.title == "chair"]
+    assert panel.traces[-1].colour == INK.light
+    assert panel.traces[-1].y[0] == floors["chair"]
+
+
+def test_histograms_of_methods_with_an_amplifier(tmp_path):
+    def small_bins(cell):
+        density = {"edges": [0.0, 0.5, 1.0], "before": [0.75, 0.25], "after": [1.0, 0.0]}
+        shown = density if cell.method == "qnerf" else {**density, "after": density["before"]}
+        return replace(cell, curve=[replace(cell.curve[0], density=shown)])
+
+    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False, change_cell=small_bins)
+    (panel,) = density_histograms(read_records(out))
+    assert panel.title == "chair"
+    assert panel.x_scale == "linear"
+    assert panel.traces == (
+        Trace("before the amplifier", MUTED.light, "outline", (0.0, 0.5, 1.0), (0.75, 0.25, 0.25)),
+        Trace("after the amplifier", ORANGE, "outline", (0.0, 0.5, 1.0), (1.0, 1e-5, 1e-5)),
+    )
+    assert panel.alt.endswith("Mean about 0.375 before and 0.25 after.")
+
+
+def test_axes_of_histograms():
+    assert axis_of([0.0, 1.0, 2.0]) == ("linear", 1.0)
+    assert axis_of([0.01, 0.1, 1.0]) == ("log", 1.0)
+    assert axis_of([0.0, 0.01, 1.0]) == ("symlog", 0.01)
+
+
+def test_amplifier_over_time(records: Records):
+    alpha, beta = amplifier_over_time(records)
+    assert alpha.title == "α over training"
+    assert alpha.traces[0].x == (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
+    assert alpha.traces[0].y[-1] == 0.778
+    assert beta.traces[-1].y == (1.0, 1.0)
+
+
+def test_differences_with_intervals_and_printed_values(whole: Records):
+    first, *others = difference_panels(whole)
+    assert first.title == "qnerf − nerf at equal steps"
+    assert first.rows == ("chair", "drums", "all")
+    dots = next(trace for trace in first.traces if trace.kind == "dots")
+    printed = next(trace for trace in first.traces if trace.kind == "mark")
+    assert dots.x == tuple(whole.comparison(scene, "qnerf", "nerf").difference for scene in first.rows)
+    assert [round(value, 1) for value in printed.x] == [1.4, 1.2, 1.3]
+    assert len(others) == 3
+
+
+def test_common_limits_hold_every_panel():
+    panels = [
+        Panel(t, "x", "y", (Trace("", BLUE, "line", (1.0, high), (0.0, 1.0)),), "")
+        for t, high in (("a", 2.0), ("b", 5.0))
+    ]
+    assert [panel.x_limits for panel in with_common_limits(panels)] == [(0.8, 5.2)] * 2
+
+
+def test_ticks():
+    assert [tick(v) for v in (0.05, 20.0, 5000.0, 2e6, -0.6, 1e-5, 0.001, 0.0)] == [
+        "0.05", "20", "5k", "2M", "−0.6", "10⁻⁵", "0.001", "0",
+    ]  # fmt: skip
+
+
+def test_svg_is_fit_for_a_page_with_others():
+    trace = Trace("a", BLUE, "line", (1.0, 2.0), (0.001, 0.002))
+    panel = Panel("t", "x", "<\"&'>", (trace,), 'says "<b>"', rows=())
+    text = str(svg(panel, "one-1"))
+    assert text.startswith('<svg class="plot" viewBox=')
+    assert 'aria-label="says &#34;&lt;b&gt;&#34;"' in text
+    assert "&lt;" in text
+    assert BLUE not in text
+    assert "var(--nerf)" in text
+    assert "0.001" in text, "numbers in text must not be shortened as coordinates are"
+    assert "<style" not in text
+    assert "xlink" not in text
+    assert "http" not in text
+    ids = re.findall(r' id="([^"]+)"', text)
+    assert ids
+    assert all(one.startswith("one-1-") for one in ids)
+    assert len(ids) == len(set(ids))
