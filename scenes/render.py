@@ -19,9 +19,11 @@ from scenes.scene import Description
 from scenes.variant import Variant
 from scenes.viewpoints import FOV_X_RADIANS, check_poses
 
-RENDERER_VERSION = 1
+RENDERER_VERSION = 2
 """Counted up with every change that changes images, so that cached view sets are rendered again."""
 NEAR_CLIP = 1e-3
+NORMAL_SPP = {False: 2, True: 16}
+"""Samples a pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
 LARGEST_WAVEFRONT = 1 << 22
 """Paths in flight at once in a vectorised variant; more are rendered in passes."""
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
@@ -45,7 +47,7 @@ class RenderedView:
     hits; 0 where nothing was hit."""
     normal: np.ndarray
     """float32 [h, w, 3]: shading normal in the world frame, outwards as the mesh has it, the unit mean over the pixel's
-    hits; 0 where nothing was hit."""
+    hits of a few samples (`NORMAL_SPP`); 0 where nothing was hit."""
     noise_mse: float
     """Expected mean square error of the display image over white that noise alone causes."""
 
@@ -65,14 +67,11 @@ class LoadedScene:
         self._scene = mi.load_dict(
             {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
         )
-        self._integrator = mi.load_dict(
-            {
-                "type": "aov",
-                "aovs": "normal:sh_normal",
-                "colour": {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": True},
-                "distance": {"type": "depth"},
-            }
-        )
+        # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
+        # variant it takes fifty times as long for a ray as `depth` does.
+        self._colour = mi.load_dict({"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": True})
+        self._distance = mi.load_dict({"type": "depth"})
+        self._normal = mi.load_dict({"type": "aov", "aovs": "normal:sh_normal"})
         self._sensors: dict[int, Any] = {}
 
     def bounds(self) -> np.ndarray:
@@ -84,8 +83,30 @@ class LoadedScene:
         padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
         return corners + np.array([[-padding], [padding]])
 
-    def half(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        """One independent render: float32 [h, w, 11], RGBA, distance × 3, hit, normal × 3."""
+    def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """One independent estimate: float64 [h, w, 4], linear, premultiplied."""
+        return self._render(self._colour, camera_to_world, spp, seed)
+
+    def geometry(self, camera_to_world: np.ndarray, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Depth [h, w] and unit normal [h, w, 3] of the first surface, as `RenderedView` has them, float64."""
+        distance = self._render(self._distance, camera_to_world, spp, seed)
+        hits = distance[..., 3]
+        mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
+        # Mitsuba's rays start on the near plane, not at the camera
+        depth = np.where(hits > 0, mean + NEAR_CLIP * self._ray_stretch(), 0.0)
+        normal = self._render(self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
+
+    def _ray_stretch(self) -> np.ndarray:
+        """Length [h, w] of the rays through the pixel centres per unit of z."""
+        focal = 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
+        x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / focal
+        y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
+        return np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+    def _render(self, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """Mean of as many passes as the samples need: float64 [h, w, channels]."""
         import mitsuba as mi
 
         passes, spp_pass = self._passes(spp)
@@ -93,12 +114,12 @@ class LoadedScene:
         parameters = mi.traverse(sensor)
         parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
         parameters.update()
-        total = np.zeros((self.height, self.width, 11))
-        for number in range(passes):
-            image = mi.render(
-                self._scene, sensor=sensor, integrator=self._integrator,
-                seed=seed_from(seed, number), spp=spp_pass,
-            )  # fmt: skip
+        images = (
+            mi.render(self._scene, sensor=sensor, integrator=integrator, seed=seed_from(seed, number), spp=spp_pass)
+            for number in range(passes)
+        )
+        total = np.array(next(images), dtype=np.float64)
+        for image in images:
             total += np.array(image)
         return total / passes
 
@@ -160,39 +181,25 @@ def render_views(
         raise InputError(f"{spp} samples a pixel: two halves are needed to know the noise; choose 2 or more")
     check_poses(camera_to_world, list(names))
     for pose, seed, name in zip(camera_to_world, seeds, names, strict=True):
-        halves = [scene.half(pose, math.ceil(spp / 2), seed_from(seed, half)) for half in ("a", "b")]
-        if not np.isfinite(halves).all():
-            bad = int((~np.isfinite(np.mean(halves, axis=0)).all(axis=-1)).sum())
-            raise RenderError(f"{name}: {bad} of {scene.width * scene.height} pixels are not finite; mend the scene")
-        yield combine(halves[0], halves[1], scene.fov_x_radians)
+        spp_half = math.ceil(spp / 2)
+        a, b = (scene.colour(pose, spp_half, seed_from(seed, half)) for half in ("a", "b"))
+        depth, normal = scene.geometry(pose, spp_half, seed_from(seed, "geometry"))
+        finite = np.isfinite(a).all(-1) & np.isfinite(b).all(-1) & np.isfinite(depth) & np.isfinite(normal).all(-1)
+        if not finite.all():
+            raise RenderError(f"{name}: {int((~finite).sum())} of {finite.size} pixels are not finite; mend the scene")
+        yield combine(a, b, depth, normal)
 
 
-def combine(a: np.ndarray, b: np.ndarray, fov_x_radians: float) -> RenderedView:
-    """Two halves as `LoadedScene.half` renders them → one view."""
-    mean = (a + b) / 2
-    hits = mean[..., 7]
-    hit = hits > 0
-    distance = np.where(hit, mean[..., 4] / np.where(hit, hits, 1.0), 0.0)
-    # Mitsuba's rays start on the near plane, not at the camera
-    depth = np.where(hit, distance + NEAR_CLIP * _ray_stretch(hits.shape[0], hits.shape[1], fov_x_radians), 0.0)
-    length = np.linalg.norm(mean[..., 8:], axis=-1, keepdims=True)
-    normal = np.where(length > 1e-6, mean[..., 8:] / np.where(length > 1e-6, length, 1.0), 0.0)
-    display_a, display_b = (over_white(display_from_linear(half[..., :4])).astype(np.float64) for half in (a, b))
+def combine(a: np.ndarray, b: np.ndarray, depth: np.ndarray, normal: np.ndarray) -> RenderedView:
+    """Two independent halves [h, w, 4], linear and premultiplied, and their geometry → one view."""
+    display_a, display_b = (over_white(display_from_linear(half)).astype(np.float64) for half in (a, b))
     return RenderedView(
-        rgba=mean[..., :4].astype(np.float32),
-        variance=((a[..., :4] - b[..., :4]) ** 2 / 4).astype(np.float32),
+        rgba=((a + b) / 2).astype(np.float32),
+        variance=((a - b) ** 2 / 4).astype(np.float32),
         depth=depth.astype(np.float32),
         normal=normal.astype(np.float32),
         noise_mse=float(np.mean((display_a - display_b) ** 2) / 4),
     )
-
-
-def _ray_stretch(height: int, width: int, fov_x_radians: float) -> np.ndarray:
-    """Length [h, w] of the rays through the pixel centres per unit of z."""
-    focal = 0.5 * width / math.tan(0.5 * fov_x_radians)
-    x = (np.arange(width) + 0.5 - 0.5 * width) / focal
-    y = (np.arange(height) + 0.5 - 0.5 * height) / focal
-    return np.sqrt(1 + x**2 + y[:, None] ** 2)
 
 
 def even_spp(spp: int) -> int:
