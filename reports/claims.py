@@ -45,8 +45,8 @@ class Claim:
     id: str
     source: str
     statement: str
-    printed: float | tuple[float, float] | None
-    measured: float | None
+    printed: int | float | tuple[float, float] | None
+    measured: int | float | None
     interval: tuple[float, float] | None
     scale: str
     verdict: Verdict
@@ -69,7 +69,7 @@ def claims(records: Records) -> list[Claim]:
     ]
 
 
-def half_unit(printed: float) -> float:
+def half_unit(printed: int | float) -> float:
     """Half of the last printed digit: what may have been rounded away. 1.4 → 0.05, 257 → 0.5, 67 000 → 500."""
     if isinstance(printed, int) or float(printed).is_integer():
         digits = str(abs(int(printed)))

@@ -49,7 +49,7 @@ def _finer(claim: Claim) -> int:
     return {1: 2, 3: 4}.get(claim.digits, claim.digits)
 
 
-def _with_unit(claim: Claim, value: float, digits: int) -> str:
+def _with_unit(claim: Claim, value: int | float, digits: int) -> str:
     if claim.unit in ("weights", "lines"):
         return count(round(value))
     text = number(value, digits) if claim.unit == "%" else signed(value, digits)

@@ -172,8 +172,17 @@ def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
         if isinstance(value, dict):
             rows += flat(value, f"{prefix}{name}.")
         else:
-            rows.append((f"{prefix}{name}", ", ".join(map(str, value)) if isinstance(value, list) else str(value)))
+            rows.append((f"{prefix}{name}", plain(value)))
     return rows
+
+
+def plain(value: Any) -> str:
+    """A setting as a reader writes it."""
+    if isinstance(value, list):
+        return ", ".join(map(plain, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return wording.NOTHING if value is None else str(value)
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:

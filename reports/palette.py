@@ -1,4 +1,4 @@
-"""One colour per method, everywhere: Okabe and Ito's set, told apart by colour-blind readers too.
+"""One colour per method, everywhere: Okabe and Ito's set, a little darker so that text can bear it.
 
 A colour is written as its light hex value in plain trace data and in PNGs. On the page every such value is
 replaced by a CSS variable, so the same figure serves light and dark mode.
@@ -16,9 +16,9 @@ class Colour:
 
 KNOWN = {
     "nerf": Colour("--nerf", "#0072b2", "#56a8e0"),
-    "nerf_matched": Colour("--matched", "#5f8383", "#9bb8b6"),
-    "qnerf": Colour("--qnerf", "#d55e00", "#f58b3c"),
-    "qnerf_theorem": Colour("--theorem", "#b5589a", "#dc94c6"),
+    "nerf_matched": Colour("--matched", "#4f7373", "#9bb8b6"),
+    "qnerf": Colour("--qnerf", "#c45000", "#f58b3c"),
+    "qnerf_theorem": Colour("--theorem", "#a8488c", "#dc94c6"),
     "qnerf_repaired": Colour("--repaired", "#8f6a00", "#d9b23f"),
 }
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from harness.records import finite_or_none
 from reports.load import Records
 
 
@@ -55,7 +56,7 @@ def cells_frame(records: Records) -> pd.DataFrame:
             "reason": cell.reason,
             "steps": cell.steps,
             "train_seconds": cell.train_seconds,
-            **{score: cell.scores.get(score) for score in SCORES},
+            **{score: finite_or_none(cell.scores.get(score)) for score in SCORES},
         }
         for cell in records.cells
     ]

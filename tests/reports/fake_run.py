@@ -161,7 +161,7 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
         for method, against in (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")):
             for scene in [*scenes, "all"]:
                 pairs = [
-                    (a.scores["psnr"], b.scores["psnr"])
+                    (a.scores.get("psnr"), b.scores.get("psnr"))
                     for a in cells
                     for b in cells
                     if (a.method, b.method) == (method, against)

@@ -1,0 +1,129 @@
+"""python -m reports: exit codes, messages, and what it does not import."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from reports.__main__ import main
+from tests.reports.fake_run import write_fake_run
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_whole_run_gives_0_and_the_path_last(tmp_path, capsys):
+    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
+    assert main([str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == str(out / "report.html")
+    assert (out / "summary.json").is_file()
+    assert "qnerf" in lines[0]
+
+
+def test_diverged_cells_give_3_after_the_report_is_written(out, capsys):
+    assert main([str(out)]) == 3
+    assert (out / "report.html").is_file()
+    assert "drums, qnerf, seed 2: diverged (not finite at step 412" in capsys.readouterr().out
+
+
+def test_quiet_prints_the_path_alone(out, capsys):
+    main([str(out), "--quiet"])
+    assert capsys.readouterr().out == f"{out / 'report.html'}\n"
+
+
+def test_bad_input_gives_2_and_one_line(tmp_path, out, capsys):
+    (out / "records" / "cells" / "chair.nerf.0.json").write_text("{", encoding="utf-8")
+    for folder, said in (
+        (tmp_path / "nowhere", "no such folder"),
+        (tmp_path, "no records/"),
+        (out, "chair.nerf.0.json"),
+    ):
+        assert main([str(folder)]) == 2
+        caught = capsys.readouterr()
+        assert caught.out == ""
+        assert said in caught.err
+        assert len(caught.err.splitlines()) == 1
+    assert not (out / "report.html").exists()
+
+
+def test_bad_usage_gives_2(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--no-such-option"])
+    assert caught.value.code == 2
+    assert "usage: python -m reports" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_gives_2(out, capsys, monkeypatch):
+    def read_only(*_):
+        raise PermissionError(13, "Permission denied", str(out / "summary.json"))
+
+    monkeypatch.setattr("reports.summary.write_json", read_only)
+    assert main([str(out)]) == 2
+    assert capsys.readouterr().err == (
+        f"{out / 'summary.json'}: Permission denied; make room or choose a folder that can be written\n"
+    )
+
+
+def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
+    main([str(pictured), "--quiet", "--publish", str(tmp_path / "docs")])
+    found = {path.name: path.stat().st_size for path in (tmp_path / "docs").iterdir()}
+    assert set(found) == {"psnr.png", "error_vs_time.png", "views.png", "summary.json"}
+    assert all(1000 < size < 1_000_000 for size in found.values())
+    assert (tmp_path / "docs" / "psnr.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_publish_without_pictures(tmp_path, out):
+    main([str(out), "--quiet", "--publish", str(tmp_path / "docs")])
+    assert sorted(path.name for path in (tmp_path / "docs").iterdir()) == [
+        "error_vs_time.png",
+        "psnr.png",
+        "summary.json",
+    ]
+
+
+def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        env=environment,
+        cwd=ROOT,
+    )
+
+
+BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
+HEAVY = "print(sorted({'torch', 'mitsuba', 'drjit', 'baselines', 'scenes'} & set(sys.modules)))"
+
+
+def test_a_report_is_built_without_torch_and_mitsuba(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, with_diverged=False)
+    done = fresh(f"{BUILD} {HEAVY}", str(out), "--publish", str(tmp_path / "docs"))
+    assert done.stderr == ""
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_check_of_imports_can_fail():
+    done = fresh(f"import sys; sys.modules['torch'] = sys; {HEAVY}")
+    assert done.stdout.strip() == "['torch']"
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; from reports.__main__ import parser; parser().format_help();"
+    light = "print(sorted({'pandas', 'matplotlib', 'numpy', 'colour', 'jinja2', 'torch'} & set(sys.modules)))"
+    assert fresh(f"{code} {light}").stdout.strip() == "[]"
+
+
+def test_colour_science_is_imported_for_pictures_alone(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
+    assert fresh(f"{BUILD} print('colour' in sys.modules)", str(out)).stdout.splitlines()[-1] == "False"
+
+
+def test_the_module_runs_as_a_command(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "reports", str(tmp_path / "nowhere")], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
