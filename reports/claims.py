@@ -13,19 +13,17 @@ The scale stands beside each: at another scale than the paper's, a verdict is ab
     sloc, sloc_measured  lines of the core module: printed, ours
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import mean
 from typing import Any, Literal
-
-import pandas as pd
 
 from harness.records import Comparison
 from reports.headline import roles
 from reports.load import Records
 from reports.scale import in_a_line
 from reports.table import curves_frame
+from reports.time_to_target import savings as savings_of
 from reports.wording import count, counted, interval, signed
 
 Verdict = Literal["holds", "does not hold", "inconclusive", "not tested at this scale"]
@@ -122,6 +120,12 @@ def _matched_note(records: Records, scene: str) -> str:
     return "; ".join(parts)
 
 
+def _average_note(records: Records) -> str:
+    """The same for the mean over scenes, with the scenes that it lacks."""
+    missing = [scene.lower() for scene in _printed_gains(records) if scene.lower() not in records.scenes]
+    return "; ".join(filter(None, [f"without {', '.join(missing)}" if missing else "", _matched_note(records, "all")]))
+
+
 def _abstract(records: Records, scale: str) -> Iterator[Claim]:
     printed = _printed_gains(records)
     if not printed:
@@ -139,7 +143,7 @@ def _abstract(records: Records, scale: str) -> Iterator[Claim]:
         scale,
         verdict,
         "dB",
-        note=_matched_note(records, "all"),
+        note=_average_note(records),
     )
 
 
@@ -189,11 +193,9 @@ def _table2(records: Records, scale: str) -> Iterator[Claim]:
     if gains:
         average = round(mean(gains.values()), 1)
         one = records.comparison("all", "qnerf", "nerf")
-        missing = sorted({scene.lower() for scene in gains} - set(records.scenes))
-        note = f"without {', '.join(missing)}; " if missing else ""
         statement = "Q-NeRF gains over NeRF on average"
         claim = _difference_claim("table2-average", "Table 2", statement, average, 0.05, one, scale)
-        yield _noted(claim, (note + _matched_note(records, "all")).removesuffix("; "))
+        yield _noted(claim, _average_note(records))
 
 
 def _noted(claim: Claim, note: str) -> Claim:
@@ -212,7 +214,7 @@ def _table3(records: Records, scale: str) -> Iterator[Claim]:
         if not isinstance(row, dict) or not {"nerf", "qnerf"} <= set(row):
             continue
         printed = float(round(100 * (1 - row["qnerf"] / row["nerf"])))
-        savings = _savings(curves_frame(records), axis)
+        savings = savings_of(curves_frame(records), axis, TARGET_DB)
         pair = (min(savings), max(savings)) if len(savings) > 1 else None
         verdict = judge_difference(printed, 0.5, pair) if savings else UNTESTED
         if savings and pair is None:
@@ -223,37 +225,6 @@ def _table3(records: Records, scale: str) -> Iterator[Claim]:
         yield Claim(
             f"table3-{name.split('_')[0]}", "Table 3", statement, printed, measured, pair, scale, verdict, "%", 0, note
         )
-
-
-def _savings(curves: pd.DataFrame, axis: str) -> list[float]:
-    """By how many per cent qnerf is sooner than nerf at 30 dB of the mean over scenes; empty unless both always are."""
-    found = []
-    for seed in sorted(set(curves["seed"])):
-        reached = [
-            _reaches(curves[(curves["seed"] == seed) & (curves["method"] == m)], axis) for m in ("nerf", "qnerf")
-        ]
-        if reached[0] is None or reached[1] is None:
-            return []
-        found.append(100 * (1 - reached[1] / reached[0]))
-    return found
-
-
-def _reaches(curves: pd.DataFrame, axis: str) -> float | None:
-    """Where the mean over scenes first crosses the target, between checkpoints on a line over the log axis."""
-    scenes = curves["scene"].nunique()
-    by_step = curves.dropna(subset=["psnr"]).groupby("step")
-    points = by_step.agg(psnr=("psnr", "mean"), seconds=("seconds", "mean"), many=("scene", "nunique")).reset_index()
-    points = points[points["many"] == scenes]
-    before: tuple[float, float] | None = None
-    for row in points.to_dict("records"):
-        at = float(row[axis])
-        if row["psnr"] >= TARGET_DB:
-            if before is None or before[0] <= 0:
-                return at or None
-            share = (TARGET_DB - before[1]) / (row["psnr"] - before[1])
-            return math.exp(math.log(before[0]) + share * (math.log(at) - math.log(before[0])))
-        before = (at, row["psnr"])
-    return None
 
 
 def _table4(records: Records, scale: str) -> Iterator[Claim]:

@@ -85,18 +85,25 @@ def title_of(method: str, baseline: str, control: str | None, vs_baseline: str |
         return f"No comparison of {method} with {baseline} could be made"
     if vs_baseline == "better":
         return _title_of_a_gain(method, baseline, control, vs_control)
-    against_control = {
-        "better": f", though above {control}",
-        "worse": f", and below {control}",
-        "equivalent": f" and level with {control}",
-        "inconclusive": f"; against {control} nothing is settled",
-    }.get(vs_control or "", "")
-    words = {
+    alone = {
         "worse": f"{method} scores below {baseline}",
         "equivalent": f"{method} and {baseline} score the same within the margin",
         "inconclusive": f"This run cannot tell {method} from {baseline}",
     }[vs_baseline]
-    return words + against_control
+    if control is None or vs_control is None or control == method:
+        return alone
+    if vs_control == vs_baseline:
+        return {
+            "worse": f"{method} scores below both {baseline} and {control}",
+            "equivalent": f"{method} scores the same as {baseline} and {control}, within the margin",
+            "inconclusive": f"{alone} or {control}",
+        }[vs_control]
+    return {
+        "better": f"{alone}; {method} scores above {control}",
+        "worse": f"{alone}; {method} scores below {control}",
+        "equivalent": f"{alone}; {method} is level with {control}",
+        "inconclusive": f"{alone}; against {control} nothing is settled",
+    }[vs_control]
 
 
 def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control: str | None) -> str:

@@ -90,6 +90,8 @@ def _content(records: Records) -> dict[str, Any]:
         "failed": records.failed,
         "not_tested": run.not_tested,
         "tally": tally(records),
+        "warned": sum(bool(cell.warnings) for cell in records.cells),
+        "warning_kinds": properties.warning_kinds(records),
         "psnr": {
             "scores": scores_grid(records),
             "differences": differences_grids(records),

@@ -1,5 +1,7 @@
 """What a method is rather than how it scores: measured properties, weights, warnings, failures, what was left out."""
 
+from collections import Counter
+
 from reports.claims import COMPONENTS
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
@@ -97,6 +99,12 @@ def warnings_grid(records: Records) -> Grid:
     return Grid("Warnings", columns, rows)
 
 
+def warning_kinds(records: Records) -> list[tuple[str, int]]:
+    """What kinds of warnings there are (the words before the colon) and how many cells carry each."""
+    found = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
+    return found.most_common()
+
+
 def left_out_grid(records: Records) -> Grid:
     """What a scene does not need and was not done for it."""
     columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
@@ -112,4 +120,5 @@ def left_out_grid(records: Records) -> Grid:
         for scene in records.run.scenes
         for one in scene.left_out
     ]
-    return Grid("Left out", columns, rows)
+    told = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
+    return Grid("Left out", [columns[place] for place in told], [[row[place] for place in told] for row in rows])

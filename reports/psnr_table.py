@@ -42,11 +42,12 @@ def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]
         return []
     whole = len(scenes) == len(records.scenes)
     name = "mean" if whole else f"mean of {len(scenes)} of {len(records.scenes)} scenes"
-    row = [Entry(name), EMPTY]
+    levels = [records.scene(scene) for scene in scenes]
+    row = [Entry(name), _mean_entry([about.psnr_floor if about else None for about in levels])]
     for method in records.methods:
         test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
         row.append(score_entry(test, train, []))
-    row.append(EMPTY)
+    row.append(_mean_entry([about.psnr_ceiling if about else None for about in levels]))
     if with_paper:
         printed = [value for scene, value in _printed(records).items() if scene in scenes]
         complete = len(printed) == len(scenes)
@@ -55,6 +56,12 @@ def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]
             for place in (0, 1)
         ]
     return [row + [EMPTY] * (width - len(row))]
+
+
+def _mean_entry(values: list[float | None]) -> Entry:
+    """The mean, where none is missing."""
+    there = [value for value in values if value is not None]
+    return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
 
 
 def score_entry(test: Spread, train: Spread, cells: list[CellRecord]) -> Entry:

@@ -4,11 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records import Comparison
+from harness.records import Comparison, LeftOut
 from reports.grid import Entry
 from reports.load import Records, read_records
 from reports.metrics_table import comparisons_grid, metrics_grid
-from reports.properties import failures_grid, left_out_grid, parameters_grid, properties_grid, warnings_grid
+from reports.properties import (
+    failures_grid,
+    left_out_grid,
+    parameters_grid,
+    properties_grid,
+    warning_kinds,
+    warnings_grid,
+)
 from reports.psnr_table import difference_entry, differences_grids, scores_grid
 from reports.table import average_of, cells_frame, shared_scenes, spread_of
 from tests.reports.fake_run import write_fake_run
@@ -51,7 +58,7 @@ def test_psnr_table(records: Records):
         Entry("25.0", tone="muted"),
         Entry("26.2", tone="muted"),
     ]
-    assert [entry.text for entry in grid.totals[0]][:3] == ["mean", "–", "23.35 ± 0.01"]
+    assert [entry.text for entry in grid.totals[0]][:3] == ["mean", "15.2", "23.35 ± 0.01"]
 
 
 def test_a_method_that_never_finished_has_no_number(tmp_path):
@@ -144,6 +151,24 @@ def test_warnings_of_the_same_words_share_a_row(tmp_path):
     rows = warnings_grid(read_records(out)).rows
     assert [entry.text for entry in rows[0]] == ["chair", "nerf", "0, 1 and 2", "empty collapse"]
     assert len(rows) == 3
+
+
+def test_kinds_of_warnings_are_counted_by_cells(tmp_path):
+    def warned(cell):
+        return replace(cell, warnings=["billboard: 20 dB", "billboard: 21 dB", "empty collapse"][: cell.seed + 1])
+
+    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, change_cell=warned)
+    assert warning_kinds(read_records(out)) == [("billboard", 9), ("empty collapse", 3)]
+
+
+def test_columns_that_no_scene_fills_are_left_out(tmp_path):
+    def unmeasured(run):
+        scenes = [replace(one, left_out=[LeftOut("volumetric integrator", "no medium")]) for one in run.scenes]
+        return replace(run, scenes=scenes)
+
+    out = write_fake_run(tmp_path / "run", pictures=False, change=unmeasured)
+    grid = left_out_grid(read_records(out))
+    assert [column.label for column in grid.columns] == ["scene", "left out", "because"]
 
 
 def test_left_out_says_what_it_saved_and_changed(records: Records):
