@@ -80,7 +80,7 @@ def _check_png(file: Path) -> None:
 def write_png(file: Path, display: np.ndarray) -> None:
     """Straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, read back to be sure.
 
-    OpenImageIO does not notice a full disk here. Raises `OSError` where it cannot be written.
+    Raises `OSError` where it cannot be written.
     """
     levels = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
     oiio = _openimageio()
@@ -88,8 +88,7 @@ def write_png(file: Path, display: np.ndarray) -> None:
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("oiio:ColorSpace", "sRGB")
     _write(file, spec, levels)
-    if not np.array_equal(np.round(_read(file)[0] * 255.0), levels):
-        raise OSError(errno.EIO, "what was written is not what is read back", str(file))
+    _check_written(file, levels, 255.0)
 
 
 def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
@@ -103,8 +102,7 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip")
     _write(file, spec, pixels)
-    if not np.array_equal(_read(file)[0], pixels, equal_nan=True):
-        raise OSError(errno.EIO, "what was written is not what is read back", str(file))
+    _check_written(file, pixels, 1.0)
 
 
 def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
@@ -118,6 +116,16 @@ def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
         raise OSError(_cause(file), _reason(target.geterror()), str(file))
     if not file.is_file():
         raise OSError(errno.EIO, "nothing was written", str(file))
+
+
+def _check_written(file: Path, pixels: np.ndarray, scale: float) -> None:
+    """Raises `OSError` unless the file holds the pixels; OpenImageIO does not notice a full disk for every format."""
+    try:
+        found = _read(file)[0] * np.float32(scale)
+    except InputError as error:
+        raise OSError(_cause(file), f"what was written cannot be read back: {error}", str(file)) from error
+    if not np.array_equal(np.round(found) if pixels.dtype == np.uint8 else found, pixels, equal_nan=True):
+        raise OSError(_cause(file), "what was written is not what is read back", str(file))
 
 
 def _cause(file: Path) -> int:

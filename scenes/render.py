@@ -63,6 +63,7 @@ class LoadedScene:
         self.needs: Needs = needs(description)
         self.integrator_name = "volpath" if self.needs.participating_media else "path"
         self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
+        self._variant = variant
         self._vectorised = not variant.name.startswith("scalar")
         self._scene = mi.load_dict(
             {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
@@ -107,8 +108,7 @@ class LoadedScene:
 
     def _render(self, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """Mean of as many passes as the samples need: float64 [h, w, channels]."""
-        import mitsuba as mi
-
+        mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)
         parameters = mi.traverse(sensor)
@@ -166,6 +166,7 @@ def use(variant: Variant) -> Any:
 
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
+    mi.set_log_level(mi.LogLevel.Error)
     return mi
 
 

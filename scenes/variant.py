@@ -138,7 +138,8 @@ def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
         for folder in sorted(Path(root.anchor).glob(str(root.relative_to(root.anchor)))):
             for file in sorted(folder.glob("libLLVM[-.]*")):
                 version = llvm_version(file)
-                if file.is_file() and (version is None or version >= OLDEST_LLVM):
+                shared = re.search(r"\.(so|dylib|dll)\b", file.name)
+                if shared and file.is_file() and (version is None or version >= OLDEST_LLVM):
                     found.setdefault(file.resolve(), version or OLDEST_LLVM)
     newest_first = sorted(found, key=lambda file: (-found[file], str(file)))
     users = os.environ.get("DRJIT_LIBLLVM_PATH")

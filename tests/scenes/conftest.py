@@ -1,0 +1,83 @@
+"""A tiny scene of plain shapes, rendered once a session with `scalar_rgb`."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.scene import Description, Scene
+from scenes.variant import Variant
+
+COUNTS = {"train": 3, "val": 1, "test": 2}
+SPP = {"train": 4, "val": 4, "test": 8}
+
+
+def tiny_description() -> Description:
+    return {
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 0.9, 0.8]}},
+        "ball": {
+            "type": "sphere",
+            "radius": 0.6,
+            "center": [0.2, 0.1, 0.0],
+            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.7, 0.3, 0.1]}},
+        },
+        "floor": {
+            "type": "mesh",
+            "vertices": np.array([[-1, -1, -0.7], [1, -1, -0.7], [1, 1, -0.7], [-1, 1, -0.7]], dtype=np.float32),
+            "faces": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32),
+            "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse"}},
+        },
+    }
+
+
+@pytest.fixture
+def scalar() -> Variant:
+    return Variant("scalar_rgb", None, "test")
+
+
+@pytest.fixture
+def description() -> Description:
+    return tiny_description()
+
+
+@pytest.fixture(scope="session")
+def tiny_scene() -> Scene:
+    return Scene("tiny", "A ball on a floor", tiny_description, max_depth=4)
+
+
+@pytest.fixture
+def render_tiny(monkeypatch: pytest.MonkeyPatch, tiny_scene: Scene) -> Callable[..., Path]:
+    """`ensure_view_set` for the tiny scene; keywords overrule the defaults."""
+    from scenes import store
+
+    monkeypatch.setattr(store, "scene_named", lambda name: tiny_scene)
+
+    def render(cache: Path, **changes: object) -> Path:
+        options: dict[str, object] = {
+            "resolution": 16, "counts": COUNTS, "spp": SPP, "cache_folder": cache, "variant": "scalar_rgb", **changes,
+        }  # fmt: skip
+        return store.ensure_view_set("tiny", **options)  # type: ignore[arg-type]
+
+    return render
+
+
+@pytest.fixture(scope="session")
+def stored_once(tmp_path_factory: pytest.TempPathFactory, tiny_scene: Scene) -> Path:
+    from scenes import store
+
+    cache = tmp_path_factory.mktemp("view_sets")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "scene_named", lambda name: tiny_scene)
+        return store.ensure_view_set(
+            "tiny", resolution=16, counts=COUNTS, spp=SPP, cache_folder=cache, variant="scalar_rgb"
+        )
+
+
+@pytest.fixture
+def view_set(stored_once: Path, tmp_path: Path) -> Path:
+    """A copy of the tiny view set, to be damaged at will."""
+    copy = tmp_path / stored_once.name
+    shutil.copytree(stored_once, copy)
+    return copy

@@ -1,0 +1,60 @@
+"""`python -m scenes`."""
+
+from pathlib import Path
+
+import pytest
+
+from scenes.__main__ import main
+from scenes.images import read_image
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["render", "teapot"], "unknown scene 'teapot'"),
+        (["render", "lego", "--variant", "fast"], "unknown Mitsuba variant 'fast'"),
+        (["render", "lego", "--resolution", "0"], "resolution 0"),
+        (["render", "lego", "--train", "1000"], "1000 train views"),
+        (["render", "lego", "--spp-test", "1"], "spp of test 1"),
+        (["sheet", "/no/such/folder/x.png"], "x.png"),
+        (["sheet", "x.png", "teapot"], "unknown scene"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [[], ["paint"], ["render"], ["render", "lego", "--train", "many"]])
+def test_bad_usage_is_exit_code_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+
+
+def test_a_sheet_is_drawn(tmp_path: Path) -> None:
+    out = tmp_path / "sheet.png"
+    arguments = [
+        "sheet",
+        str(out),
+        "materials",
+        "hotdog",
+        "--resolution",
+        "32",
+        "--spp",
+        "4",
+        "--variant",
+        "scalar_rgb",
+    ]
+    assert main(arguments) == 0
+    pixels = read_image(out)[..., :3]
+    assert pixels.shape == (62, 64, 3)
+    assert pixels.min() < 0.3
+    assert pixels[0, 0].tolist() == [1, 1, 1]

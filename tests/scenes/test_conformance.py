@@ -1,0 +1,151 @@
+"""What every scene of the catalogue must be. Being in the catalogue is being tested."""
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes.catalog import CATALOG, CLASSICS, scene_named
+from scenes.errors import InputError
+from scenes.needs import entries, left_out, needs
+from scenes.render import LoadedScene, render_views
+from scenes.scene import Description, Scene
+from scenes.store import digest_of
+from scenes.variant import Variant, llvm_libraries, probe
+from scenes.viewpoints import camera_to_world
+
+INFINITELY_FAR = {"constant", "envmap", "directional"}
+NEAR = {"area", "point", "spot", "projector", "directionalarea"}
+
+
+@cache
+def llvm() -> Variant | None:
+    for library in llvm_libraries():
+        if probe("llvm_ad_rgb", str(library)) is None:
+            return Variant("llvm_ad_rgb", str(library), "test")
+    return None
+
+
+@cache
+def built(name: str) -> tuple[Scene, Description]:
+    scene = scene_named(name)
+    return scene, scene.build()
+
+
+@pytest.fixture(params=CATALOG)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, dict):
+        for inner in value.values():
+            yield from leaves(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from leaves(inner)
+    else:
+        yield value
+
+
+def test_the_eight_of_table_2_are_there() -> None:
+    assert list(CLASSICS) == ["chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship"]
+
+
+def test_unknown_names_are_answered_with_the_known() -> None:
+    with pytest.raises(InputError, match=r"'teapot'.*chair.*ship"):
+        scene_named("teapot")
+
+
+def test_it_is_named_and_described(name: str) -> None:
+    scene, _ = built(name)
+    assert scene.name == name
+    assert 10 < len(scene.title) < 120
+    assert 2 <= scene.max_depth <= 64
+    assert 0 < scene.near < scene.far
+    assert scene.view_from == ("sphere" if name == "ficus" else "hemisphere")
+
+
+def test_it_is_plain_data_and_deterministic(name: str) -> None:
+    scene, description = built(name)
+    assert all(
+        value is None or isinstance(value, bool | int | float | str | np.ndarray) for value in leaves(description)
+    )
+    assert digest_of(description) == digest_of(scene.build())
+    assert "integrator" not in description
+    assert not any(entry.get("type") in ("perspective", "hdrfilm") for entry in entries(description))
+
+
+def test_its_meshes_are_whole(name: str) -> None:
+    _, description = built(name)
+    for entry in entries(description):
+        for value in entry.values():
+            if isinstance(value, np.ndarray):
+                assert np.isfinite(value).all()
+        if entry.get("type") == "mesh":
+            vertices, faces = entry["vertices"], entry["faces"]
+            assert vertices.shape == (len(vertices), 3)
+            assert faces.shape == (len(faces), 3)
+            assert len(faces) > 0
+            assert faces.max() < len(vertices)
+            assert np.linalg.norm(vertices, axis=1).max() <= 1.4
+            assert "bsdf" in entry
+            for key, width in (("uv", 2), ("normals", 3)):
+                if key in entry:
+                    assert entry[key].shape == (len(vertices), width)
+
+
+def test_its_light_comes_from_infinitely_far_away(name: str) -> None:
+    _, description = built(name)
+    types = {entry.get("type") for entry in entries(description)}
+    assert types & INFINITELY_FAR
+    assert not types & NEAR
+
+
+def test_its_needs_are_known(name: str) -> None:
+    _, description = built(name)
+    found = needs(description)
+    assert not found.participating_media
+    assert all(row["reason"] for row in left_out(found, np.array([[-1.0] * 3, [1.0] * 3])))
+
+
+def views_of(name: str, variant: Variant, spp: int) -> tuple[np.ndarray, list[Any]]:
+    scene, description = built(name)
+    loaded = LoadedScene(description, variant, scene.max_depth, 32, 32)
+    poses = camera_to_world("test", scene.view_from, 3)
+    return loaded.bounds(), list(render_views(loaded, poses, spp, range(3), ["a", "b", "c"]))
+
+
+def test_it_renders(name: str, scalar: Variant) -> None:
+    scene, _ = built(name)
+    bounds, views = views_of(name, scalar, 8)
+    assert np.abs(bounds).max() < 1.5
+    for view in views:
+        alpha, colour = view.rgba[..., 3], view.rgba[..., :3]
+        assert 0.03 < alpha.mean() < 0.9
+        assert alpha.max() == 1.0
+        border = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
+        assert border.max() == 0.0  # the whole object is in the picture
+        assert (colour >= 0).all()
+        assert 0.02 < colour.sum() / (3 * alpha.sum()) < 1.0
+        depth = view.depth[view.depth > 0]
+        assert scene.near < depth.min()
+        assert depth.max() < scene.far
+        assert view.noise_mse < 0.01
+
+
+def test_it_renders_alike_with_llvm(name: str, scalar: Variant) -> None:
+    fast = llvm()
+    if fast is None:
+        pytest.skip("no libLLVM of version 16 or newer that works")
+    slow_views, fast_views = views_of(name, scalar, 8)[1], views_of(name, fast, 8)[1]
+    for slow, quick in zip(slow_views, fast_views, strict=True):
+        for channel in range(4):
+            shift = float((slow.rgba - quick.rgba)[..., channel].mean())
+            noise = float(np.sqrt((slow.variance + quick.variance)[..., channel].sum())) / slow.depth.size
+            assert abs(shift) < 5 * noise
+        both = (slow.depth > 0) & (quick.depth > 0)
+        assert both.sum() > 0.8 * (slow.depth > 0).sum()
+        assert abs((slow.depth - quick.depth)[both].mean()) < 0.02

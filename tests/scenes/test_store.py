@@ -1,0 +1,226 @@
+"""The cache: what is whole is used again, what is not never is."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scenes
+from scenes import store
+from scenes.errors import InputError
+from scenes.manifest import check_all
+from scenes.scene import Scene
+from scenes.store import Order, checked_order, digest_of, is_complete
+from scenes.view_set import read_view_set
+
+ROOT = Path(scenes.__file__).parents[1]
+Render = Callable[..., Path]
+
+
+def test_a_whole_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[tuple[int, int]] = []
+    first = render_tiny(tmp_path, progress=lambda done, total: steps.append((done, total)))
+    assert steps == [(n, 6) for n in range(1, 7)]
+    assert first.name.startswith("tiny-16px-")
+    assert len(first.name) == len("tiny-16px-") + 12
+    check_all(first)
+    monkeypatch.setattr(store, "write_view_set", lambda *_: pytest.fail("rendered again"))
+    monkeypatch.setattr(store, "choose_variant", lambda *_: pytest.fail("probed"))
+    assert render_tiny(tmp_path) == first
+    assert render_tiny(tmp_path, variant=None) == first
+    assert sorted(path.name for path in tmp_path.iterdir()) == [first.name]
+
+
+def test_rendering_is_deterministic(render_tiny: Render, tmp_path: Path) -> None:
+    one, two = render_tiny(tmp_path / "a"), render_tiny(tmp_path / "b")
+    assert one.name == two.name
+    a, b = (json.loads((path / "view_set.json").read_text()) for path in (one, two))
+    assert {k: v["noise_mse"] for k, v in a["views"].items()} == {k: v["noise_mse"] for k, v in b["views"].items()}
+    for split in ("train", "val", "test"):
+        views = [getattr(read_view_set(path), split).rgba for path in (one, two)]
+        assert np.array_equal(*views)
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "remove", "manifest", "no manifest"])
+def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: str) -> None:
+    path = render_tiny(tmp_path)
+    before = read_view_set(path).test.rgba
+    victim = path / ("view_set.json" if "manifest" in damage else "test/r_1.exr")
+    data = bytearray(victim.read_bytes())
+    if damage in ("remove", "no manifest"):
+        victim.unlink()
+    elif damage == "cut":
+        victim.write_bytes(data[:-10])
+    else:
+        data[len(data) // 2] ^= 8
+        victim.write_bytes(data)
+    assert not is_complete(path)
+    assert render_tiny(tmp_path) == path
+    assert is_complete(path)
+    assert np.array_equal(read_view_set(path).test.rgba, before)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
+
+
+def order_of(scene: Scene, monkeypatch: pytest.MonkeyPatch, **changes: object) -> Order:
+    monkeypatch.setattr(store, "scene_named", lambda name: scene)
+    options: dict[str, object] = {
+        "resolution": 8, "counts": {"train": 3, "val": 0, "test": 2}, "spp": {"train": 4, "val": 4, "test": 4},
+        **changes,
+    }  # fmt: skip
+    return checked_order("tiny", **options)  # type: ignore[arg-type]
+
+
+def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    description = tiny_scene.build()
+    base = order_of(tiny_scene, monkeypatch)
+    digests = [base.digest("scalar_rgb"), base.digest("llvm_ad_rgb")]
+    moved = {**description, "ball": {**description["ball"], "radius": 0.6000001}}
+    vertices = description["floor"]["vertices"].copy()
+    vertices[0, 0] = np.nextafter(vertices[0, 0], 2)
+    bent = {**description, "floor": {**description["floor"], "vertices": vertices}}
+    for scene in (
+        replace(tiny_scene, build=lambda: moved),
+        replace(tiny_scene, build=lambda: bent),
+        replace(tiny_scene, max_depth=5),
+        replace(tiny_scene, view_from="sphere"),
+    ):
+        digests.append(order_of(scene, monkeypatch).digest("scalar_rgb"))
+    for change in (
+        {"resolution": 9},
+        {"counts": {"train": 4, "val": 0, "test": 2}},
+        {"spp": {"train": 4, "val": 4, "test": 5}},
+    ):
+        digests.append(order_of(tiny_scene, monkeypatch, **change).digest("scalar_rgb"))
+    monkeypatch.setattr(store, "_versions", lambda: {"mitsuba": "9.9.9"})
+    digests.append(order_of(tiny_scene, monkeypatch).digest("scalar_rgb"))
+    assert len(set(digests)) == len(digests)
+    monkeypatch.undo()
+    assert order_of(tiny_scene, monkeypatch).digest("scalar_rgb") == digests[0]
+
+
+def test_values_that_look_alike_hash_differently() -> None:
+    values = [
+        1, 1.0, True, "1", None, [1], [[1]], {"1": 1}, {"a": 1, "b": 2}, {"b": 2, "a": 1}, ["ab", "c"], ["a", "bc"],
+        np.array([1]), np.array([1.0]), np.array([1.0], np.float32), np.array([[1.0]], np.float32),
+    ]  # fmt: skip
+    assert len({digest_of(value) for value in values}) == len(values)
+    assert digest_of(np.arange(6).reshape(2, 3).T) == digest_of(np.ascontiguousarray(np.arange(6).reshape(2, 3).T))
+
+
+def test_what_cannot_be_hashed_is_refused() -> None:
+    for value in (object(), {"a": lambda: 0}, np.array([object()])):
+        with pytest.raises(TypeError, match="plain data"):
+            digest_of(value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"resolution": 0}, "resolution 0"),
+        ({"resolution": 100_000}, "resolution 100000"),
+        ({"counts": {"train": 101, "val": 0, "test": 0}}, "101 train views"),
+        ({"counts": {"train": -1, "val": 0, "test": 0}}, "counts of train -1"),
+        ({"counts": {"train": 0, "val": 0, "test": 0}}, "at least one"),
+        ({"counts": {"train": 1}}, "one number each"),
+        ({"spp": {"train": 1, "val": 4, "test": 4}}, "spp of train 1"),
+        ({"spp": {"train": 10**9, "val": 4, "test": 4}}, "spp of train 1000000000"),
+        ({"variant": "fast"}, "unknown Mitsuba variant"),
+    ],
+)
+def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        render_tiny(tmp_path / "cache", **changes)
+    assert not (tmp_path / "cache").exists()
+
+
+def test_unknown_scenes_are_listed() -> None:
+    with pytest.raises(InputError, match=r"'teapot'.*lego"):
+        checked_order("teapot", 8, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.ENOSPC, "disk is full"),
+        (errno.EROFS, "not writable"),
+        (errno.EACCES, "not writable"),
+        (errno.EIO, "cannot"),
+    ],
+)
+def test_a_disk_that_refuses_is_bad_input_and_leaves_nothing(
+    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, said: str
+) -> None:
+    def refuse(file: Path, _: object) -> None:
+        raise OSError(number, os.strerror(number), str(file))
+
+    monkeypatch.setattr(store, "write_channels", refuse)
+    with pytest.raises(InputError, match=f"{said}.*--view-sets"):
+        render_tiny(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_of_the_cache(render_tiny: Render, tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(InputError, match="--view-sets"):
+        render_tiny(tmp_path / "cache")
+
+
+def test_a_faster_process_is_not_disturbed(
+    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the look into the cache and the renaming, another process puts its own set there."""
+    plain = store.write_view_set
+
+    def overtaken(partial: Path, order: Order, *rest: object) -> None:
+        plain(partial, order, *rest)  # type: ignore[arg-type]
+        monkeypatch.setattr(store, "write_view_set", plain)
+        render_tiny(tmp_path)
+
+    monkeypatch.setattr(store, "write_view_set", overtaken)
+    path = render_tiny(tmp_path)
+    assert is_complete(path)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
+
+
+def command(cache: Path) -> list[str]:
+    return [
+        sys.executable, "-m", "scenes", "render", "materials", "--resolution", "24", "--train", "40", "--val", "0",
+        "--test", "1", "--spp-train", "4", "--spp-test", "4", "--view-sets", str(cache), "--variant", "scalar_rgb",
+    ]  # fmt: skip
+
+
+def test_a_killed_rendering_leaves_nothing_that_is_used(tmp_path: Path) -> None:
+    running = subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    assert json.loads(running.stdout.readline())["done"] == 1
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    running.stdout.close()
+    left = [path.name for path in tmp_path.iterdir()]
+    assert len(left) == 1
+    assert left[0].startswith(".")
+    with pytest.raises(InputError):
+        read_view_set(tmp_path / left[0])
+    done = subprocess.run(command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=True)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert lines[0] == {"scene": "materials", "done": 1, "total": 41}
+    assert lines[-1]["variant"] == "scalar_rgb"
+    assert is_complete(Path(lines[-1]["path"]))
+    assert [path.name for path in tmp_path.iterdir()] == [Path(lines[-1]["path"]).name]
+    assert done.stderr == ""
+
+
+def test_two_processes_at_once(tmp_path: Path) -> None:
+    both = [subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    paths = [json.loads(process.communicate()[0].splitlines()[-1])["path"] for process in both]
+    assert paths[0] == paths[1]
+    assert is_complete(Path(paths[0]))
+    assert [str(path) for path in tmp_path.iterdir()] == [paths[0]]
