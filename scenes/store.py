@@ -4,7 +4,6 @@ A view set is rendered into a temporary sibling and renamed into place, so that 
 """
 
 import errno
-import hashlib
 import importlib.metadata
 import os
 import platform
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from scenes.catalog import scene_named
+from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.images import write_channels, write_png
 from scenes.manifest import SCHEMA, check_all, write_manifest
@@ -213,38 +213,6 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         "views": views,
     }
     write_manifest(folder, facts, files)
-
-
-def digest_of(value: Any) -> str:
-    """SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
-    state = hashlib.sha256()
-    for piece in _pieces(value):
-        state.update(piece)
-    return state.hexdigest()
-
-
-def _pieces(value: Any) -> Iterator[bytes]:
-    """Self-delimiting bytes: each piece says its type and its length, so that no two values look alike."""
-    if isinstance(value, dict):
-        yield f"dict {len(value)}\n".encode()
-        for key, inner in value.items():
-            yield from _pieces(key)
-            yield from _pieces(inner)
-    elif isinstance(value, list | tuple):
-        yield f"list {len(value)}\n".encode()
-        for inner in value:
-            yield from _pieces(inner)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-        yield f"array {value.dtype.str} {value.shape}\n".encode()
-        yield np.ascontiguousarray(value).tobytes()
-    elif isinstance(value, np.generic):
-        yield from _pieces(value.item())
-    elif value is None or isinstance(value, bool | int | float | str):
-        text = repr(value).encode()
-        yield f"{type(value).__name__} {len(text)}\n".encode()
-        yield text
-    else:
-        raise TypeError(f"a {type(value).__name__} is not plain data, so it cannot be hashed")
 
 
 def remove_stale(cache: Path) -> None:

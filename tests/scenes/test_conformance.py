@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from scenes.catalog import CATALOG, CLASSICS, scene_named
+from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.needs import entries, left_out, needs
 from scenes.render import LoadedScene, render_views
 from scenes.scene import Description, Scene
-from scenes.store import digest_of
 from scenes.variant import Variant, llvm_libraries, probe
 from scenes.viewpoints import camera_to_world
 

@@ -15,10 +15,11 @@ import pytest
 
 import scenes
 from scenes import store
+from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.manifest import check_all
 from scenes.scene import Scene
-from scenes.store import Order, checked_order, digest_of, is_complete
+from scenes.store import Order, checked_order, is_complete
 from scenes.view_set import read_view_set
 
 ROOT = Path(scenes.__file__).parents[1]
@@ -182,11 +183,13 @@ def test_a_faster_process_is_not_disturbed(
     def overtaken(partial: Path, order: Order, *rest: object) -> None:
         plain(partial, order, *rest)  # type: ignore[arg-type]
         monkeypatch.setattr(store, "write_view_set", plain)
-        render_tiny(tmp_path)
+        faster.append(render_tiny(tmp_path).stat().st_ino)
 
+    faster: list[int] = []
     monkeypatch.setattr(store, "write_view_set", overtaken)
     path = render_tiny(tmp_path)
     assert is_complete(path)
+    assert [path.stat().st_ino] == faster  # the folder that was there is still the one
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
 
 

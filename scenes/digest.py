@@ -1,0 +1,39 @@
+"""A hash of plain data: equal for equal data, and different for whatever differs."""
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+
+def digest_of(value: Any) -> str:
+    """SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
+    state = hashlib.sha256()
+    for piece in _pieces(value):
+        state.update(piece)
+    return state.hexdigest()
+
+
+def _pieces(value: Any) -> Iterator[bytes]:
+    """Self-delimiting bytes: each piece says its type and its length, so that no two values look alike."""
+    if isinstance(value, dict):
+        yield f"dict {len(value)}\n".encode()
+        for key, inner in value.items():
+            yield from _pieces(key)
+            yield from _pieces(inner)
+    elif isinstance(value, list | tuple):
+        yield f"list {len(value)}\n".encode()
+        for inner in value:
+            yield from _pieces(inner)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        yield f"array {value.dtype.str} {value.shape}\n".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, np.generic):
+        yield from _pieces(value.item())
+    elif value is None or isinstance(value, bool | int | float | str):
+        text = repr(value).encode()
+        yield f"{type(value).__name__} {len(text)}\n".encode()
+        yield text
+    else:
+        raise TypeError(f"a {type(value).__name__} is not plain data, so it cannot be hashed")
