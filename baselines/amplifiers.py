@@ -12,8 +12,10 @@ from torch import Tensor, nn
 from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
 from baselines.numerics.encoding import PHI
 
-DENSITY_BIAS = -1.0
-"""Shift before softplus: a fresh field is thin fog, light reaches everything, and nothing saturates."""
+DENSITY_SCALE = 25.0
+"""Density per unit of softplus output, in 1 / scene unit: a solid surface is within reach of ordinary weights."""
+DENSITY_BIAS = -4.4
+"""Shift before softplus: a fresh field is thin fog (0.3 per unit), light reaches everything, nothing saturates."""
 
 
 class NoAmplifier(nn.Module):
@@ -23,7 +25,7 @@ class NoAmplifier(nn.Module):
     """Whether density stays within [0, 1]."""
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, DENSITY_BIAS)
+        sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
         return sigma, sigma
 
 
@@ -57,7 +59,7 @@ class Equation4Amplifier(nn.Module):
         self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, DENSITY_BIAS)
+        sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
         mean = sigma.mean() if sigma.numel() else sigma.new_zeros(())
         return sigma, amplify_about_mean(sigma, mean, self.alpha).clamp(min=0.0)
 

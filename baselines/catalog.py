@@ -19,16 +19,12 @@ class Method:
 
 CATALOG: dict[str, Method] = {
     "nerf": Method(NERF, "vanilla NeRF: 2^k encoding, softplus density, skip at half depth"),
-    "nerf_matched": Method(
-        NERF_MATCHED, "NeRF whose 2^k encoding reaches no further than φ does: bandwidth control"
-    ),
+    "nerf_matched": Method(NERF_MATCHED, "NeRF whose 2^k encoding reaches no further than φ does: bandwidth control"),
     "qnerf": Method(QNERF, "Q-NeRF as listed: φ encoding, amplifier of Listing 2, φ skip"),
     "qnerf_theorem": Method(QNERF_THEOREM, "Q-NeRF with the amplifier of Eq. 4 on density itself"),
     "qnerf_listing4": Method(QNERF_LISTING4, "Q-NeRF as listed, also with the quadrature of Listing 4"),
     **{
-        name: Method(
-            parts, "NeRF with " + name[5:].replace("phi_", "φ ").replace("_", ", ").replace("φ, ", "φ ")
-        )
+        name: Method(parts, "NeRF with " + name[5:].replace("phi_", "φ ").replace("_", ", ").replace("φ, ", "φ "))
         for name, parts in PARTIAL.items()
     },
 }

@@ -105,7 +105,7 @@ class Amplifier(Protocol):
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]: ...
 
 
-def uniform_weights(shape: tuple[int, ...], bound: float, seed: int, name: str) -> Float[Tensor, "..."]:
+def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
     """U(−bound, bound) from a generator of (seed, parameter name): equal wherever name and shape are equal."""
     digest = 0
     for byte in f"{seed}/{name}".encode():

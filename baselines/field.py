@@ -21,10 +21,19 @@ class NetworkField(nn.Module):
     """A radiance field held by one MLP (`baselines.contract.RadianceField`).
 
     The concatenations of Listing 3 and of the view direction are not built: the matrix that would follow them is
-    applied to its two halves. That is the same product, and the direction's half is taken once a ray.
+    applied to its two halves. That is the same product, and the direction's half is taken once a ray. Where a scene
+    looks the same from all sides (`view_dependent` False), colour gets no direction at all.
     """
 
-    def __init__(self, parts: Parts, size: NetworkSize, box: Box, precision: Precision, seed: int) -> None:
+    def __init__(
+        self,
+        parts: Parts,
+        size: NetworkSize,
+        box: Box,
+        precision: Precision,
+        seed: int | str,
+        view_dependent: bool = True,
+    ) -> None:
         super().__init__()
         self.box = box
         self.dtype = DTYPES[precision]
@@ -33,7 +42,9 @@ class NetworkField(nn.Module):
         direction_bands = encoding_bands(parts.encoding, size.direction_bands)
         self.register_buffer("position_ladder", frequency_ladder(base, position_bands), persistent=False)
         self.register_buffer("direction_ladder", frequency_ladder(base, direction_bands), persistent=False)
-        position, direction = feature_count(3, position_bands), feature_count(3, direction_bands)
+        position = feature_count(3, position_bands)
+        direction = feature_count(3, direction_bands) if view_dependent else 0
+        self.view_dependent = view_dependent
         self.skip = skip_layer(parts.skip, size.depth)
 
         widths = [size.width + position * (i == self.skip) for i in range(size.depth)]
@@ -41,8 +52,7 @@ class NetworkField(nn.Module):
         self.density_head = nn.Linear(widths[-1], 1)
         colour_widths = [widths[-1] + direction] + [size.colour_width] * size.colour_layers
         self.colour_net = nn.ModuleList(
-            nn.Linear(inputs, outputs)
-            for inputs, outputs in zip(colour_widths, [*colour_widths[1:], 3], strict=True)
+            nn.Linear(inputs, outputs) for inputs, outputs in zip(colour_widths, [*colour_widths[1:], 3], strict=True)
         )
         self.amplifier = AMPLIFIERS[parts.amplifier]()
         self.hidden_width = size.width
@@ -60,7 +70,7 @@ class NetworkField(nn.Module):
         return {**counts, "total": sum(counts.values())}
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
-        return fourier_features(d, self.direction_ladder)
+        return fourier_features(d, self.direction_ladder) if self.view_dependent else d[:, :0]
 
     def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
         return self.density_before_and_after(x)[1]
@@ -68,8 +78,8 @@ class NetworkField(nn.Module):
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        hidden, skipped = self._trunk(x)
-        return self._amplified(hidden, skipped)
+        hidden, skipped = self._trunk(_padded(x))
+        return self._amplified(hidden, skipped, len(x))
 
     def density_and_colour(
         self,
@@ -77,16 +87,14 @@ class NetworkField(nn.Module):
         view: Float[Tensor, "rays features"],
         ray: Int[Tensor, " points"],
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
-        hidden, skipped = self._trunk(x)
-        _, sigma = self._amplified(hidden, skipped)
+        hidden, skipped = self._trunk(_padded(x))
+        _, sigma = self._amplified(hidden, skipped, len(x))
         first = self.colour_net[0]
-        of_view = linear(
-            view.to(self.dtype), self._weight(first)[:, -view.shape[-1] :], first.bias.to(self.dtype)
-        )
-        h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
+        of_view = linear(view.to(self.dtype), self._weight(first)[:, -view.shape[-1] :], first.bias.to(self.dtype))
+        h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, _padded(ray))
         for layer in self.colour_net[1:]:
             h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
-        return sigma, torch.sigmoid(h.float())
+        return sigma, torch.sigmoid(h[: len(x)].float())
 
     def _trunk(self, x: Tensor) -> tuple[Tensor, Tensor | None]:
         """Last hidden layer, and the encoded position where the skip falls behind that layer (depth <= 5, φ)."""
@@ -97,13 +105,12 @@ class NetworkField(nn.Module):
             skipped = position if index == self.skip else None
         return hidden, skipped
 
-    def _amplified(self, hidden: Tensor, skipped: Tensor | None) -> tuple[Tensor, Tensor]:
-        raw = self._split_linear(self.density_head, hidden, skipped).squeeze(-1).float()
+    def _amplified(self, hidden: Tensor, skipped: Tensor | None, points: int) -> tuple[Tensor, Tensor]:
+        """Density of the first `points` rows: what pads them must not enter an amplifier's mean."""
+        raw = self._split_linear(self.density_head, hidden, skipped)[:points, 0].float()
         return self.amplifier.before_and_after(raw)
 
-    def _split_linear(
-        self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True
-    ) -> Tensor:
+    def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
         """`layer` applied to [hidden, skipped, …]; further columns of its weight are left to the caller."""
         weight = self._weight(layer)
         bias = layer.bias.to(self.dtype) if with_bias else None
@@ -117,7 +124,17 @@ class NetworkField(nn.Module):
         return layer.weight.to(self.dtype)
 
 
-def _initialise(module: nn.Module, seed: int) -> None:
+PADDED_TO = 1024
+"""Matrix products run on a multiple of this many points: the CPU library builds a kernel for each new shape of a
+reduced-precision product, which takes longer than the product, and the number of points differs at each step."""
+
+
+def _padded(rows: Tensor) -> Tensor:
+    missing = -len(rows) % PADDED_TO
+    return torch.cat([rows, rows.new_zeros((missing, *rows.shape[1:]))]) if missing else rows
+
+
+def _initialise(module: nn.Module, seed: int | str) -> None:
     """Glorot-uniform weights and zero biases, as the original NeRF; the amplifier keeps the paper's α and β."""
     with torch.no_grad():
         for name, parameter in module.named_parameters():

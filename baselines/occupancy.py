@@ -11,7 +11,7 @@ from torch import Tensor
 
 from baselines.contract import Box, RadianceField
 
-DECAY = 0.95
+DECAY = 0.6
 """A cell's remembered density fades by this much a refresh, so that matter which went away is forgotten."""
 
 
@@ -41,9 +41,7 @@ class OccupancyGrid:
             chosen = torch.arange(count)
         else:
             chosen = torch.randperm(count, generator=generator)[: max(1, int(share * count))]
-        corner = torch.stack(
-            [chosen // self.cells**2, chosen // self.cells % self.cells, chosen % self.cells], dim=-1
-        )
+        corner = torch.stack([chosen // self.cells**2, chosen // self.cells % self.cells, chosen % self.cells], dim=-1)
         jitter = torch.rand(corner.shape, generator=generator)
         x = self.box.from_unit(((corner + jitter) / self.cells).to(self.density.device))
         chosen = chosen.to(self.density.device)
@@ -52,13 +50,11 @@ class OccupancyGrid:
         return len(chosen)
 
     def _threshold(self) -> None:
-        """Occupied: where a cell's thickness of this density is seen, and all neighbours of such a cell."""
+        """Occupied: where a ray through a cell of this density loses more than the threshold."""
         thickness = float((self.box.upper - self.box.lower).max()) / self.cells
         seen = -torch.expm1(-self.density * thickness) > self.opacity_threshold
-        cube = seen.view(1, 1, self.cells, self.cells, self.cells).float()
-        grown = torch.nn.functional.max_pool3d(cube, kernel_size=3, stride=1, padding=1) > 0
-        self.emptied = not bool(grown.any())
-        self.occupied = torch.ones_like(self.occupied) if self.emptied else grown.view(-1)
+        self.emptied = not bool(seen.any())
+        self.occupied = torch.ones_like(self.occupied) if self.emptied else seen
 
     def occupied_share(self) -> float:
         return float(self.occupied.float().mean())

@@ -93,9 +93,7 @@ def _march(
             occupied = occupied | (lot < sampling.exploration)
         keep = keep & occupied
     ray, bin_ = torch.nonzero(keep, as_tuple=True)
-    sigma_kept, colour_kept = field.density_and_colour(
-        x[ray, bin_], field.encode_directions(rays.directions), ray
-    )
+    sigma_kept, colour_kept = field.density_and_colour(x[ray, bin_], field.encode_directions(rays.directions), ray)
     sigma = torch.zeros_like(t).index_put((ray, bin_), sigma_kept)
     w, T_end = QUADRATURES[sampling.quadrature](sigma, t, t_edges)
     rendering = Rendering(

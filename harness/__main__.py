@@ -19,9 +19,17 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
     run.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
     run.add_argument("--budget-steps", type=int, metavar="N", help="training steps of each cell")
-    run.add_argument("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
+    run.add_argument(
+        "--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock"
+    )
     run.add_argument("--resolution", type=int, metavar="PX", help="width of the views")
     run.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    run.add_argument(
+        "--precision",
+        default="auto",
+        choices=("auto", "float32", "bfloat16"),
+        help="of matrix products alone (default: the profile's, where the processor has such products)",
+    )
     run.add_argument("--executor", default="local", choices=("local",), help="where cells run")
     run.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
     run.add_argument("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
@@ -62,6 +70,10 @@ def _run(options: argparse.Namespace, show, command: str) -> int:  # type: ignor
     from scenes.errors import InputError
 
     device = chosen_device(options.device)
+    precision = options.precision
+    if precision == "auto":
+        # without bfloat16 products the processor is faster in float32
+        precision = None if multiplies_bfloat16(device) else "float32"
     plan = planned(
         options.profile,
         scenes=options.scenes,
@@ -71,7 +83,7 @@ def _run(options: argparse.Namespace, show, command: str) -> int:  # type: ignor
         budget_seconds=options.budget_seconds,
         resolution=options.resolution,
         view_set=options.view_set,
-        bfloat16_pays=multiplies_bfloat16(device),
+        precision=precision,
     )
     cores = available_cores()
     if options.workers is not None and not 1 <= options.workers <= 256:
@@ -81,7 +93,11 @@ def _run(options: argparse.Namespace, show, command: str) -> int:  # type: ignor
     if options.dry_run:
         from harness.cost import estimate_lines
 
-        print("\n".join([*plan_lines(plan, machine), *estimate_lines(plan, machine)]))
+        print(
+            "\n".join(
+                [*plan_lines(plan, machine), *estimate_lines(plan, machine.device, machine.workers, machine.threads)]
+            )
+        )
         return 0
     for line in plan_lines(plan, machine):
         show.line(line)

@@ -42,12 +42,16 @@ def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> Vi
     return View.of(trainer.render(cameras.all_rays(view), chunk), cameras.height, cameras.width)
 
 
-def quick_scores(trainer: Trainer, cameras: Cameras, split: Split, chunk: int) -> dict[str, float | None]:
+def render_split(trainer: Trainer, cameras: Cameras, chunk: int) -> list[View]:
+    return [render_view(trainer, cameras, index, chunk) for index in range(len(cameras))]
+
+
+def quick_scores(images: list[View], split: Split) -> dict[str, float | None]:
     """psnr, ssim and rmse_linear, each the mean over all views of the split."""
     rows = []
-    for index in range(len(cameras)):
-        image, truth = render_view(trainer, cameras, index, chunk).colour, over_white(split.rgba[index])
-        rows.append((metrics.psnr(image, truth), metrics.ssim(image, truth), metrics.rmse_linear(image, truth)))
+    for image, rgba in zip(images, split.rgba, strict=True):
+        truth = over_white(rgba)
+        rows.append([score(image.colour, truth) for score in (metrics.psnr, metrics.ssim, metrics.rmse_linear)])
     means = np.mean(rows, axis=0)
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
 

@@ -56,7 +56,8 @@ def train_group(
     batches = Batches(train_cameras, colours)
     floor = evaluate.floor_psnr(views)
     runners = [
-        _Runner(method, views, scene, seed, settings, box, device, out, provenance, floor) for method in settings.methods
+        _Runner(method, views, scene, seed, settings, box, device, out, provenance, floor)
+        for method in settings.methods
     ]
     for runner in runners:
         runner.trainer.warm_up(*batches.batch(seed, 0, settings.train.rays))
@@ -91,7 +92,7 @@ class _Runner:
         provenance: dict[str, Any],
         floor: float | None,
     ) -> None:
-        self.trainer = Trainer(method, box, settings.train, settings.budget, seed, device)
+        self.trainer = Trainer(method, box, settings.train, settings.budget, seed, device, needs_view_direction(views))
         self.views = views
         self.scene = scene
         self.settings = settings
@@ -115,15 +116,16 @@ class _Runner:
                 return None
             while self.due and self.trainer.progress >= self.due[0]:
                 self.due.pop(0)
-            self.curve.append(self._checkpoint())
-            return None if self.due else self._finished()
+            images = evaluate.render_split(self.trainer, self.test, self.settings.score.chunk)
+            self.curve.append(self._checkpoint(images))
+            return None if self.due else self._finished(images)
         except Diverged as stop:
             self.ended = True
             return self._record("diverged", str(stop), {}, [], {}, [])
 
-    def _checkpoint(self) -> Checkpoint:
+    def _checkpoint(self, images: list[evaluate.View]) -> Checkpoint:
         trainer = self.trainer
-        scores = evaluate.quick_scores(trainer, self.test, self.views.test, self.settings.score.chunk)
+        scores = evaluate.quick_scores(images, self.views.test)
         return Checkpoint(
             step=trainer.step,
             seconds=trainer.clock.seconds,
@@ -135,25 +137,19 @@ class _Runner:
             **trainer.amplifier_scalars(),
         )
 
-    def _finished(self) -> CellRecord:
+    def _finished(self, images: list[evaluate.View]) -> CellRecord:
         trainer, score = self.trainer, self.settings.score
-        rows: list[ViewScore] = []
-        images: list[StoredImage] = []
-        opacity = []
-        stored = set(np.linspace(0, len(self.test) - 1, score.stored_views + 2).round().astype(int)[1:-1])
-        for index in range(len(self.test)):
-            view = evaluate.render_view(trainer, self.test, index, score.chunk)
-            rows.append(evaluate.view_scores(view, self.views.test, index))
-            opacity.append(float(view.opacity.mean()))
-            if index in stored:
-                images.append(self._store(view, index))
+        rows = [evaluate.view_scores(image, self.views.test, index) for index, image in enumerate(images)]
+        kept = np.linspace(0, len(images) - 1, score.stored_views + 2).round().astype(int)[1:-1]
         scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
         properties = evaluate.measured_properties(trainer, self.test)
         self._save_weights()
         self.ended = True
-        return self._record("done", None, scores, rows, properties, images, float(np.mean(opacity)))
+        opacity = float(np.mean([image.opacity.mean() for image in images]))
+        stored = [self._store(images[index], index) for index in sorted(set(kept))]
+        return self._record("done", None, scores, rows, properties, stored, opacity)
 
     def _record(
         self,
@@ -211,6 +207,12 @@ class _Runner:
         if self.trainer.grid is not None:
             tensors["occupied"] = self.trainer.grid.occupied.cpu()
         save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.trainer.seed}.safetensors")
+
+
+def needs_view_direction(views: ViewSet) -> bool:
+    """False where the scene's own description says that it looks the same from all sides."""
+    left_out = {row["what"] for row in views.rendered.get("left_out", [])}
+    return "view-direction branch" not in left_out
 
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:

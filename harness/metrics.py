@@ -67,7 +67,9 @@ def flip(image: np.ndarray, truth: np.ndarray) -> float:
     import flip_evaluator
 
     reference, test = (np.clip(one, 0.0, 1.0).astype(np.float32) for one in (truth, image))
-    _, mean, _ = flip_evaluator.evaluate(reference, test, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)
+    _, mean, _ = flip_evaluator.evaluate(
+        reference, test, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True
+    )
     return float(mean)
 
 
@@ -77,8 +79,7 @@ def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
     import colour
 
     first, second = (
-        colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(np.clip(one, 0.0, 1.0)), "sRGB"))
-        for one in (image, truth)
+        colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(np.clip(one, 0.0, 1.0)), "sRGB")) for one in (image, truth)
     )
     return float(np.mean(colour.delta_E(first, second, method="CIE 2000")))
 

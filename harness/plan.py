@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from baselines.contract import NetworkSize
+from baselines.contract import NetworkSize, Precision
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
 from scenes.catalog import CATALOG as SCENES
@@ -50,11 +50,11 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
-    rays=2048,
-    bins=96,
+    rays=512,
+    bins=64,
     first_bins=32,
     fine_bins=0,
-    learning_rate=5e-3,
+    learning_rate=1e-2,
     last_learning_rate=5e-4,
     warm_up_steps=50,
     precision="bfloat16",
@@ -68,7 +68,7 @@ PROFILES: dict[str, Plan] = {
         methods=COMPARED,
         seeds=(0, 1),
         budget=Budget(steps=60, seconds=None),
-        train=replace(REDUCED_TRAINING, rays=512, bins=48, grid=GridSettings(cells=24, first_step=30, every=10)),
+        train=replace(REDUCED_TRAINING, bins=48, grid=GridSettings(cells=24, first_step=30, every=10)),
         score=ScoreSettings(checkpoints=3, earliest=0.3, train_views=2, stored_views=1),
         views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
     ),
@@ -79,8 +79,8 @@ PROFILES: dict[str, Plan] = {
         seeds=(0, 1, 2),
         budget=Budget(steps=1000, seconds=None),
         train=REDUCED_TRAINING,
-        score=ScoreSettings(checkpoints=6, earliest=0.1),
-        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=32, spp_test=128),
+        score=ScoreSettings(checkpoints=5, earliest=0.1),
+        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
     ),
     "full": Plan(
         profile="full",
@@ -105,11 +105,11 @@ def planned(
     budget_seconds: float | None = None,
     resolution: int | None = None,
     view_set: Path | None = None,
-    bfloat16_pays: bool = True,
+    precision: Precision | None = None,
 ) -> Plan:
     """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
 
-    `bfloat16_pays` False puts every matrix product back to float32: the processor has no bfloat16 products.
+    `precision` None keeps the profile's.
     """
     from baselines.catalog import CATALOG as METHODS
 
@@ -139,8 +139,8 @@ def planned(
         plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
     if resolution is not None:
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
-    if not bfloat16_pays:
-        plan = replace(plan, train=replace(plan.train, precision="float32"))
+    if precision is not None:
+        plan = replace(plan, train=replace(plan.train, precision=precision))
     return plan
 
 

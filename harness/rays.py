@@ -30,13 +30,9 @@ class Cameras:
         return self.camera_to_world.shape[0]
 
     def to(self, device: torch.device) -> "Cameras":
-        return Cameras(
-            self.camera_to_world.to(device), self.width, self.height, self.focal, self.near, self.far
-        )
+        return Cameras(self.camera_to_world.to(device), self.width, self.height, self.focal, self.near, self.far)
 
-    def rays(
-        self, view: Int[Tensor, " rays"], column: Int[Tensor, " rays"], row: Int[Tensor, " rays"]
-    ) -> Rays:
+    def rays(self, view: Int[Tensor, " rays"], column: Int[Tensor, " rays"], row: Int[Tensor, " rays"]) -> Rays:
         """Rays through pixel centres, `(column + 0.5, row + 0.5)`, unit directions."""
         x = (column + 0.5 - 0.5 * self.width) / self.focal
         y = -(row + 0.5 - 0.5 * self.height) / self.focal

@@ -273,9 +273,7 @@ def _read(path: Path, kind: type) -> dict[str, Any]:
         raise DamagedRecord(f"{path}: {error}; delete it and run again with --resume") from error
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-        raise DamagedRecord(
-            f"{path}: schema {found!r}, this version reads {SCHEMA}; run again into a fresh folder"
-        )
+        raise DamagedRecord(f"{path}: schema {found!r}, this version reads {SCHEMA}; run again into a fresh folder")
     known = {one.name for one in fields(kind)}
     if set(data) != known:
         raise DamagedRecord(

@@ -116,13 +116,17 @@ def _claim(out: Path, plan: Plan, resume: bool) -> None:
     if not used and out.exists() and any(out.iterdir()):
         raise InputError(f"--out {out}: the folder is in use by something else; name another one")
     if resume and not used:
-        raise InputError(f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out")
+        raise InputError(
+            f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
+        )
     try:
         if resume:
             _same_plan(out, plan)
         write_json(records_folder(out) / "plan.json", plan.settings())
     except OSError as error:
-        raise InputError(f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room") from error
+        raise InputError(
+            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
+        ) from error
     if shutil.disk_usage(out).free < LEAST_FREE_BYTES:
         raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
 
@@ -139,7 +143,9 @@ def _same_plan(out: Path, plan: Plan) -> None:
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
-        raise InputError(f"--resume: {out} was started with another plan ({what}); use the same options or a new folder")
+        raise InputError(
+            f"--resume: {out} was started with another plan ({what}); use the same options or a new folder"
+        )
 
 
 def _view_sets(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
@@ -257,9 +263,7 @@ def not_tested(plan: Plan) -> list[str]:
             "low bandwidth, which is why nerf_matched stands beside."
         )
     if plan.train.network.width != 256 or plan.train.network.depth != 8:
-        missing.append(
-            f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}."
-        )
+        missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
     if plan.train.fine_bins == 0:
         missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
     missing.append("View caching and attention-prioritised rendering (§8).")
@@ -279,5 +283,3 @@ def outcome(out: Path) -> str:
     """One line: how many cells ended how."""
     counts = Counter(cell.status for cell in read_cells(out))
     return ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-
-

@@ -31,7 +31,14 @@ class Trainer:
     """Trains one method on one scene with one seed, a batch at a time."""
 
     def __init__(
-        self, method: str, box: Box, settings: TrainSettings, budget: Budget, seed: int, device: torch.device
+        self,
+        method: str,
+        box: Box,
+        settings: TrainSettings,
+        budget: Budget,
+        seed: int,
+        device: torch.device,
+        view_dependent: bool = True,
     ) -> None:
         parts = CATALOG[method].parts
         self.method = method
@@ -41,9 +48,14 @@ class Trainer:
         self.device = device
         self.box = box
         self.background = torch.ones(3, device=device)
-        make = [settings.network, box, settings.precision]
-        self.coarse = NetworkField(parts, *make, seed=seed).to(device)
-        self.fine = NetworkField(parts, *make, seed=seed + 1_000_003).to(device) if settings.fine_bins else None
+
+        def field(name: str) -> NetworkField:
+            return NetworkField(parts, settings.network, box, settings.precision, f"{seed}/{name}", view_dependent).to(
+                device
+            )
+
+        self.coarse = field("coarse")
+        self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
         self.optimiser = torch.optim.Adam(self.fields.parameters(), lr=settings.learning_rate, fused=True)
         # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
@@ -100,9 +112,7 @@ class Trainer:
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int) -> Rendering:
         """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
-        parts = [
-            self._rendered(rays.part(start, start + chunk), None) for start in range(0, max(len(rays), 1), chunk)
-        ]
+        parts = [self._rendered(rays.part(start, start + chunk), None) for start in range(0, max(len(rays), 1), chunk)]
         whole = Rendering(
             colour=torch.cat([part.colour for part in parts]),
             opacity=torch.cat([part.opacity for part in parts]),

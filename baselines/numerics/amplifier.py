@@ -12,9 +12,9 @@ from torch import Tensor
 from baselines.numerics.encoding import PHI
 
 
-def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
-    """σ = log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere."""
-    return torch.nn.functional.softplus(raw + bias)
+def softplus_density(raw: Float[Tensor, "*points"], bias: float, scale: float) -> Float[Tensor, "*points"]:
+    """σ = scale · log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere."""
+    return scale * torch.nn.functional.softplus(raw + bias)
 
 
 def amplify_about_mean(

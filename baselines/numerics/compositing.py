@@ -16,9 +16,7 @@ def composite(
     return (T_end.unsqueeze(-1) * background).index_add(0, ray, w.unsqueeze(-1) * values)
 
 
-def expected_depth(
-    w: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], far: float
-) -> Float[Tensor, " rays"]:
+def expected_depth(w: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], far: float) -> Float[Tensor, " rays"]:
     """Mean distance of what the ray hits, Σ w t / Σ w; `far` where it hits nothing."""
     total = w.sum(dim=-1)
     hit = total > 0

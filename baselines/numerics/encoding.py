@@ -30,18 +30,14 @@ def feature_count(axes: int, bands: int) -> int:
     return axes * (1 + 2 * bands)
 
 
-def fourier_features(
-    x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
-) -> Float[Tensor, "*batch features"]:
+def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]) -> Float[Tensor, "*batch features"]:
     """[x, sin(f_0 π x), cos(f_0 π x), …, cos(f_{L−1} π x)] as Listing 1; no bands give x itself.
 
     Float32 at |x| <= 1: absolute error below 1.2e-4 at 2^9 and 1.2e-5 at φ^9, from rounding f π x. Reduced
     precision would lose the upper bands altogether (error 1.0 in bfloat16), so this runs in float32 or better.
     """
     if x.dtype in (torch.float16, torch.bfloat16):
-        raise TypeError(
-            f"the encoding needs float32 or better, got {x.dtype}: its upper bands would be noise"
-        )
+        raise TypeError(f"the encoding needs float32 or better, got {x.dtype}: its upper bands would be noise")
     angle = x.unsqueeze(-2) * (math.pi * f).to(x.dtype).unsqueeze(-1)
     waves = torch.stack([torch.sin(angle), torch.cos(angle)], dim=-2)
     return torch.cat([x, waves.flatten(-3)], dim=-1)

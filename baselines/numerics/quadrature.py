@@ -67,9 +67,7 @@ def listing4(
     del t_edges
     dists = torch.cat([t[:, 1:] - t[:, :-1], torch.full_like(t[:, :1], 1e10)], dim=-1)
     alpha = 1.0 - torch.exp(-sigma * dists)
-    transmittance = torch.cumprod(
-        torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1
-    )
+    transmittance = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
     return alpha * transmittance[:, :-1], torch.zeros_like(sigma[:, 0])
 
 

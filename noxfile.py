@@ -1,0 +1,51 @@
+"""nox -s benchmark · tests · lint. Environments are made by uv and reused."""
+
+import nox
+
+nox.needs_version = ">=2025.2.9"
+nox.options.default_venv_backend = "uv"
+nox.options.reuse_existing_virtualenvs = True
+nox.options.sessions = ["lint", "tests"]
+
+PROJECT = nox.project.load_toml("pyproject.toml")
+
+
+def install(session: nox.Session, *groups: str) -> None:
+    """The pinned dependencies of the project and of the named groups."""
+    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups))
+
+
+@nox.session
+def benchmark(session: nox.Session) -> None:
+    """Train the methods side by side and write the report; options as in `python -m harness run --help`."""
+    install(session)
+    # a diverged cell (3) is part of the result: the report is written, and says 3 in its turn
+    session.run("python", "-m", "harness", "run", *session.posargs, success_codes=[0, 3])
+    if not {"--dry-run", "--help", "-h"} & set(session.posargs):
+        session.run("python", "-m", "reports", out_folder(session.posargs))
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The test suite."""
+    install(session, "test")
+    session.run("pytest", *session.posargs)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style and types."""
+    install(session, "lint")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("mypy")
+
+
+def out_folder(options: list[str]) -> str:
+    """The folder that the run wrote: `--out`, else what `out/latest` names."""
+    for index, option in enumerate(options):
+        if option == "--out" and index + 1 < len(options):
+            return options[index + 1]
+        if option.startswith("--out="):
+            return option.removeprefix("--out=")
+    return "out/latest"
