@@ -108,6 +108,7 @@ def ensure_view_set(
         cache.mkdir(parents=True, exist_ok=True)
         remove_stale(cache)
         partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.{_host()}.{os.getpid()}.", suffix=_PARTIAL, dir=cache))
+        partial.chmod(0o755)  # mkdtemp lets nobody else read
         try:
             write_view_set(partial, order, chosen, progress)
             _move_into_place(partial, target)
@@ -282,6 +283,8 @@ def _host() -> str:
 
 
 def _alive(process: int) -> bool:
+    if os.name == "nt":
+        return True  # there, signal 0 would end the process
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -33,6 +33,7 @@ def test_a_whole_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypa
     assert first.name.startswith("tiny-16px-")
     assert len(first.name) == len("tiny-16px-") + 12
     check_all(first)
+    assert first.stat().st_mode & 0o777 == 0o755
     monkeypatch.setattr(store, "write_view_set", lambda *_: pytest.fail("rendered again"))
     monkeypatch.setattr(store, "choose_variant", lambda *_: pytest.fail("probed"))
     assert render_tiny(tmp_path) == first
