@@ -1,1 +1,4 @@
-"""The methods under comparison, and the pure numerics that they are composed of. Knows torch, not Mitsuba, not files."""
+"""The methods under comparison and the pure numerics that they are composed of.
+
+Knows torch, not Mitsuba, not files.
+"""

@@ -3,6 +3,7 @@
 `AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 import torch
@@ -18,18 +19,28 @@ DENSITY_BIAS = -4.4
 """Shift before softplus: a fresh field is thin fog (0.3 per unit), light reaches everything, nothing saturates."""
 
 
-class NoAmplifier(nn.Module):
+class Amplifier(nn.Module, ABC):
+    """What every reading supplies; the classes below are final."""
+
+    bounded: bool
+    """Whether density stays within [0, 1]."""
+
+    @abstractmethod
+    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
+        """The density entering the amplifier and the density that is rendered, both [points]; equal without one."""
+
+
+class NoAmplifier(Amplifier):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
 
     bounded = False
-    """Whether density stays within [0, 1]."""
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
         return sigma, sigma
 
 
-class Listing2Amplifier(nn.Module):
+class Listing2Amplifier(Amplifier):
     """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the call, β above 0.5, clamp to [0, 1].
 
     The mean runs over whatever points share the call, so the field depends on the chunk; density is bounded by 1.
@@ -49,7 +60,7 @@ class Listing2Amplifier(nn.Module):
         return normalised, amplify_listing2(normalised, mean, self.alpha, self.beta)
 
 
-class Equation4Amplifier(nn.Module):
+class Equation4Amplifier(Amplifier):
     """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
 
     bounded = False
@@ -64,7 +75,7 @@ class Equation4Amplifier(nn.Module):
         return sigma, amplify_about_mean(sigma, mean, self.alpha).clamp(min=0.0)
 
 
-AMPLIFIERS: dict[str, Callable[[], nn.Module]] = {
+AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {
     "none": NoAmplifier,
     "listing2": Listing2Amplifier,
     "equation4": Equation4Amplifier,

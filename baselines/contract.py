@@ -96,15 +96,6 @@ class RadianceField(Protocol):
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]: ...
 
 
-class Amplifier(Protocol):
-    """From the raw density output of a network to density; see `baselines.amplifiers`."""
-
-    bounded: bool
-    """Whether density stays within [0, 1]."""
-
-    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]: ...
-
-
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
     """U(−bound, bound) from a generator of (seed, parameter name): equal wherever name and shape are equal."""
     digest = 0

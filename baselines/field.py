@@ -4,12 +4,14 @@ Matrix products run in the chosen precision on float32 master weights; encoding,
 run in float32 always.
 """
 
+from typing import cast
+
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
-from baselines.amplifiers import AMPLIFIERS
+from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
 from baselines.numerics.encoding import feature_count, fourier_features, frequency_ladder
@@ -24,6 +26,10 @@ class NetworkField(nn.Module):
     applied to its two halves. That is the same product, and the direction's half is taken once a ray. Where a scene
     looks the same from all sides (`view_dependent` False), colour gets no direction at all.
     """
+
+    position_ladder: Tensor
+    direction_ladder: Tensor
+    amplifier: Amplifier
 
     def __init__(
         self,
@@ -89,10 +95,10 @@ class NetworkField(nn.Module):
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
         hidden, skipped = self._trunk(_padded(x))
         _, sigma = self._amplified(hidden, skipped, len(x))
-        first = self.colour_net[0]
+        first, *others = _linears(self.colour_net)
         of_view = linear(view.to(self.dtype), self._weight(first)[:, -view.shape[-1] :], first.bias.to(self.dtype))
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, _padded(ray))
-        for layer in self.colour_net[1:]:
+        for layer in others:
             h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
         return sigma, torch.sigmoid(h[: len(x)].float())
 
@@ -100,7 +106,7 @@ class NetworkField(nn.Module):
         """Last hidden layer, and the encoded position where the skip falls behind that layer (depth <= 5, φ)."""
         position = fourier_features(self.box.normalised(x), self.position_ladder).to(self.dtype)
         hidden, skipped = position, None
-        for index, layer in enumerate(self.density_net):
+        for index, layer in enumerate(_linears(self.density_net)):
             hidden = relu(self._split_linear(layer, hidden, skipped))
             skipped = position if index == self.skip else None
         return hidden, skipped
@@ -122,6 +128,10 @@ class NetworkField(nn.Module):
 
     def _weight(self, layer: nn.Linear) -> Tensor:
         return layer.weight.to(self.dtype)
+
+
+def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
+    return cast("list[nn.Linear]", list(layers))
 
 
 PADDED_TO = 1024

@@ -5,6 +5,10 @@ import shlex
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.progress import Progress
 
 PROFILES = ("smoke", "reduced", "full")
 
@@ -63,7 +67,7 @@ def main(arguments: list[str]) -> int:
         show.close()
 
 
-def _run(options: argparse.Namespace, show, command: str) -> int:  # type: ignore[no-untyped-def]
+def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from harness.device import available_cores, chosen_device, multiplies_bfloat16
     from harness.plan import planned
     from harness.runner import Machine, outcome, plan_lines, run

@@ -132,7 +132,7 @@ def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[floa
 
 @torch.no_grad()
 def measured_properties(trainer: Trainer, test: Cameras) -> dict[str, float | str | None]:
-    """Chunk dependence of one test view, the opacity that one unit of the densest matter found has, the grid's share."""
+    """Chunk dependence of one test view, the opacity of one unit of the densest matter found, the grid's share."""
     rays = test.all_rays(0)
     whole = trainer.render(rays, len(rays)).colour
     small = trainer.render(rays, SMALL_CHUNK).colour

@@ -37,7 +37,9 @@ DEVIATIONS = [
     "say what its coordinates are.",
     "Rays are cut to the scene's box: nothing is outside, so this changes samples, not the integral.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
-    "Vanilla NeRF's density is softplus instead of ReLU, which can die for good; its bias makes a fresh field thin fog.",
+    "Vanilla NeRF's density is a scaled softplus (25 per scene unit, shifted by −4.4: a fresh field is thin fog) "
+    "instead of ReLU, which can die for good; Eq. 4 acts on the same density. Listing 2 has its own sigmoid "
+    "and no such scale.",
     "Adam's gradient is clipped at norm 1 for all methods, against single spikes.",
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
     "shapes match.",

@@ -2,11 +2,14 @@
 
 import sys
 import time
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from harness.ground_truth import Rendered
 from harness.group import GroupTask
 from harness.records import CellRecord
+
+if TYPE_CHECKING:
+    from rich.progress import TaskID
 
 
 class Progress(Protocol):
@@ -95,7 +98,8 @@ class Bars(Quiet):
             TimeRemainingColumn(),
         )
         self._bars.start()
-        self._render = self._train = None
+        self._render: TaskID | None = None
+        self._train: TaskID | None = None
         self._scenes_done = 0
         self._tally = _Tally()
 

@@ -1,5 +1,6 @@
 """Plan → view sets → cells → records: the main path, from top to bottom."""
 
+import json
 import shutil
 import time
 from collections import Counter
@@ -17,14 +18,12 @@ from harness.paper import DEVIATIONS, printed
 from harness.plan import Plan
 from harness.progress import Progress
 from harness.records import (
-    CellRecord,
     LeftOut,
     RunRecord,
     SceneRecord,
     cell_path,
     finite_or_none,
     read_cells,
-    read_run,
     records_folder,
     write_comparisons,
     write_json,
@@ -136,8 +135,6 @@ LEAST_FREE_BYTES = 200 << 20
 
 def _same_plan(out: Path, plan: Plan) -> None:
     path = records_folder(out) / "plan.json"
-    import json
-
     before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     now = json.loads(json.dumps(plan.settings()))
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
