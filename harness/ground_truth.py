@@ -6,6 +6,7 @@ The harness never imports Mitsuba: if Dr.Jit aborts, only that process ends.
 import json
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +26,26 @@ class Rendered:
 
 
 def render_view_sets(scenes: tuple[str, ...], views: ViewSettings, cache: Path) -> Iterator[Rendered]:
-    """Yields progress, and a `path` for each scene. Raises `InputError` with what the renderer said."""
-    command = [sys.executable, "-m", "scenes", "render", *scenes, "--view-sets", str(cache)]
+    """Yields progress, and a `path` for each scene. Raises `InputError` with what the renderer said.
+
+    Where Dr.Jit takes its process down in the middle, the scenes that are missing are rendered with `scalar_rgb`.
+    """
+    missing = list(scenes)
+    try:
+        for event in _render(missing, views, cache, ()):
+            if event.path is not None:
+                missing.remove(event.scene)
+            yield event
+    except _Aborted:
+        yield from _render(missing, views, cache, ("--variant", "scalar_rgb"))
+
+
+class _Aborted(RuntimeError):
+    """The renderer's process was ended by a signal."""
+
+
+def _render(scenes: list[str], views: ViewSettings, cache: Path, options: tuple[str, ...]) -> Iterator[Rendered]:
+    command = [sys.executable, "-m", "scenes", "render", *scenes, "--view-sets", str(cache), *options]
     for option, value in {
         "resolution": views.resolution,
         "train": views.train,
@@ -36,20 +55,24 @@ def render_view_sets(scenes: tuple[str, ...], views: ViewSettings, cache: Path) 
         "spp-test": views.spp_test,
     }.items():
         command += [f"--{option}", str(value)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    assert process.stderr is not None
-    try:
-        for line in process.stdout:
-            message = json.loads(line)
-            path = Path(message["path"]) if message.get("path") else None
-            yield Rendered(message["scene"], message.get("done", 0), message.get("total", 0), path)
-        said = process.stderr.read().strip()
-        if process.wait() == 2:
-            raise InputError(said)
-        if process.returncode != 0:
-            raise RuntimeError(f"rendering ended with exit code {process.returncode}: {said[-2000:]}")
-    finally:
-        if process.poll() is None:
-            process.terminate()
-            process.wait()
+    with tempfile.TemporaryFile("w+") as complaints:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                message = json.loads(line)
+                path = Path(message["path"]) if message.get("path") else None
+                yield Rendered(message["scene"], message.get("done", 0), message.get("total", 0), path)
+            code = process.wait()
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+        complaints.seek(0)
+        said = complaints.read().strip()
+    if code == 2:
+        raise InputError(said.removeprefix("scenes: "))
+    if code < 0:
+        raise _Aborted(f"rendering was ended by signal {-code}: {said[-2000:]}")
+    if code:
+        raise RuntimeError(f"rendering ended with exit code {code}: {said[-2000:]}")

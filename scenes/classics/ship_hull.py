@@ -114,7 +114,7 @@ def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
 def fittings() -> Solid:
     """All that is of dark wood: gun ports, rails, the shrouds' channels, anchors, hatches, rudder."""
     parts = [box(0.075, 0.012, 0.25).moved(x=STERN - 0.045, z=WATER + 0.02)]
-    parts += [box(0.09, 0.12, 0.03).moved(x=x, z=float(deck(np.array(x))) + 0.012) for x in (0.16, -0.16)]
+    parts += [box(0.09, 0.12, 0.03).moved(x=x, z=float(deck(np.array([x]))[0]) + 0.012) for x in (0.16, -0.16)]
     for starboard in (True, False):
         parts += [box(0.034, 0.02, 0.028).moved(*on_side(x, 0.68, starboard)) for x in np.linspace(-0.5, 0.38, 10)]
         parts += [box(0.17, 0.05, 0.008).moved(*channel(x, starboard)) for x in MASTS_AT]
