@@ -1,5 +1,6 @@
 """What passes between a method and those who train and render it."""
 
+import hashlib
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -98,8 +99,6 @@ class RadianceField(Protocol):
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
     """U(−bound, bound) from a generator of (seed, parameter name): equal wherever name and shape are equal."""
-    digest = 0
-    for byte in f"{seed}/{name}".encode():
-        digest = (digest * 1099511628211 + byte + 14695981039346656037) % 2**63
-    generator = torch.Generator().manual_seed(digest)
+    digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
+    generator = torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)
     return (2.0 * torch.rand(shape, generator=generator, dtype=torch.float32) - 1.0) * bound

@@ -1,9 +1,9 @@
 """python -m harness run: parse, call, exit code."""
 
 import argparse
+import errno
 import shlex
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,6 +59,12 @@ def main(arguments: list[str]) -> int:
         show.close()
         print(f"error: {mistake}", file=sys.stderr)
         return 2
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
+            raise
+        show.close()
+        print(f"error: {error.filename}: {error.strerror}; make room and go on with --resume", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         show.close()
         print("interrupted: finished cells are kept; go on with --resume and --out", file=sys.stderr)
@@ -69,6 +75,7 @@ def main(arguments: list[str]) -> int:
 
 def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from harness.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.output_folder import claim, fresh_folder, point_latest_to
     from harness.plan import planned
     from harness.runner import Machine, outcome, plan_lines, run
     from scenes.errors import InputError
@@ -106,34 +113,11 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     for line in plan_lines(plan, machine):
         show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
-    code = run(plan, out, options.view_sets, machine, options.resume, command, show)
-    _point_latest_to(out)
+    claim(out, plan, options.resume)
+    point_latest_to(out)
+    code = run(plan, out, options.view_sets, machine, command, show)
     show.line(f"{outcome(out)}; records in {out / 'records'}")
     return code
-
-
-def fresh_folder(profile: str, resume: bool) -> Path:
-    """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
-    latest = Path("out/latest")
-    if resume and latest.exists():
-        return latest.resolve()
-    stem = Path("out") / f"{profile}-{time.strftime('%Y%m%d-%H%M%S')}"
-    candidates = [stem, *(stem.with_name(f"{stem.name}-{count}") for count in range(2, 100))]
-    return next(path for path in candidates if not path.exists())
-
-
-def _point_latest_to(out: Path) -> None:
-    """`latest` beside the folder, where it lies in `out/`; elsewhere nothing."""
-    if out.resolve().parent != Path("out").resolve():
-        return
-    link = Path("out/latest")
-    beside = link.with_name(".latest.part")
-    try:
-        beside.unlink(missing_ok=True)
-        beside.symlink_to(out.resolve().name)
-        beside.replace(link)
-    except OSError:
-        pass  # a file system without links: the folder's name was printed
 
 
 if __name__ == "__main__":

@@ -29,7 +29,10 @@ class GroupTask:
 
 
 def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Callable[[CellRecord], None]) -> None:
-    """Train, score and write every method of the group; an error of ours ends in records of status `error`."""
+    """Train, score and write every method of the group; an error of ours ends in records of status `error`.
+
+    Raises `OSError` where nothing can be written: a record could not be either.
+    """
     import torch
 
     from harness.device import use_threads
@@ -52,7 +55,9 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
         for cell in train_group(views, task.scene, task.seed, settings, device, task.out, origin, on_progress):
             write_cell(task.out, cell)
             on_cell(cell)
-    except (Exception, MemoryError) as error:
+    except OSError:
+        raise
+    except Exception as error:
         lines = traceback.format_exception_only(error)
         where = traceback.extract_tb(error.__traceback__)[-1]
         reason = f"{''.join(lines).strip()} ({Path(where.filename).name}:{where.lineno})"

@@ -30,7 +30,8 @@ class _Worker:
 def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
     """Run all tasks, at most `workers` at a time. A worker that dies costs its group, which is recorded as an error.
 
-    Closing the generator (Ctrl-C) ends the workers at once; what they had finished is on disk.
+    Raises the `OSError` of a worker that cannot write its records: no other could. Closing the generator (Ctrl-C)
+    ends the workers at once; what they had finished is on disk.
     """
     context = multiprocessing.get_context("spawn")
     waiting = list(tasks)
@@ -71,6 +72,8 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
                 if message is None:
                     feed(worker)
                     yield Event(task, share=1.0)
+                elif isinstance(message, OSError):
+                    raise message
                 elif isinstance(message, float):
                     yield Event(task, share=message)
                 else:
@@ -89,7 +92,7 @@ def _ending(exit_code: int | None) -> str:
 
 
 def _work(connection: Connection) -> None:
-    """Tasks in, progress (float), finished cells and None (end of a task) out."""
+    """Tasks in; progress (float), finished cells, None (task ended) and an `OSError` (cannot write) out."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
     while (task := connection.recv()) is not None:
         last = 0.0
@@ -100,5 +103,9 @@ def _work(connection: Connection) -> None:
                 last = share
                 connection.send(share)
 
-        run_group(task, on_progress, connection.send)
+        try:
+            run_group(task, on_progress, connection.send)
+        except OSError as error:
+            connection.send(OSError(error.errno, error.strerror, error.filename))
+            return
         connection.send(None)

@@ -1,7 +1,5 @@
 """Plan → view sets → cells → records: the main path, from top to bottom."""
 
-import json
-import shutil
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -10,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from harness.caveats import DEVIATIONS, not_tested
 from harness.comparisons import compare
 from harness.ground_truth import render_view_sets
 from harness.group import GroupTask
 from harness.local_executor import run_locally
-from harness.paper import DEVIATIONS, printed
+from harness.paper import printed
 from harness.plan import Plan
 from harness.progress import Progress
 from harness.records import (
@@ -24,13 +23,9 @@ from harness.records import (
     cell_path,
     finite_or_none,
     read_cells,
-    records_folder,
     write_comparisons,
-    write_json,
     write_run,
 )
-from harness.schedule import Budget
-from scenes.errors import InputError
 from scenes.view_set import ViewSet
 
 
@@ -43,10 +38,11 @@ class Machine:
     threads: int
 
 
-def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, resume: bool, command: str, show: Progress) -> int:
-    """Do what the plan says into `out`; gives the exit code: 0, or 3 where a cell diverged or failed.
+def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress) -> int:
+    """Do what the plan says into `out`, which is ours already (`harness.output_folder`), leaving out finished cells.
 
-    Raises `InputError` before anything is done where input is wrong.
+    Gives the exit code: 0, or 3 where a cell diverged or failed. Raises `InputError` before any training
+    where input is wrong.
     """
     import torch
 
@@ -57,7 +53,6 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, resume: bool, 
     phases: dict[str, float] = {}
     use_threads(machine.threads)
     origin = provenance(torch.device(machine.device))
-    _claim(out, plan, resume)
     with _timed(phases, "render"):
         folders = {plan.scenes[0]: Path(plan.view_set)} if plan.view_set else _view_sets(plan, view_sets, show)
         scenes = [_scene_record(plan, name, folders[name]) for name in plan.scenes]
@@ -103,46 +98,6 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
         f"{plan.train.rays} rays a step, {plan.train.precision} products",
         f"  machine  {machine.device}, {machine.workers} workers of {machine.threads} threads",
     ]
-
-
-def _claim(out: Path, plan: Plan, resume: bool) -> None:
-    """Make the folder ours, or refuse it."""
-    used = records_folder(out).exists()
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; name a folder")
-    if used and not resume:
-        raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
-    if not used and out.exists() and any(out.iterdir()):
-        raise InputError(f"--out {out}: the folder is in use by something else; name another one")
-    if resume and not used:
-        raise InputError(
-            f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
-        )
-    try:
-        if resume:
-            _same_plan(out, plan)
-        write_json(records_folder(out) / "plan.json", plan.settings())
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
-        ) from error
-    if shutil.disk_usage(out).free < LEAST_FREE_BYTES:
-        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
-
-
-LEAST_FREE_BYTES = 200 << 20
-
-
-def _same_plan(out: Path, plan: Plan) -> None:
-    path = records_folder(out) / "plan.json"
-    before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    now = json.loads(json.dumps(plan.settings()))
-    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
-    if changed:
-        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
-        raise InputError(
-            f"--resume: {out} was started with another plan ({what}); use the same options or a new folder"
-        )
 
 
 def _view_sets(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
@@ -242,31 +197,6 @@ def _run_record(
         finished=finished,
         not_tested=not_tested(plan),
     )
-
-
-def not_tested(plan: Plan) -> list[str]:
-    """What a reader of the paper might expect and this plan does not do."""
-    full = Budget(steps=200_000, seconds=None)
-    missing = []
-    if plan.view_set is None:
-        missing.append(
-            "The original NeRF synthetic images: the scenes are procedural analogues of them, so scores are not "
-            "comparable with the paper's absolute numbers, differences between methods are."
-        )
-    if plan.views.resolution != 800 or plan.budget != full:
-        missing.append(
-            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, "
-            f"{plan.budget.steps or f'{plan.budget.seconds:g} s of'} steps). Low resolution and short training reward "
-            "low bandwidth, which is why nerf_matched stands beside."
-        )
-    if plan.train.network.width != 256 or plan.train.network.depth != 8:
-        missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
-    if plan.train.fine_bins == 0:
-        missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
-    missing.append("View caching and attention-prioritised rendering (§8).")
-    if not {"nerf_phi_encoding", "nerf_phi_encoding_amplifier"} <= set(plan.methods):
-        missing.append("The ablation of Table 4: run it with --methods, every combination of the three parts is there.")
-    return missing
 
 
 @contextmanager

@@ -1,0 +1,73 @@
+"""The folder that a run writes to: a fresh one, or one that is gone on with; never one that is in use."""
+
+import json
+import shutil
+import time
+from pathlib import Path
+
+from harness.plan import Plan
+from harness.records import records_folder, write_json
+from scenes.errors import InputError
+
+LEAST_FREE_BYTES = 200 << 20
+
+
+def fresh_folder(profile: str, resume: bool) -> Path:
+    """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
+    latest = Path("out/latest")
+    if resume and latest.exists():
+        return latest.resolve()
+    stem = Path("out") / f"{profile}-{time.strftime('%Y%m%d-%H%M%S')}"
+    candidates = [stem, *(stem.with_name(f"{stem.name}-{count}") for count in range(2, 100))]
+    return next(path for path in candidates if not path.exists())
+
+
+def point_latest_to(out: Path) -> None:
+    """`latest` beside the folder, where it lies in `out/`; elsewhere nothing."""
+    if out.resolve().parent != Path("out").resolve():
+        return
+    link = Path("out/latest")
+    beside = link.with_name(".latest.part")
+    try:
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(out.resolve().name)
+        beside.replace(link)
+    except OSError:
+        pass  # a file system without links: the folder's name was printed
+
+
+def claim(out: Path, plan: Plan, resume: bool) -> None:
+    """Make the folder ours, or refuse it."""
+    used = records_folder(out).exists()
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; name a folder")
+    if used and not resume:
+        raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
+    if not used and out.exists() and any(out.iterdir()):
+        raise InputError(f"--out {out}: the folder is in use by something else; name another one")
+    if resume and not used:
+        raise InputError(
+            f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
+        )
+    try:
+        if resume:
+            _same_plan(out, plan)
+        write_json(records_folder(out) / "plan.json", plan.settings())
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
+        ) from error
+    if shutil.disk_usage(out).free < LEAST_FREE_BYTES:
+        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
+
+
+def _same_plan(out: Path, plan: Plan) -> None:
+    path = records_folder(out) / "plan.json"
+    before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    now = json.loads(json.dumps(plan.settings()))
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
+    if changed:
+        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+        raise InputError(
+            f"--resume: {out} was started with another plan ({what}); use the same options or a new folder"
+        )
