@@ -8,41 +8,51 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import torch
+
+    from harness.plan import Plan
     from harness.progress import Progress
 
 PROFILES = ("smoke", "reduced", "full")
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options of `run`, the same in every nox session."""
+    """The options of each command; those of `run` are the same in every nox session."""
     top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="render, train, score and record a comparison")
-    run.add_argument("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
-    run.add_argument("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
-    run.add_argument("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
-    run.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
-    run.add_argument("--budget-steps", type=int, metavar="N", help="training steps of each cell")
-    run.add_argument(
-        "--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock"
-    )
-    run.add_argument("--resolution", type=int, metavar="PX", help="width of the views")
-    run.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    run.add_argument(
+    _add_plan_options(run)
+    run.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
+    run.add_argument("--executor", default="local", choices=("local",), help="where cells run")
+    run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
+    run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
+    run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
+    run.add_argument("--quiet", action="store_true", help="no progress")
+    rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
+    _add_plan_options(rates)
+    rates.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    return top
+
+
+def _add_plan_options(command: argparse.ArgumentParser) -> None:
+    """What is trained on what, for how long."""
+    add = command.add_argument
+    add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
+    add("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
+    add("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
+    add("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
+    add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
+    add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
+    add("--resolution", type=int, metavar="PX", help="width of the views")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add(
         "--precision",
         default="auto",
         choices=("auto", "float32", "bfloat16"),
         help="of matrix products alone (default: the profile's, where the processor has such products)",
     )
-    run.add_argument("--executor", default="local", choices=("local",), help="where cells run")
-    run.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
-    run.add_argument("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
-    run.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
-    run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
-    run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
-    run.add_argument("--quiet", action="store_true", help="no progress")
-    return top
+    add("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
 
 def main(arguments: list[str]) -> int:
@@ -52,8 +62,11 @@ def main(arguments: list[str]) -> int:
     from harness.progress import chosen_progress
     from scenes.errors import InputError
 
-    show = chosen_progress(options.quiet or options.dry_run)
+    silent = options.command == "run" and (options.quiet or options.dry_run)
+    show = chosen_progress(silent)
     try:
+        if options.command == "sweep":
+            return _sweep(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except InputError as mistake:
         show.close()
@@ -73,12 +86,9 @@ def main(arguments: list[str]) -> int:
         show.close()
 
 
-def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
-    from harness.device import available_cores, chosen_device, multiplies_bfloat16
-    from harness.output_folder import claim, fresh_folder, point_latest_to
+def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
+    from harness.device import chosen_device, multiplies_bfloat16
     from harness.plan import planned
-    from harness.runner import Machine, outcome, plan_lines, run
-    from scenes.errors import InputError
 
     device = chosen_device(options.device)
     precision = options.precision
@@ -96,6 +106,16 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
         view_set=options.view_set,
         precision=precision,
     )
+    return plan, device
+
+
+def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
+    from harness.device import available_cores
+    from harness.output_folder import claim, fresh_folder, point_latest_to
+    from harness.runner import Machine, outcome, plan_lines, run
+    from scenes.errors import InputError
+
+    plan, device = _planned(options)
     cores = available_cores()
     if options.workers is not None and not 1 <= options.workers <= 256:
         raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
@@ -104,11 +124,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     if options.dry_run:
         from harness.cost import estimate_lines
 
-        print(
-            "\n".join(
-                [*plan_lines(plan, machine), *estimate_lines(plan, machine.device, machine.workers, machine.threads)]
-            )
-        )
+        print("\n".join([*plan_lines(plan, machine), *estimate_lines(plan, device, workers, machine.threads)]))
         return 0
     for line in plan_lines(plan, machine):
         show.line(line)
@@ -118,6 +134,25 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     code = run(plan, out, options.view_sets, machine, command, show)
     show.line(f"{outcome(out)}; records in {out / 'records'}")
     return code
+
+
+def _sweep(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.device import available_cores, use_threads
+    from harness.records import write_json
+    from harness.runner import view_set_folders
+    from harness.sweep import as_json, sweep
+
+    plan, device = _planned(options)
+    use_threads(available_cores())
+    rows = []
+    for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device):
+        rows.append(row)
+        score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
+        show.line(f"{row.scene} {row.method} at {row.learning_rate:g}: {score} on validation views")
+    result = as_json(rows, plan)
+    write_json(options.out, result)
+    show.line(f"best: {result['best']}")
+    return 0
 
 
 if __name__ == "__main__":

@@ -37,9 +37,9 @@ def step_seconds(plan: Plan, device: torch.device, threads: int) -> tuple[float,
     return trainer.clock.seconds / steps, (time.perf_counter() - began) / plan.train.rays
 
 
-def estimate_lines(plan: Plan, device: str, workers: int, threads: int) -> list[str]:
+def estimate_lines(plan: Plan, device: torch.device, workers: int, threads: int) -> list[str]:
     """Estimated wall time in words, by phase."""
-    step, ray = step_seconds(plan, torch.device(device), threads)
+    step, ray = step_seconds(plan, device, threads)
     views = plan.views
     cells = len(plan.cells())
     by_steps = plan.budget.steps * step if plan.budget.steps else float("inf")

@@ -54,7 +54,7 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
     use_threads(machine.threads)
     origin = provenance(torch.device(machine.device))
     with _timed(phases, "render"):
-        folders = {plan.scenes[0]: Path(plan.view_set)} if plan.view_set else _view_sets(plan, view_sets, show)
+        folders = view_set_folders(plan, view_sets, show)
         scenes = [_scene_record(plan, name, folders[name]) for name in plan.scenes]
 
     def write(finished: bool) -> None:
@@ -100,7 +100,10 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
     ]
 
 
-def _view_sets(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
+def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
+    """Scene → its view set: the user's own, or rendered, or from the cache."""
+    if plan.view_set:
+        return {plan.scenes[0]: Path(plan.view_set)}
     folders: dict[str, Path] = {}
     for event in render_view_sets(plan.scenes, plan.views, cache):
         show.rendered(event, len(plan.scenes))

@@ -1,0 +1,77 @@
+"""The same small sweep of the learning rate for every method, on validation views and a seed of its own.
+
+No method may get tuning that the others did not: what a profile sets for all must not be one method's favourite.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import torch
+
+from baselines.contract import Box
+from harness import evaluate
+from harness.batches import Batches
+from harness.lockstep import needs_view_direction
+from harness.plan import Plan
+from harness.trainer import Diverged, Trainer
+from scenes.pixels import over_white
+from scenes.view_set import ViewSet, read_view_set
+
+SEED = 1_000
+"""Outside of the seeds that verdicts use."""
+FACTORS = (0.2, 0.5, 1.0, 2.0)
+"""Of the profile's learning rates, first and last alike."""
+
+
+@dataclass(frozen=True)
+class SweepRow:
+    """Mean PSNR on the validation views of one scene after the profile's budget; None where training diverged."""
+
+    scene: str
+    method: str
+    learning_rate: float
+    psnr_val: float | None
+
+
+def sweep(plan: Plan, folders: dict[str, Path], device: torch.device) -> Iterator[SweepRow]:
+    """Every method at every learning rate on every scene."""
+    for scene, folder in folders.items():
+        views = read_view_set(folder, resolution=plan.views.resolution, splits=("train", "val"))
+        for method in plan.methods:
+            for factor in FACTORS:
+                yield _row(plan, views, scene, method, factor, device)
+
+
+def best_rates(rows: list[SweepRow]) -> dict[str, float]:
+    """The learning rate with the best mean over scenes for each method; a diverged run counts as the worst."""
+    best: dict[str, float] = {}
+    for method in dict.fromkeys(row.method for row in rows):
+        sums: dict[float, float] = {}
+        for row in rows:
+            if row.method == method:
+                score = -1e3 if row.psnr_val is None else row.psnr_val
+                sums[row.learning_rate] = sums.get(row.learning_rate, 0.0) + score
+        best[method] = max(sums, key=lambda rate: sums[rate])
+    return best
+
+
+def as_json(rows: list[SweepRow], plan: Plan) -> dict[str, object]:
+    return {"seed": SEED, "settings": plan.settings(), "rows": [asdict(row) for row in rows], "best": best_rates(rows)}
+
+
+def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, device: torch.device) -> SweepRow:
+    rates = (plan.train.learning_rate * factor, plan.train.last_learning_rate * factor)
+    settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
+    box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+    colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
+    batches = Batches(evaluate.cameras_of(views, views.train, device), colours)
+    trainer = Trainer(method, box, settings, plan.budget, SEED, device, needs_view_direction(views))
+    try:
+        while trainer.progress < 1.0:
+            trainer.train_on(*batches.batch(SEED, trainer.step, settings.rays))
+        cameras = evaluate.cameras_of(views, views.val, device)
+        images = evaluate.render_split(trainer, cameras, plan.score.chunk)
+        return SweepRow(scene, method, rates[0], evaluate.quick_scores(images, views.val)["psnr"])
+    except Diverged:
+        return SweepRow(scene, method, rates[0], None)
