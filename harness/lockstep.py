@@ -178,7 +178,7 @@ class _Runner:
             properties=properties,
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
             images=images,
-            settings=asdict(self.settings),
+            settings={**asdict(self.settings), "view_set": view_set_facts(self.views)},
             provenance=self.provenance,
         )
 
@@ -213,6 +213,19 @@ def needs_view_direction(views: ViewSet) -> bool:
     """False where the scene's own description says that it looks the same from all sides."""
     left_out = {row["what"] for row in views.rendered.get("left_out", [])}
     return "view-direction branch" not in left_out
+
+
+def view_set_facts(views: ViewSet) -> dict[str, Any]:
+    """What tells this view set from another one."""
+    return {
+        "name": views.path.resolve().name,
+        "digest": views.rendered.get("digest"),
+        "width": views.width,
+        "height": views.height,
+        "train": len(views.train.names),
+        "test": len(views.test.names),
+        "bounds": views.bounds.tolist(),
+    }
 
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
