@@ -2,7 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
@@ -73,6 +73,7 @@ class NetworkSize:
 Precision = Literal["float32", "bfloat16"]
 
 
+@runtime_checkable
 class RadianceField(Protocol):
     """A density and a colour for each point in space: what a renderer needs to know of a method.
 

@@ -96,7 +96,8 @@ class NetworkField(nn.Module):
         hidden, skipped = self._trunk(_padded(x))
         _, sigma = self._amplified(hidden, skipped, len(x))
         first, *others = _linears(self.colour_net)
-        of_view = linear(view.to(self.dtype), self._weight(first)[:, -view.shape[-1] :], first.bias.to(self.dtype))
+        for_view = self._weight(first)[:, first.in_features - view.shape[-1] :]
+        of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype))
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, _padded(ray))
         for layer in others:
             h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))

@@ -16,16 +16,18 @@ DECAY = 0.6
 
 
 class OccupancyGrid:
-    """`density` [cells³] remembers the largest density lately seen in each cell; `occupied` [cells³] is its mask."""
+    """`density` [cells³] remembers the largest density lately seen in each cell, infinite where none was measured yet;
+    `occupied` [cells³] is its mask.
+    """
 
     def __init__(self, cells: int, box: Box, opacity_threshold: float) -> None:
         self.cells = cells
         self.box = box
         self.opacity_threshold = opacity_threshold
-        self.density = torch.zeros(cells**3, device=box.lower.device)
+        self.density = torch.full((cells**3,), torch.inf, device=box.lower.device)
         self.occupied = torch.ones(cells**3, dtype=torch.bool, device=box.lower.device)
         self.emptied = False
-        """Whether a refresh ever found no matter at all; the mask is then full again."""
+        """Whether the last refresh found no matter at all; the mask is then full again."""
 
     def at(self, x: Float[Tensor, "*points 3"]) -> Bool[Tensor, "*points"]:
         """Whether the cell around each point is occupied; points outside the box belong to its nearest cell."""
@@ -45,7 +47,9 @@ class OccupancyGrid:
         jitter = torch.rand(corner.shape, generator=generator)
         x = self.box.from_unit(((corner + jitter) / self.cells).to(self.density.device))
         chosen = chosen.to(self.density.device)
-        self.density[chosen] = torch.maximum(self.density[chosen] * DECAY, field.density(x))
+        remembered = self.density[chosen]
+        faded = torch.where(torch.isinf(remembered), 0.0, remembered * DECAY)
+        self.density[chosen] = torch.maximum(faded, field.density(x))
         self._threshold()
         return len(chosen)
 

@@ -19,7 +19,7 @@ def ray_box(
     A component of `d` that is zero means "inside this slab always, or never": division gives ±inf, which is right,
     except 0 · inf on the slab's very face, which counts as inside.
     """
-    inverse = 1.0 / d
+    inverse = 1.0 / (d + 0.0)  # −0 becomes +0: 1 / −0 would put both faces of the slab on the same side
     first = torch.nan_to_num((lower - o) * inverse, nan=-torch.inf, posinf=torch.inf, neginf=-torch.inf)
     second = torch.nan_to_num((upper - o) * inverse, nan=torch.inf, posinf=torch.inf, neginf=-torch.inf)
     entry = torch.minimum(first, second).amax(dim=-1).clamp(min=near)

@@ -51,7 +51,9 @@ def inverse_cdf_edges(
     else:
         u = torch.rand((w.shape[0], count), generator=generator, dtype=w.dtype, device=generator.device)
         u = u.to(w.device)
-    u = (torch.arange(count, dtype=w.dtype, device=w.device) + u) / count
+    # below 1, to which the last stratum can round: 1 belongs to the last bin, which may have no weight
+    below_one = 1.0 - 0.5 * torch.finfo(w.dtype).eps
+    u = ((torch.arange(count, dtype=w.dtype, device=w.device) + u) / count).clamp(max=below_one)
     right = torch.searchsorted(cdf, u, right=True).clamp(1, w.shape[-1])
     cdf_left, cdf_right = cdf.gather(-1, right - 1), cdf.gather(-1, right)
     t_left, t_right = t_edges.gather(-1, right - 1), t_edges.gather(-1, right)
