@@ -1,0 +1,175 @@
+"""The two amplifiers against the printed code and in their limits."""
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from baselines.amplifiers import DENSITY_BIAS, DENSITY_SCALE, Equation4Amplifier, Listing2Amplifier, NoAmplifier
+from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
+from baselines.numerics.encoding import PHI
+
+
+class Listing2(nn.Module):
+    """Listing 2 of the paper, word for word."""
+
+    def __init__(self, factor: float = PHI) -> None:
+        super().__init__()
+        self.amplification_factor = factor
+        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+        self.beta = nn.Parameter(torch.tensor(1.0))
+
+    def forward(self, density: Tensor, threshold: float = 0.5) -> Tensor:
+        density_norm = torch.sigmoid(density)
+        mean_density = density_norm.mean()
+
+        # Grover-like reflection
+        deviation = density_norm - mean_density
+        amplified = mean_density + (self.alpha * deviation * self.amplification_factor)
+
+        # Threshold boost
+        boost = torch.where(density_norm > threshold, self.beta, torch.ones_like(self.beta))
+        return torch.clamp(amplified * boost, 0, 1)
+
+
+def raw_densities(scale: float = 3.0) -> Tensor:
+    return scale * torch.randn(500, generator=torch.Generator().manual_seed(5))
+
+
+def scalar(value: float, dtype: torch.dtype = torch.float32) -> Tensor:
+    return torch.tensor(value, dtype=dtype)
+
+
+@pytest.mark.parametrize("alpha", [1.0 / PHI, 0.0, -1.0, 1.0, 10.0])
+@pytest.mark.parametrize("beta", [1.0, 0.5, 3.0])
+def test_listing_2_is_the_printed_code_with_its_gradients(alpha: float, beta: float) -> None:
+    printed, ours = Listing2(), Listing2Amplifier()
+    raws = [raw_densities().requires_grad_() for _ in range(2)]
+    outputs = []
+    for module, forward, raw in [(printed, printed, raws[0]), (ours, lambda r: ours.before_and_after(r)[1], raws[1])]:
+        with torch.no_grad():
+            module.alpha.fill_(alpha)
+            module.beta.fill_(beta)
+        outputs.append(forward(raw))
+        (outputs[-1] * torch.linspace(-1, 1, 500)).sum().backward()
+    torch.testing.assert_close(outputs[1], outputs[0], rtol=0.0, atol=1e-6)
+    torch.testing.assert_close(raws[1].grad, raws[0].grad, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(ours.alpha.grad, printed.alpha.grad, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(ours.beta.grad, printed.beta.grad, rtol=1e-4, atol=1e-4)
+
+
+def test_scalars_start_as_the_paper_says() -> None:
+    assert Listing2Amplifier().alpha.item() == Equation4Amplifier().alpha.item() == pytest.approx(1.0 / PHI)
+    assert Listing2Amplifier().beta.item() == 1.0
+
+
+def test_equation_4_is_the_identity_at_one_over_phi() -> None:
+    sigma = torch.rand(1000, generator=torch.Generator().manual_seed(6))
+    amplified = amplify_about_mean(sigma, sigma.mean(), scalar(1.0 / PHI))
+    assert float((amplified - sigma).abs().max()) <= 1.2e-7
+    exact = amplify_about_mean(sigma.double(), sigma.double().mean(), scalar(1.0 / PHI, torch.float64))
+    assert float((exact - sigma.double()).abs().max()) <= 1e-15
+
+
+@pytest.mark.parametrize("alpha", [-1.0, 0.0, 0.3, 1.0, 4.0])
+def test_equation_4_point_by_point(alpha: float) -> None:
+    sigma = torch.rand(40, dtype=torch.float64, generator=torch.Generator().manual_seed(7)) * 30.0
+    mean = sum(sigma.tolist()) / 40
+    expected = [mean + alpha * (value - mean) * PHI for value in sigma.tolist()]
+    amplified = amplify_about_mean(sigma, sigma.mean(), scalar(alpha, torch.float64))
+    torch.testing.assert_close(amplified, torch.tensor(expected, dtype=torch.float64))
+    # the mean stays where it is, whatever alpha; the spread grows by alpha phi
+    torch.testing.assert_close(amplified.mean(), sigma.mean())
+    torch.testing.assert_close(amplified.std(), abs(alpha) * PHI * sigma.std())
+
+
+def test_equation_4_of_a_negative_density_is_empty_space() -> None:
+    amplifier = Equation4Amplifier()
+    with torch.no_grad():
+        amplifier.alpha.fill_(5.0)
+    before, after = amplifier.before_and_after(raw_densities())
+    assert (before >= 0).all()
+    assert (after >= 0).all()
+    assert (after == 0).any()
+
+
+def test_listing_2_is_a_plain_sigmoid_at_first() -> None:
+    raw = raw_densities()
+    before, after = Listing2Amplifier().before_and_after(raw)
+    assert torch.equal(before, torch.sigmoid(raw))
+    torch.testing.assert_close(after, before, rtol=0.0, atol=1.2e-7)
+
+
+def test_listing_2_stays_within_0_and_1_and_boosts_above_the_threshold_alone() -> None:
+    normalised = torch.tensor([0.0, 0.2, 0.5, 0.6, 1.0])
+    mean, alpha = scalar(0.3), scalar(1.0 / PHI)
+    boosted = amplify_listing2(normalised, mean, alpha, scalar(1.5))
+    torch.testing.assert_close(boosted, torch.tensor([0.0, 0.2, 0.5, 0.9, 1.0]), rtol=0.0, atol=2e-7)
+    moved = amplify_listing2(normalised, mean, alpha, scalar(1.5), threshold=0.55)
+    torch.testing.assert_close(moved, boosted)
+
+
+def test_beta_has_no_gradient_where_nothing_is_above_the_threshold() -> None:
+    amplifier = Listing2Amplifier()
+    _, after = amplifier.before_and_after(-raw_densities().abs() - 0.1)
+    after.sum().backward()
+    assert amplifier.beta.grad == 0.0
+    assert amplifier.alpha.grad is not None
+
+
+def test_alpha_has_no_gradient_where_all_densities_are_equal() -> None:
+    amplifier = Equation4Amplifier()
+    before, after = amplifier.before_and_after(torch.full((64,), 0.25))
+    after.sum().backward()
+    assert abs(float(amplifier.alpha.grad)) <= 1e-6 * float(before.sum())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("raw", [-1e4, -100.0, 0.0, 100.0, 1e4])
+@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
+@pytest.mark.parametrize("alpha", [-1.0, 0.0, 1e3])
+def test_extreme_raw_densities_stay_finite_with_finite_gradients(
+    raw: float, make: type[nn.Module], alpha: float
+) -> None:
+    amplifier = make()
+    if hasattr(amplifier, "alpha"):
+        with torch.no_grad():
+            amplifier.alpha.fill_(alpha)
+    values = torch.tensor([raw, -raw, raw, 1.0], requires_grad=True)
+    before, after = amplifier.before_and_after(values)
+    after.sum().backward()
+    assert torch.isfinite(before).all()
+    assert torch.isfinite(after).all()
+    assert torch.isfinite(values.grad).all()  # type: ignore[arg-type]
+    assert all(torch.isfinite(weight.grad) for weight in amplifier.parameters())
+
+
+@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
+def test_no_points_are_no_points(make: type[nn.Module]) -> None:
+    before, after = make().before_and_after(torch.zeros(0))
+    assert before.shape == after.shape == (0,)
+
+
+def test_bounded_says_whether_density_stays_within_0_and_1() -> None:
+    raw = raw_densities(scale=30.0)
+    for make in (NoAmplifier, Listing2Amplifier, Equation4Amplifier):
+        amplifier = make()
+        after = amplifier.before_and_after(raw)[1]
+        assert amplifier.bounded == bool((after <= 1.0).all()), make.__name__
+
+
+def test_softplus_density_in_closed_form() -> None:
+    raw = torch.linspace(-30.0, 30.0, 601, dtype=torch.float64)
+    sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
+    torch.testing.assert_close(sigma, DENSITY_SCALE * torch.log1p(torch.exp(raw + DENSITY_BIAS)))
+    assert (sigma > 0).all()
+    assert 0.2 < softplus_density(torch.zeros(()), DENSITY_BIAS, DENSITY_SCALE) < 0.4, "a fresh field is thin fog"
+
+
+def test_gradients() -> None:
+    generator = torch.Generator().manual_seed(8)
+    sigma = (0.3 + 0.4 * torch.rand(9, dtype=torch.float64, generator=generator)).requires_grad_()
+    alpha = scalar(0.7, torch.float64).requires_grad_()
+    beta = scalar(0.9, torch.float64).requires_grad_()
+    check = torch.autograd.gradcheck
+    assert check(lambda s, a: amplify_about_mean(s, s.mean(), a), (sigma, alpha))
+    assert check(lambda s, a, b: amplify_listing2(s, s.mean(), a, b), (sigma, alpha, beta))
+    assert check(lambda s: softplus_density(s, DENSITY_BIAS, DENSITY_SCALE), (sigma,))

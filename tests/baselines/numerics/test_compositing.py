@@ -1,0 +1,83 @@
+"""Compositing against a loop over rays and points."""
+
+import pytest
+import torch
+
+from baselines.numerics.compositing import composite, expected_depth
+
+
+def test_composite_is_the_loop_of_equation_6_over_a_background() -> None:
+    generator = torch.Generator().manual_seed(10)
+    ray = torch.tensor([0, 0, 2, 2, 2, 4])  # rays 1 and 3 have no point
+    w, values = torch.rand(6, generator=generator), torch.rand(6, 3, generator=generator)
+    T_end, background = torch.rand(5, generator=generator), torch.tensor([1.0, 0.5, 0.0])
+    expected = [[float(T) * float(b) for b in background] for T in T_end]
+    for point in range(6):
+        for channel in range(3):
+            expected[int(ray[point])][channel] += float(w[point]) * float(values[point, channel])
+    torch.testing.assert_close(composite(w, ray, values, T_end, background), torch.tensor(expected))
+
+
+def test_no_points_are_the_background_exactly() -> None:
+    background = torch.tensor([0.1, 0.2, 0.3])
+    colour = composite(torch.zeros(0), torch.zeros(0, dtype=torch.long), torch.zeros(0, 3), torch.ones(4), background)
+    assert torch.equal(colour, background.expand(4, 3))
+
+
+def test_order_of_points_does_not_matter() -> None:
+    generator = torch.Generator().manual_seed(11)
+    ray = torch.randint(7, (40,), generator=generator)
+    w = torch.rand(40, dtype=torch.float64, generator=generator)
+    values = torch.rand(40, 3, dtype=torch.float64, generator=generator)
+    T_end, background = torch.rand(7, dtype=torch.float64, generator=generator), torch.ones(3, dtype=torch.float64)
+    order = torch.randperm(40, generator=generator)
+    torch.testing.assert_close(
+        composite(w[order], ray[order], values[order], T_end, background),
+        composite(w, ray, values, T_end, background),
+        rtol=0.0,
+        atol=1e-14,
+    )
+
+
+def test_any_number_of_channels() -> None:
+    ray, ones = torch.tensor([0, 1]), torch.ones(2)
+    for channels in (1, 4):
+        colour = composite(0.25 * ones, ray, torch.ones(2, channels), 0.5 * ones, torch.ones(channels))
+        assert torch.equal(colour, torch.full((2, channels), 0.75))
+
+
+def test_gradients() -> None:
+    generator = torch.Generator().manual_seed(12)
+    w = torch.rand(5, dtype=torch.float64, generator=generator, requires_grad=True)
+    values = torch.rand(5, 2, dtype=torch.float64, generator=generator, requires_grad=True)
+    T_end = torch.rand(3, dtype=torch.float64, generator=generator, requires_grad=True)
+    ray, background = torch.tensor([0, 0, 1, 1, 1]), torch.ones(2, dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda w, v, T: composite(w, ray, v, T, background), (w, values, T_end))
+
+
+def test_depth_is_the_mean_distance_of_what_is_hit() -> None:
+    w, t = torch.tensor([[0.25, 0.25], [0.0, 0.5]]), torch.tensor([[2.0, 4.0], [3.0, 5.0]])
+    assert expected_depth(w, t, 9.0).tolist() == [3.0, 5.0]
+
+
+def test_depth_is_far_where_nothing_is_hit() -> None:
+    w = torch.zeros(2, 3, requires_grad=True)
+    depth = expected_depth(w, torch.ones(2, 3), 9.0)
+    assert depth.tolist() == [9.0, 9.0]
+    depth.sum().backward()
+    assert torch.isfinite(w.grad).all()  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-10, 1.0])
+def test_depth_does_not_depend_on_the_opacity(scale: float) -> None:
+    w = torch.tensor([[0.1, 0.2, 0.4]])
+    t = torch.tensor([[1.0, 2.0, 3.0]])
+    torch.testing.assert_close(expected_depth(w * scale, t, 9.0), expected_depth(w, t, 9.0))
+
+
+def test_depth_lies_between_the_points() -> None:
+    generator = torch.Generator().manual_seed(13)
+    t = torch.sort(2.0 + 4.0 * torch.rand(100, 16, generator=generator), dim=-1).values
+    depth = expected_depth(torch.rand(100, 16, generator=generator), t, 9.0)
+    assert (depth >= t[:, 0] - 1e-5).all()
+    assert (depth <= t[:, -1] + 1e-5).all()

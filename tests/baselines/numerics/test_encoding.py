@@ -1,0 +1,132 @@
+"""The encoding against Listing 1 as printed, against mpmath, and in its limits."""
+
+import math
+
+import mpmath
+import pytest
+import torch
+from torch import Tensor, nn
+
+from baselines.numerics.encoding import PHI, feature_count, fourier_features, frequency_ladder, matched_bands
+
+
+class Listing1(nn.Module):
+    """Listing 1 of the paper, word for word (np.pi is math.pi)."""
+
+    def __init__(self, num_freqs: int = 10) -> None:
+        super().__init__()
+        freq_bands = PHI ** torch.linspace(0, num_freqs - 1, num_freqs)
+        self.register_buffer("freq_bands", freq_bands)
+
+    def forward(self, x: Tensor) -> Tensor:
+        out = [x]
+        for freq in self.freq_bands:
+            out.append(torch.sin(freq * math.pi * x))
+            out.append(torch.cos(freq * math.pi * x))
+        return torch.cat(out, dim=-1)
+
+
+def test_phi_is_the_golden_ratio() -> None:
+    assert pytest.approx(PHI + 1.0, abs=1e-15) == PHI**2
+
+
+@pytest.mark.parametrize("bands", [1, 4, 10])
+def test_features_are_those_of_listing_1_in_its_order(bands: int) -> None:
+    x = 2.0 * torch.rand(50, 3, generator=torch.Generator().manual_seed(1)) - 1.0
+    ours, printed = fourier_features(x, frequency_ladder(PHI, bands)), Listing1(bands)(x)
+    assert ours.shape == printed.shape == (50, feature_count(3, bands))
+    # both round f π x, each in its own order: a few ulps of the largest angle, φ^9 π = 239
+    torch.testing.assert_close(ours, printed, rtol=0.0, atol=4e-7 * PHI ** (bands - 1) * math.pi)
+
+
+def test_order_of_features_is_raw_then_band_then_wave_then_axis() -> None:
+    x = torch.tensor([[0.1, 0.2, 0.3]])
+    features = fourier_features(x, torch.tensor([1.0, 3.0]))[0]
+    literal = [0.1, 0.2, 0.3]
+    for frequency in (1.0, 3.0):
+        for wave in (math.sin, math.cos):
+            literal += [wave(frequency * math.pi * axis) for axis in (0.1, 0.2, 0.3)]
+    torch.testing.assert_close(features, torch.tensor(literal), rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_no_bands_are_the_identity(axes: int) -> None:
+    x = torch.randn(7, axes, generator=torch.Generator().manual_seed(2))
+    assert torch.equal(fourier_features(x, frequency_ladder(2.0, 0)), x)
+    assert feature_count(axes, 0) == axes
+
+
+@pytest.mark.parametrize(
+    ("base", "exact_base", "bound"),
+    [(2.0, mpmath.mpf(2), 1.2e-4), (PHI, (1 + mpmath.sqrt(5)) / 2, 1.2e-5)],
+    ids=["2^9", "phi^9"],
+)
+def test_error_of_the_tenth_band_is_within_the_documented_bound(
+    base: float, exact_base: mpmath.mpf, bound: float
+) -> None:
+    x = torch.linspace(-1.0, 1.0, 2001)
+    sine, cosine = fourier_features(x.unsqueeze(-1), frequency_ladder(base, 10))[:, -2:].double().unbind(-1)
+    with mpmath.workdps(30):
+        angles = [exact_base**9 * mpmath.pi * mpmath.mpf(point) for point in x.tolist()]
+        exact_sine = torch.tensor([float(mpmath.sin(angle)) for angle in angles], dtype=torch.float64)
+        exact_cosine = torch.tensor([float(mpmath.cos(angle)) for angle in angles], dtype=torch.float64)
+    error = max(float((sine - exact_sine).abs().max()), float((cosine - exact_cosine).abs().max()))
+    assert error <= bound
+    assert error >= bound / 10, "the documented bound no longer describes what float32 does"
+
+
+def test_float64_keeps_float64() -> None:
+    x = torch.linspace(-1.0, 1.0, 101, dtype=torch.float64).unsqueeze(-1)
+    top = fourier_features(x, torch.tensor([2.0**9], dtype=torch.float64))[:, 1]
+    torch.testing.assert_close(top, torch.sin(2.0**9 * math.pi * x[:, 0]), rtol=0.0, atol=1e-12)
+
+
+def test_ladder_is_rounded_once() -> None:
+    ladder = frequency_ladder(PHI, 14)
+    assert ladder.dtype == torch.get_default_dtype()
+    assert ladder.tolist() == [torch.tensor(PHI**k, dtype=torch.float32).item() for k in range(14)]
+
+
+def test_negative_number_of_bands_is_refused() -> None:
+    with pytest.raises(ValueError, match="bands must be >= 0, is -1"):
+        frequency_ladder(2.0, -1)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_half_precision_is_refused(dtype: torch.dtype) -> None:
+    with pytest.raises(TypeError, match="float32 or better"):
+        fourier_features(torch.zeros(2, 3, dtype=dtype), frequency_ladder(2.0, 3))
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-45, 1e-10, -1e-4, 1.0, 1e4])
+def test_features_are_finite_and_bounded(x: float) -> None:
+    features = fourier_features(torch.tensor([[x]]), frequency_ladder(2.0, 10))
+    assert torch.isfinite(features).all()
+    assert (features[:, 1:].abs() <= 1.0).all()
+
+
+def test_gradient() -> None:
+    x = torch.rand(4, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(3), requires_grad=True)
+    f = torch.tensor([PHI**k for k in range(4)], dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda x: fourier_features(x, f), (x,))
+
+
+@pytest.mark.parametrize("batch", [(), (5,), (2, 3), (0,)])
+def test_any_leading_shape(batch: tuple[int, ...]) -> None:
+    x = torch.rand(*batch, 3, generator=torch.Generator().manual_seed(4))
+    whole = fourier_features(x, frequency_ladder(2.0, 4))
+    assert whole.shape == (*batch, feature_count(3, 4))
+    flat = fourier_features(x.reshape(-1, 3), frequency_ladder(2.0, 4))
+    assert torch.equal(whole.reshape(flat.shape), flat)
+
+
+def test_bandwidth_control_has_seven_bands() -> None:
+    assert matched_bands(PHI, 10) == 7
+
+
+@pytest.mark.parametrize("bands", range(1, 25))
+@pytest.mark.parametrize("base", [PHI, 1.2, 2.0, 3.0])
+def test_matched_bands_reach_as_far_and_no_further(base: float, bands: int) -> None:
+    count = matched_bands(base, bands)
+    top = base ** (bands - 1)
+    assert 2.0 ** (count - 1) <= top * (1 + 1e-12) < 2.0**count * (1 + 2e-12)

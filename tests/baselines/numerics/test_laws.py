@@ -1,0 +1,212 @@
+"""Invariants over many shapes and magnitudes."""
+
+import math
+
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2
+from baselines.numerics.bounds import ray_box
+from baselines.numerics.compositing import composite, expected_depth
+from baselines.numerics.encoding import PHI, fourier_features
+from baselines.numerics.quadrature import midpoint
+from baselines.numerics.sampling import inverse_cdf_edges, points_in_bins, uniform_edges
+
+law = settings(deadline=None, derandomize=True, max_examples=80, database=None)
+
+densities = st.one_of(st.just(0.0), st.floats(1e-12, 1e12), st.floats(0.01, 10.0))
+lengths = st.one_of(st.just(0.0), st.floats(1e-9, 1e3), st.floats(0.01, 1.0))
+ray_of_bins = st.lists(st.tuples(densities, lengths), min_size=1, max_size=24)
+seeds = st.integers(0, 2**31)
+coordinates = st.floats(-4.0, 4.0, width=32)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+
+
+def ray_from(bins: list[tuple[float, float]]) -> tuple[Tensor, Tensor, Tensor]:
+    """One ray in float64 whose bins have exactly these optical depths, up to rounding of the fenceposts."""
+    t_edges = torch.tensor([[0.0, *(length for _, length in bins)]], dtype=torch.float64).cumsum(-1)
+    sigma = torch.tensor([[density for density, _ in bins]], dtype=torch.float64)
+    return sigma, 0.5 * (t_edges[:, 1:] + t_edges[:, :-1]), t_edges
+
+
+@law
+@given(ray_of_bins)
+def test_weights_and_transmittance_sum_to_one(bins: list[tuple[float, float]]) -> None:
+    w, T_end = midpoint(*ray_from(bins))
+    assert abs(float(w.sum() + T_end) - 1.0) <= 1e-12
+    assert ((w >= 0) & (w <= 1)).all()
+    assert ((T_end >= 0) & (T_end <= 1)).all()
+
+
+@law
+@given(ray_of_bins)
+def test_transmittance_is_that_of_all_optical_depth(bins: list[tuple[float, float]]) -> None:
+    sigma, t, t_edges = ray_from(bins)
+    tau = float((sigma * torch.diff(t_edges)).sum())
+    assert math.isclose(float(midpoint(sigma, t, t_edges)[1]), math.exp(-tau), rel_tol=1e-12 * max(1.0, tau))
+
+
+@law
+@given(ray_of_bins, st.data())
+def test_a_ray_in_two_parts_is_the_ray(bins: list[tuple[float, float]], data: st.DataObject) -> None:
+    cut = data.draw(st.integers(0, len(bins)))
+    sigma, t, t_edges = ray_from(bins)
+    w, T_end = midpoint(sigma, t, t_edges)
+    if cut in (0, len(bins)):
+        return
+    front_w, front_T = midpoint(sigma[:, :cut], t[:, :cut], t_edges[:, : cut + 1])
+    back_w, back_T = midpoint(sigma[:, cut:], t[:, cut:], t_edges[:, cut:])
+    torch.testing.assert_close(torch.cat([front_w, front_T * back_w], dim=-1), w, rtol=0.0, atol=1e-12)
+    torch.testing.assert_close(front_T * back_T, T_end, rtol=0.0, atol=1e-12)
+
+
+@law
+@given(ray_of_bins, st.data(), st.floats(0.0, 1.0))
+def test_splitting_a_bin_of_constant_density_changes_nothing(
+    bins: list[tuple[float, float]], data: st.DataObject, share: float
+) -> None:
+    at = data.draw(st.integers(0, len(bins) - 1))
+    sigma, t, t_edges = ray_from(bins)
+    w, T_end = midpoint(sigma, t, t_edges)
+    post = torch.lerp(t_edges[:, at], t_edges[:, at + 1], share).unsqueeze(-1)
+    finer = torch.cat([t_edges[:, : at + 1], post, t_edges[:, at + 1 :]], dim=-1)
+    repeats = torch.ones(len(bins), dtype=torch.long)
+    repeats[at] = 2
+    fine_w, fine_T = midpoint(sigma.repeat_interleave(repeats, -1), finer[:, :-1], finer)
+    merged = torch.cat([fine_w[:, :at], fine_w[:, at : at + 2].sum(-1, keepdim=True), fine_w[:, at + 2 :]], dim=-1)
+    torch.testing.assert_close(merged, w, rtol=0.0, atol=1e-12)
+    torch.testing.assert_close(fine_T, T_end, rtol=0.0, atol=1e-12)
+
+
+@law
+@given(ray_of_bins, st.integers(-20, 20))
+def test_the_unit_of_length_does_not_matter(bins: list[tuple[float, float]], exponent: int) -> None:
+    """Exactly: powers of two scale without rounding."""
+    sigma, t, t_edges = ray_from(bins)
+    scaled = midpoint(sigma / 2.0**exponent, t * 2.0**exponent, t_edges * 2.0**exponent)
+    for ours, theirs in zip(scaled, midpoint(sigma, t, t_edges), strict=True):
+        assert torch.equal(ours, theirs)
+
+
+@law
+@given(ray_of_bins, st.data(), st.floats(0.0, 100.0))
+def test_more_density_hides_what_is_behind(bins: list[tuple[float, float]], data: st.DataObject, more: float) -> None:
+    at = data.draw(st.integers(0, len(bins) - 1))
+    sigma, t, t_edges = ray_from(bins)
+    w, T_end = midpoint(sigma, t, t_edges)
+    sigma[:, at] += more
+    denser_w, denser_T = midpoint(sigma, t, t_edges)
+    assert torch.equal(denser_w[:, :at], w[:, :at])
+    assert (denser_w[:, at] >= w[:, at] - 1e-15).all()
+    assert (denser_w[:, at + 1 :] <= w[:, at + 1 :] + 1e-15).all()
+    assert (denser_T <= T_end + 1e-15).all()
+
+
+@law
+@given(ray_of_bins)
+def test_gradient_of_conservation_is_zero(bins: list[tuple[float, float]]) -> None:
+    """Σ w + T_end is constant, so its gradient vanishes whatever the density: the closed form's own check."""
+    sigma, t, t_edges = ray_from(bins)
+    sigma.requires_grad_()
+    w, T_end = midpoint(sigma, t, t_edges)
+    (w.sum() + T_end.sum()).backward()
+    delta = torch.diff(t_edges)
+    assert (sigma.grad.abs() <= 1e-12 * delta).all()  # type: ignore[union-attr]
+
+
+@law
+@given(ray_of_bins, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_colour_lies_between_what_is_seen_and_the_background(
+    bins: list[tuple[float, float]], seen: float, background: float
+) -> None:
+    sigma, t, t_edges = ray_from(bins)
+    w, T_end = midpoint(sigma, t, t_edges)
+    values = torch.full((len(bins), 1), seen, dtype=torch.float64)
+    ray = torch.zeros(len(bins), dtype=torch.long)
+    behind = torch.tensor([background], dtype=torch.float64)
+    colour = float(composite(w[0], ray, values, T_end, behind))
+    assert min(seen, background) - 1e-12 <= colour <= max(seen, background) + 1e-12
+    depth = float(expected_depth(w, t, 1e9))
+    total = float(w.sum())
+    assert depth == 1e9 if total == 0 else float(t[0, 0]) - 1e-9 <= depth <= float(t[0, -1]) * (1 + 1e-12) + 1e-9
+
+
+@law
+@given(st.integers(1, 8), st.integers(1, 20), st.integers(1, 40), seeds, st.booleans(), st.integers(0, 12))
+def test_importance_samples_rise_within_the_ray(
+    rays: int, bins: int, count: int, seed: int, random: bool, sharpness: int
+) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    entry = 2.0 + torch.rand(rays, generator=generator)
+    edges = uniform_edges(entry, entry + 3.0 * torch.rand(rays, generator=generator), bins)
+    w = torch.rand(rays, bins, generator=generator) ** sharpness * torch.randint(
+        0, 2, (rays, bins), generator=generator
+    )
+    drawn = inverse_cdf_edges(edges, w, count, generator if random else None)
+    assert drawn.shape == (rays, count)
+    assert ((drawn >= edges[:, :1]) & (drawn <= edges[:, -1:])).all()
+    assert (torch.diff(drawn) >= -1e-6).all()
+    # nothing is drawn from the inside of a bin without weight, unless no bin has any
+    bin_ = torch.searchsorted(edges, drawn, right=True).clamp(1, bins) - 1
+    inside = (drawn - edges.gather(-1, bin_) > 1e-5) & (edges.gather(-1, bin_ + 1) - drawn > 1e-5)
+    assert not (inside & (w.gather(-1, bin_) == 0) & (w.sum(-1, keepdim=True) > 0)).any()
+
+
+@law
+@given(st.integers(1, 6), st.integers(1, 30), seeds, st.booleans())
+def test_points_stay_in_their_bins(rays: int, bins: int, seed: int, random: bool) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    entry = 5.0 * torch.rand(rays, generator=generator)
+    edges = uniform_edges(entry, entry + torch.rand(rays, generator=generator), bins)
+    t = points_in_bins(edges, generator if random else None)
+    assert ((t >= edges[:, :-1]) & (t <= edges[:, 1:])).all()
+
+
+@law
+@given(vectors, vectors.filter(lambda d: sum(c * c for c in d) > 1e-6), vectors, vectors, st.floats(0.0, 3.0))
+def test_ray_box_gives_the_part_of_the_ray_in_the_box(
+    o: tuple[float, ...], d: tuple[float, ...], one: tuple[float, ...], other: tuple[float, ...], near: float
+) -> None:
+    origin, corners = torch.tensor([o], dtype=torch.float64), torch.tensor([one, other], dtype=torch.float64)
+    direction = torch.nn.functional.normalize(torch.tensor([d], dtype=torch.float64), dim=-1)
+    lower, upper = corners.amin(0), corners.amax(0)
+    entry, leave, hit = ray_box(origin, direction, lower, upper, near, near + 10.0)
+    assert near <= float(entry) <= float(leave) <= near + 10.0
+    assert bool(hit) == bool(leave > entry)
+    share = torch.linspace(0.0, 1.0, 11, dtype=torch.float64)
+    inside = origin + torch.lerp(entry, leave, share).unsqueeze(-1) * direction
+    if hit:
+        slack = 1e-9
+        assert ((inside >= lower - slack) & (inside <= upper + slack)).all()
+    everywhere = origin + torch.linspace(near, near + 10.0, 401, dtype=torch.float64).unsqueeze(-1) * direction
+    t = torch.linspace(near, near + 10.0, 401, dtype=torch.float64)
+    in_box = ((everywhere > lower + 1e-9) & (everywhere < upper - 1e-9)).all(-1)
+    assert not (in_box & ((t < entry - 1e-9) | (t > leave + 1e-9))).any()
+
+
+@law
+@given(st.lists(st.floats(-1.0, 1.0, width=32), min_size=1, max_size=10), st.integers(0, 9), st.floats(1.1, 2.0))
+def test_sine_and_cosine_lie_on_the_unit_circle(x: list[float], band: int, base: float) -> None:
+    features = fourier_features(torch.tensor(x).unsqueeze(-1), torch.tensor([base**band]))
+    torch.testing.assert_close(features[:, 1] ** 2 + features[:, 2] ** 2, torch.ones(len(x)), rtol=0.0, atol=1e-6)
+    mirrored = fourier_features(-torch.tensor(x).unsqueeze(-1), torch.tensor([base**band]))
+    assert torch.equal(mirrored[:, :2], -features[:, :2])
+    assert torch.equal(mirrored[:, 2], features[:, 2])
+
+
+@law
+@given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=30))
+def test_equation_4_is_the_identity_at_one_over_phi(values: list[float]) -> None:
+    sigma = torch.tensor(values, dtype=torch.float64)
+    amplified = amplify_about_mean(sigma, sigma.mean(), torch.tensor(1.0 / PHI, dtype=torch.float64))
+    assert float((amplified - sigma).abs().max()) <= 1e-15 * max(1.0, float(sigma.max())) * 4
+
+
+@law
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30), st.floats(-100.0, 100.0), st.floats(-100.0, 100.0))
+def test_listing_2_stays_within_0_and_1(values: list[float], alpha: float, beta: float) -> None:
+    normalised = torch.tensor(values)
+    after = amplify_listing2(normalised, normalised.mean(), torch.tensor(alpha), torch.tensor(beta))
+    assert ((after >= 0) & (after <= 1)).all()

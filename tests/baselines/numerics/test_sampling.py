@@ -1,0 +1,155 @@
+"""Fenceposts, points in bins, and the inverse distribution as a distribution."""
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+from torch import Tensor
+
+from baselines.numerics.sampling import inverse_cdf_edges, points_in_bins, uniform_edges
+
+
+def generator(seed: int = 30) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def rising(t: Tensor) -> bool:
+    return bool((t[:, 1:] >= t[:, :-1]).all())
+
+
+def test_fenceposts_are_evenly_spaced_with_exact_ends() -> None:
+    entry, leave = torch.tensor([2.0, 1.1, 3.3]), torch.tensor([6.0, 1.7, 3.3])
+    edges = uniform_edges(entry, leave, 64)
+    assert edges.shape == (3, 65)
+    assert torch.equal(edges[:, 0], entry)
+    assert torch.equal(edges[:, -1], leave)
+    expected = [[a + (b - a) * k / 64 for k in range(65)] for a, b in [(2.0, 6.0), (1.1, 1.7), (3.3, 3.3)]]
+    torch.testing.assert_close(edges, torch.tensor(expected), rtol=0.0, atol=1e-6)
+    assert rising(edges)
+
+
+def test_an_empty_interval_has_bins_without_length() -> None:
+    edges = uniform_edges(torch.tensor([2.5]), torch.tensor([2.5]), 7)
+    assert torch.equal(torch.diff(edges), torch.zeros(1, 7))
+
+
+@pytest.mark.parametrize("bins", [0, -3])
+def test_no_bins_are_refused(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"bins must be >= 1, is {bins}"):
+        uniform_edges(torch.zeros(1), torch.ones(1), bins)
+
+
+def test_points_are_midpoints_without_a_generator() -> None:
+    edges = torch.tensor([[0.0, 1.0, 4.0]])
+    assert points_in_bins(edges, None).tolist() == [[0.5, 2.5]]
+
+
+def test_points_with_a_generator_are_uniform_in_their_bins() -> None:
+    edges = torch.tensor([[0.0, 1.0, 4.0, 4.5]], dtype=torch.float64).expand(2000, 4)
+    t = points_in_bins(edges, generator())
+    share = (t - edges[:, :-1]) / torch.diff(edges)
+    assert ((share >= 0) & (share <= 1)).all()
+    for bin_ in range(3):
+        assert stats.kstest(share[:, bin_].numpy(), "uniform").pvalue > 1e-3
+    assert abs(float(torch.corrcoef(share.T)[0, 1])) < 0.1, "bins are jittered independently"
+
+
+def test_points_depend_on_the_generator_alone() -> None:
+    edges = uniform_edges(torch.zeros(5), torch.ones(5), 8)
+    assert torch.equal(points_in_bins(edges, generator(1)), points_in_bins(edges, generator(1)))
+    assert not torch.equal(points_in_bins(edges, generator(1)), points_in_bins(edges, generator(2)))
+
+
+def step_function() -> tuple[Tensor, Tensor]:
+    """Uneven fenceposts with an empty bin between full ones."""
+    edges = torch.tensor([[2.0, 2.5, 3.5, 3.75, 5.0, 6.0]], dtype=torch.float64)
+    return edges, torch.tensor([[0.2, 0.0, 0.5, 0.05, 0.1]], dtype=torch.float64)
+
+
+def cdf_of(edges: Tensor, w: Tensor, t: float) -> float:
+    """Mass below t, bin by bin."""
+    mass = 0.0
+    for left, right, weight in zip(edges[0].tolist(), edges[0].tolist()[1:], w[0].tolist(), strict=False):
+        mass += weight * min(max((t - left) / (right - left), 0.0), 1.0)
+    return mass / float(w.sum())
+
+
+@pytest.mark.parametrize("random", [True, False])
+def test_drawn_distances_follow_the_distribution(random: bool) -> None:
+    edges, w = step_function()
+    drawn = inverse_cdf_edges(edges, w, 4000, generator() if random else None)[0]
+    result = stats.kstest(drawn.numpy(), lambda t: np.array([cdf_of(edges, w, value) for value in t]))
+    assert result.statistic <= 1.01 / 4000, "strata put a point into each 4000th of the mass"
+
+
+def test_independent_rays_follow_the_distribution() -> None:
+    """One point a ray: no strata help."""
+    edges, w = step_function()
+    drawn = inverse_cdf_edges(edges.expand(4000, 6), w.expand(4000, 5), 1, generator())[:, 0]
+    assert stats.kstest(drawn.numpy(), lambda t: np.array([cdf_of(edges, w, value) for value in t])).pvalue > 1e-3
+
+
+def test_midpoints_of_the_strata_without_a_generator() -> None:
+    edges = torch.tensor([[0.0, 1.0, 2.0]])
+    drawn = inverse_cdf_edges(edges, torch.tensor([[1.0, 3.0]]), 4, None)
+    torch.testing.assert_close(drawn, torch.tensor([[0.5, 1 + 1 / 6, 1.5, 1 + 5 / 6]]))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distances_rise_and_stay_in_range(seed: int) -> None:
+    edges = torch.sort(2.0 + 4.0 * torch.rand(300, 33, generator=generator(seed)), dim=-1).values
+    w = torch.rand(300, 32, generator=generator(seed + 100)) ** 8
+    w[:100, 10:] = 0.0
+    for source in (None, generator(seed)):
+        drawn = inverse_cdf_edges(edges, w, 128, source)
+        assert torch.isfinite(drawn).all()
+        assert (drawn >= edges[:, :1]).all()
+        assert (drawn <= edges[:, -1:]).all()
+        assert (torch.diff(drawn) >= -5e-7).all(), "rising up to the last bit of a distance of 6"
+
+
+def test_a_ray_without_weight_is_sampled_uniformly() -> None:
+    edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 8)
+    drawn = inverse_cdf_edges(edges, torch.zeros(1, 8), 16, None)
+    torch.testing.assert_close(drawn, 2.0 + 4.0 * (torch.arange(16) + 0.5).unsqueeze(0) / 16)
+
+
+@pytest.mark.parametrize("spike", [0, 3, 7])
+@pytest.mark.parametrize("weight", [1e-38, 1e-20, 1.0])
+def test_one_spike_gets_all_distances(spike: int, weight: float) -> None:
+    edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 8)
+    w = torch.zeros(1, 8)
+    w[0, spike] = weight
+    for source in (None, generator()):
+        drawn = inverse_cdf_edges(edges, w, 64, source)
+        assert (drawn >= edges[0, spike]).all()
+        assert (drawn <= edges[0, spike + 1]).all()
+
+
+def test_the_largest_random_number_stays_inside_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """(127 + 0.99999994) / 128 rounds to 1, which belongs to the last bin with weight, not to the last bin."""
+    edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 8)
+    w = torch.tensor([[0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    monkeypatch.setattr(torch, "rand", lambda shape, **_: torch.full(shape, 1.0 - 2.0**-24))
+    drawn = inverse_cdf_edges(edges, w, 128, generator())
+    assert (drawn <= edges[0, 3]).all()
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), -1e-6])
+def test_weights_that_are_not_finite_or_negative_raise(wrong: float) -> None:
+    edges, w = uniform_edges(torch.zeros(2), torch.ones(2), 4), torch.ones(2, 4)
+    w[1, 2] = wrong
+    with pytest.raises(ValueError, match="finite and >= 0"):
+        inverse_cdf_edges(edges, w, 8, None)
+
+
+def test_rays_do_not_touch_each_other() -> None:
+    edges = uniform_edges(torch.zeros(3), torch.ones(3), 4)
+    w = torch.rand(3, 4, generator=generator())
+    whole = inverse_cdf_edges(edges, w, 8, None)
+    single = torch.cat([inverse_cdf_edges(edges[i : i + 1], w[i : i + 1], 8, None) for i in range(3)])
+    assert torch.equal(whole, single)
+
+
+def test_no_rays() -> None:
+    assert inverse_cdf_edges(torch.zeros(0, 5), torch.zeros(0, 4), 8, generator()).shape == (0, 8)

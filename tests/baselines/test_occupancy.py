@@ -1,0 +1,218 @@
+"""The occupancy grid: keeps what is there, drops what is not, and changes pictures by no more than it may."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.contract import Box
+from baselines.occupancy import DECAY, OccupancyGrid
+from baselines.rendering import Sampling, render_rays
+from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at
+
+BOX = cube(dtype=torch.float32)
+CELLS = 16
+THRESHOLD = 0.01
+SIDE = 2.0 / CELLS
+WHITE = torch.ones(3)
+
+
+def generator(seed: int = 50) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def refreshed(field: AnalyticField, share: float = 1.0, times: int = 1, box: Box = BOX) -> OccupancyGrid:
+    grid, source = OccupancyGrid(CELLS, box, THRESHOLD), generator()
+    for _ in range(times):
+        grid.refresh(field, share, source)
+    return grid
+
+
+def centres() -> Tensor:
+    """Middle of each cell of `BOX`, in the grid's order: the last axis fastest."""
+    axis = (torch.arange(CELLS) + 0.5) * SIDE - 1.0
+    return torch.cartesian_prod(axis, axis, axis)
+
+
+def cell_by_cell(density: Tensor) -> AnalyticField:
+    """A field that is constant in each cell of the grid."""
+
+    def sigma(x: Tensor) -> Tensor:
+        index = ((x + 1.0) / SIDE).long().clamp(0, CELLS - 1)
+        return density.to(x.dtype)[(index[:, 0] * CELLS + index[:, 1]) * CELLS + index[:, 2]]
+
+    return AnalyticField(sigma)
+
+
+def colours(field: AnalyticField, grid: OccupancyGrid | None, **options: object) -> Tensor:
+    rays = rays_at(0.4, 200, dtype=torch.float32)
+    sampling = Sampling(bins=64, exploration=float(options.get("exploration", 0.0)))  # type: ignore[arg-type]
+    source = generator(7) if options.get("random") else None
+    return render_rays(field, None, rays, BOX, sampling, grid, WHITE, source).colour
+
+
+def test_a_fresh_grid_is_full() -> None:
+    grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
+    assert grid.occupied_share() == 1.0
+    assert grid.at(centres()).all()
+    assert not grid.emptied
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25, 0.01])
+def test_matter_is_never_dropped(share: float) -> None:
+    """Cells wholly inside a ball are kept, however few cells a refresh measures."""
+    density = -math.log1p(-THRESHOLD) / SIDE * 1.01
+    grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
+    whole = centres().norm(dim=-1) + 0.5 * math.sqrt(3.0) * SIDE < 0.7
+    assert whole.sum() > 300
+    source = generator()
+    for _ in range(30):
+        grid.refresh(AnalyticField(ball(density, 0.7)), share, source)
+        assert grid.occupied[whole].all()
+
+
+def test_nothing_is_left_out_before_it_has_been_measured() -> None:
+    grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
+    field = AnalyticField(ball(100.0, 0.5))
+    measured = grid.refresh(field, 0.25, generator())
+    assert measured == CELLS**3 // 4
+    assert grid.occupied_share() >= 0.75
+
+
+def test_cells_wholly_outside_are_dropped() -> None:
+    grid = refreshed(AnalyticField(ball(100.0, 0.5)))
+    outside = centres().norm(dim=-1) - 0.5 * math.sqrt(3.0) * SIDE > 0.5
+    assert not grid.occupied[outside].any()
+    assert 0.0 < grid.occupied_share() < 0.3
+
+
+def test_order_of_cells_is_that_of_lookups() -> None:
+    density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.5, 100.0, 0.0)
+    grid = refreshed(cell_by_cell(density))
+    assert torch.equal(grid.occupied, density > 0)
+    assert torch.equal(grid.at(centres()), density > 0)
+    assert torch.equal(grid.at(centres().reshape(CELLS, CELLS, CELLS, 3)).flatten(), density > 0)
+
+
+def test_a_box_with_unequal_sides_and_an_offset() -> None:
+    box = Box(torch.tensor([1.0, -4.0, 2.0]), torch.tensor([2.0, -1.0, 2.5]))
+    grid = refreshed(AnalyticField(lambda x: 100.0 * (x[:, 1] > -2.5).to(x.dtype)), box=box)
+    x = box.from_unit(torch.rand(2000, 3, generator=generator()))
+    clear = (x[:, 1] + 2.5).abs() > 3.0 / CELLS
+    assert torch.equal(grid.at(x)[clear], x[clear][:, 1] > -2.5)
+
+
+def test_points_outside_of_the_box_belong_to_the_nearest_cell() -> None:
+    density = torch.zeros(CELLS**3)
+    density[0], density[-1] = 100.0, 100.0
+    grid = refreshed(cell_by_cell(density))
+    assert grid.at(torch.tensor([[-1.0, -1.0, -1.0], [-9.0, -9.0, -9.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]])).all()
+    assert not grid.at(torch.tensor([[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])).any()
+
+
+@pytest.mark.parametrize("random", [False, True])
+def test_skipping_empty_cells_changes_nothing(random: bool) -> None:
+    density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.1, 20.0, 0.0)
+    field = cell_by_cell(density)
+    grid = refreshed(field)
+    assert torch.equal(grid.occupied, density > 0)
+    without = colours(field, None, random=random)
+    evaluations = field.points
+    torch.testing.assert_close(colours(field, grid, random=random), without, rtol=0.0, atol=1e-6)
+    assert field.points - evaluations < 0.3 * evaluations
+
+
+def test_dropped_haze_costs_no_more_than_the_threshold_allows() -> None:
+    """A ray crosses at most √3 · cells cells' worth of haze that loses the threshold in each."""
+    haze = -math.log1p(-THRESHOLD) / SIDE * 0.99
+    density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.02, 20.0, haze)
+    field = cell_by_cell(density)
+    grid = refreshed(field)
+    assert torch.equal(grid.occupied, density > haze)
+    bound = 1.0 - (1.0 - THRESHOLD) ** (math.sqrt(3.0) * CELLS)
+    difference = float((colours(field, grid) - colours(field, None)).abs().max())
+    assert 0.0 < difference <= bound
+
+
+def test_a_smooth_field_looks_the_same() -> None:
+    """A ray passes its faint edge twice, through three cells or fewer that may each lose the threshold."""
+    field = AnalyticField(gaussian(30.0, 0.2))
+    grid = refreshed(field, times=3)
+    assert 0.0 < grid.occupied_share() < 0.5
+    assert float((colours(field, grid) - colours(field, None)).abs().max()) <= 6 * THRESHOLD
+
+
+def test_exploration_of_everything_is_as_if_there_were_no_grid() -> None:
+    field, corner = AnalyticField(gaussian(30.0, 0.2)), torch.zeros(CELLS**3)
+    corner[0] = 100.0
+    empty_grid = refreshed(cell_by_cell(corner))
+    explored = colours(field, empty_grid, exploration=1.0, random=True)
+    assert torch.equal(explored, colours(field, None, random=True))
+    assert not torch.equal(colours(field, empty_grid, exploration=0.0, random=True), explored)
+
+
+def test_exploration_evaluates_its_share_in_training_alone() -> None:
+    field, corner = AnalyticField(homogeneous(1.0)), torch.zeros(CELLS**3)
+    corner[0] = 100.0
+    grid = refreshed(cell_by_cell(corner))
+    colours(field, None, random=True)
+    everything = field.points
+    colours(field, grid, exploration=0.1, random=True)
+    assert (field.points - everything) / everything == pytest.approx(0.1, abs=0.02)
+    before = field.points
+    colours(field, grid, exploration=0.1)
+    assert field.points - before < 0.01 * everything, "no generator, no exploration"
+
+
+def test_a_batch_in_which_no_sample_survives_is_background() -> None:
+    """Also for the gradient: there is none, and nothing crashes."""
+    corner = torch.zeros(CELLS**3)
+    corner[0] = 100.0
+    grid = refreshed(cell_by_cell(corner))
+    weight = torch.ones((), requires_grad=True)
+    field = AnalyticField(lambda x: weight * homogeneous(5.0)(x))
+    rays = rays_at(0.0, 9, dtype=torch.float32).part(0, 3)
+    grid.occupied[:] = False
+    for fine_bins in (0, 16):
+        rendering = render_rays(
+            field, field if fine_bins else None, rays, BOX, Sampling(32, fine_bins), grid, WHITE, generator()
+        )
+        assert torch.equal(rendering.colour, WHITE.expand(3, 3))
+        assert torch.equal(rendering.opacity, torch.zeros(3))
+        assert torch.equal(rendering.depth, torch.full((3,), 6.0))
+        assert rendering.network_evaluations == 0
+        rendering.colour.sum().backward()
+        assert weight.grad is None or weight.grad == 0.0
+
+
+def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:
+    grid = refreshed(AnalyticField(homogeneous(1e-6)))
+    assert grid.emptied
+    assert grid.occupied_share() == 1.0
+    grid.refresh(AnalyticField(ball(100.0, 0.5)), 1.0, generator())
+    assert grid.occupied_share() < 0.3, "it works again as soon as there is matter"
+
+
+def test_matter_that_went_away_is_forgotten() -> None:
+    grid = refreshed(AnalyticField(ball(10.0, 0.7)))
+    inside = centres().norm(dim=-1) < 0.5
+    refreshes = math.ceil(math.log(-math.log1p(-THRESHOLD) / SIDE / 10.0) / math.log(DECAY))
+    moved = AnalyticField(lambda x: 10.0 * (x[:, 0] > 0.9).to(x.dtype))
+    for _ in range(refreshes - 1):
+        grid.refresh(moved, 1.0, generator())
+        assert grid.occupied[inside].all(), "but not at once"
+    grid.refresh(moved, 1.0, generator())
+    assert not grid.occupied[inside].any()
+
+
+def test_refreshing_depends_on_the_generator_alone() -> None:
+    field = AnalyticField(gaussian(30.0, 0.2))
+    assert torch.equal(refreshed(field, 0.3, 4).density, refreshed(field, 0.3, 4).density)
+
+
+def test_number_of_evaluations() -> None:
+    field, grid = AnalyticField(homogeneous(1.0)), OccupancyGrid(4, BOX, THRESHOLD)
+    assert grid.refresh(field, 1.0, generator()) == 64
+    assert grid.refresh(field, 0.25, generator()) == 16
+    assert grid.refresh(field, 1e-6, generator()) == 1

@@ -1,0 +1,259 @@
+"""The renderer on fields whose pictures are known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.contract import Box, RadianceField, Rays, Rendering
+from baselines.occupancy import OccupancyGrid
+from baselines.rendering import Sampling, render_rays
+from tests.baselines.analytic import (
+    ORANGE,
+    AnalyticField,
+    ball,
+    chord,
+    cube,
+    gaussian,
+    homogeneous,
+    mean_depth_in_fog,
+    rays_at,
+    smooth_ball,
+    soft_shell,
+)
+
+BACKGROUND = torch.tensor([1.0, 1.0, 0.5], dtype=torch.float64)
+
+
+def render(
+    field: RadianceField,
+    rays: Rays,
+    bins: int,
+    box: Box | None = None,
+    fine: RadianceField | None = None,
+    grid: OccupancyGrid | None = None,
+    generator: torch.Generator | None = None,
+    **sampling: object,
+) -> Rendering:
+    settings = replace(Sampling(bins=bins), **sampling)  # type: ignore[arg-type]
+    background = BACKGROUND.to(rays.origins.dtype)
+    return render_rays(field, fine, rays, box or cube(), settings, grid, background, generator)
+
+
+def straight_ray(dtype: torch.dtype = torch.float64) -> Rays:
+    return Rays(torch.tensor([[0.0, 0.0, 4.0]], dtype=dtype), torch.tensor([[0.0, 0.0, -1.0]], dtype=dtype), 2.0, 6.0)
+
+
+def over_background(opacity: Tensor) -> Tensor:
+    orange = torch.tensor(ORANGE, dtype=opacity.dtype)
+    return opacity.unsqueeze(-1) * orange + (1.0 - opacity).unsqueeze(-1) * BACKGROUND.to(opacity.dtype)
+
+
+@pytest.mark.parametrize("bins", [1, 5, 64])
+@pytest.mark.parametrize("density", [0.01, 1.0, 20.0])
+def test_fog_that_fills_the_box_is_exact_with_any_number_of_bins(bins: int, density: float) -> None:
+    rendering = render(AnalyticField(homogeneous(density)), straight_ray(), bins)
+    opacity = torch.tensor([-math.expm1(-2.0 * density)], dtype=torch.float64)
+    torch.testing.assert_close(rendering.opacity, opacity, rtol=1e-12, atol=0.0)
+    torch.testing.assert_close(rendering.colour, over_background(opacity), rtol=1e-12, atol=0.0)
+    assert rendering.network_evaluations == bins
+
+
+def test_depth_in_fog_converges_with_order_two() -> None:
+    exact = 3.0 + mean_depth_in_fog(1.5, 2.0)
+    counts = [8, 16, 32, 64, 128]
+    errors = [abs(float(render(AnalyticField(homogeneous(1.5)), straight_ray(), n).depth) - exact) for n in counts]
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("bins", [32, 128, 512])
+def test_homogeneous_ball_within_the_error_of_its_two_ends(bins: int) -> None:
+    """Each end of the chord is misplaced by at most half a bin, and a bin is at most √12 / bins long."""
+    density, rays = 2.0, rays_at(0.4, 200)
+    exact = -torch.expm1(-density * chord(rays, 0.8))
+    rendering = render(AnalyticField(ball(density, 0.8)), rays, bins)
+    bound = density * math.sqrt(12.0) / bins
+    assert float((rendering.opacity - exact).abs().max()) <= bound
+    assert float((rendering.colour - over_background(exact)).abs().max()) <= bound
+    assert (exact > 0.5).sum() > 50
+
+
+def test_homogeneous_ball_converges_with_order_one() -> None:
+    density, rays, counts = 2.0, rays_at(0.4, 400), [16, 32, 64, 128, 256, 512]
+    exact = -torch.expm1(-density * chord(rays, 0.8))
+    errors = [
+        float((render(AnalyticField(ball(density, 0.8)), rays, n).opacity - exact).square().mean().sqrt())
+        for n in counts
+    ]
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.25)
+
+
+def test_depth_of_an_opaque_ball_is_its_surface() -> None:
+    rays, bins = rays_at(0.3, 200), 256
+    rendering = render(AnalyticField(ball(1e4, 0.8)), rays, bins)
+    closest = -(rays.origins * rays.directions).sum(-1)
+    hit = chord(rays, 0.8) > 0.1
+    surface = closest - 0.5 * chord(rays, 0.8)
+    assert float((rendering.depth - surface)[hit].abs().max()) <= math.sqrt(12.0) / bins
+    assert torch.equal(rendering.depth[chord(rays, 0.8) == 0], torch.full((int((chord(rays, 0.8) == 0).sum()),), 6.0))
+
+
+def test_gaussian_cut_by_the_box_converges_with_order_two() -> None:
+    """∫ exp(−z²/2s²) over the box, exactly by erf, times the Gaussian of the ray's offset."""
+    density, width, offset = 3.0, 0.6, 0.35
+    rays = Rays(
+        torch.tensor([[offset, 0.0, 4.0]], dtype=torch.float64),
+        torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64),
+        2.0,
+        6.0,
+    )
+    profile = density * math.exp(-0.5 * (offset / width) ** 2)
+    tau = profile * width * math.sqrt(2.0 * math.pi) * math.erf(1.0 / (width * math.sqrt(2.0)))
+    counts = [16, 32, 64, 128, 256]
+    errors = [
+        abs(float(render(AnalyticField(gaussian(density, width)), rays, n).opacity) - -math.expm1(-tau)) for n in counts
+    ]
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.15)
+
+
+def test_cutting_rays_to_the_box_changes_nothing_for_a_field_that_is_zero_outside() -> None:
+    rays = rays_at(0.5, 100)
+    field = AnalyticField(smooth_ball(4.0, 0.9))
+    clipped = render(field, rays, 1024)
+    whole = render(field, rays, 1024, clip_to_box=False)
+    torch.testing.assert_close(clipped.colour, whole.colour, rtol=0.0, atol=2e-5)
+    torch.testing.assert_close(clipped.opacity, whole.opacity, rtol=0.0, atol=2e-5)
+    hit = whole.opacity > 1e-3
+    torch.testing.assert_close(clipped.depth[hit], whole.depth[hit], rtol=0.0, atol=2e-4)
+
+
+def test_nothing_outside_of_the_box_is_seen() -> None:
+    rays, small = rays_at(0.3, 50), cube(0.5)
+    everywhere = render(AnalyticField(homogeneous(3.0)), rays, 16, box=small)
+    inside = AnalyticField(lambda x: 3.0 * (x.abs() <= 0.5 + 1e-9).all(-1).to(x.dtype))
+    torch.testing.assert_close(render(inside, rays, 16, box=small).colour, everywhere.colour)
+
+
+@pytest.mark.parametrize("with_fine", [False, True])
+@pytest.mark.parametrize("random", [False, True])
+def test_rays_that_miss_the_box_are_background_without_any_evaluation(with_fine: bool, random: bool) -> None:
+    rays = rays_at(0.2, 12)
+    rays = Rays(rays.origins, -rays.directions, rays.near, rays.far)
+    field = AnalyticField(homogeneous(5.0))
+    generator = torch.Generator().manual_seed(0) if random else None
+    fine = field if with_fine else None
+    rendering = render(field, rays, 8, fine=fine, fine_bins=8 * with_fine, generator=generator)
+    assert torch.equal(rendering.colour, BACKGROUND.expand(12, 3))
+    assert torch.equal(rendering.opacity, torch.zeros(12, dtype=torch.float64))
+    assert torch.equal(rendering.depth, torch.full((12,), 6.0, dtype=torch.float64))
+    assert rendering.network_evaluations == 0
+    assert field.points == 0
+
+
+def test_empty_space_is_background_exactly() -> None:
+    rendering = render(AnalyticField(homogeneous(0.0)), rays_at(0.3, 20), 32)
+    assert torch.equal(rendering.colour, BACKGROUND.expand(20, 3))
+    assert torch.equal(rendering.depth, torch.full((20,), 6.0, dtype=torch.float64))
+
+
+def test_no_rays() -> None:
+    rays = rays_at(0.3, 0)
+    rendering = render(AnalyticField(homogeneous(1.0)), rays, 8, fine=AnalyticField(homogeneous(1.0)), fine_bins=8)
+    assert rendering.colour.shape == (0, 3)
+    assert rendering.opacity.shape == rendering.depth.shape == (0,)
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 64])
+def test_chunks_do_not_matter(chunk: int) -> None:
+    rays = rays_at(0.4, 100)
+    field = AnalyticField(gaussian(5.0, 0.4))
+    whole = render(field, rays, 24, fine=field, fine_bins=16)
+    parts = [render(field, rays.part(i, i + chunk), 24, fine=field, fine_bins=16) for i in range(0, 100, chunk)]
+    torch.testing.assert_close(torch.cat([part.colour for part in parts]), whole.colour, rtol=0.0, atol=1e-14)
+    torch.testing.assert_close(torch.cat([part.depth for part in parts]), whole.depth, rtol=0.0, atol=1e-12)
+    assert sum(part.network_evaluations for part in parts) == whole.network_evaluations
+
+
+def test_random_points_are_unbiased_enough_and_reproducible() -> None:
+    rays, field = rays_at(0.4, 50), AnalyticField(gaussian(3.0, 0.5))
+    exact = render(field, rays, 4096).colour
+    draws = [render(field, rays, 32, generator=torch.Generator().manual_seed(seed)).colour for seed in range(64)]
+    assert torch.equal(draws[0], render(field, rays, 32, generator=torch.Generator().manual_seed(0)).colour)
+    assert not torch.equal(draws[0], draws[1])
+    assert float((torch.stack(draws).mean(0) - exact).abs().max()) <= 5e-3
+
+
+def test_fine_pass_improves_the_picture_of_a_thin_shell() -> None:
+    """A shell of half the width of a coarse bin. (As many even bins would do better still: the midpoint rule is
+    spectrally accurate there, and what the coarse pass misses the fine one is never sent to.)
+    """
+    rays, field = rays_at(0.2, 200), AnalyticField(soft_shell(10.0, 0.6, 0.01))
+    truth = render(field, rays, 8192)
+    both = render(field, rays, 64, fine=field, fine_bins=128)
+    coarse = render(field, rays, 64)
+    assert both.coarse_colour is not None
+    torch.testing.assert_close(both.coarse_colour, coarse.colour)
+
+    def error(ours: Tensor, exact: Tensor) -> float:
+        return float((ours - exact).square().mean().sqrt())
+
+    assert error(both.colour, truth.colour) < 0.5 * error(coarse.colour, truth.colour)
+    assert error(both.depth, truth.depth) < 0.5 * error(coarse.depth, truth.depth)
+
+
+def test_fine_pass_of_an_unseen_shell_is_no_worse_than_even_bins() -> None:
+    """All weights zero: importance sampling falls back to even spacing."""
+    rendering = render(
+        AnalyticField(homogeneous(0.0)), straight_ray(), 16, fine=AnalyticField(ball(3.0, 0.5)), fine_bins=32
+    )
+    assert float(rendering.opacity) == pytest.approx(-math.expm1(-3.0), abs=0.1)
+
+
+def test_evaluations_of_both_passes_are_counted() -> None:
+    coarse, fine = AnalyticField(homogeneous(1.0)), AnalyticField(homogeneous(1.0))
+    rendering = render(coarse, straight_ray(), 16, fine=fine, fine_bins=20)
+    assert coarse.points == 16
+    assert fine.points == 36, "17 + 20 fenceposts"
+    assert rendering.network_evaluations == 52
+
+
+def test_the_distribution_of_the_coarse_pass_gets_no_gradient() -> None:
+    weight = torch.ones((), dtype=torch.float64, requires_grad=True)
+    coarse = AnalyticField(lambda x: weight * gaussian(5.0, 0.4)(x))
+    rendering = render(coarse, rays_at(0.2, 5), 16, fine=AnalyticField(gaussian(5.0, 0.4)), fine_bins=16)
+    assert not rendering.colour.requires_grad
+    assert rendering.coarse_colour is not None
+    rendering.coarse_colour.sum().backward()
+    assert weight.grad is not None
+    assert weight.grad.abs() > 0
+
+
+def test_gradient_through_the_renderer() -> None:
+    rays = rays_at(0.2, 4)
+
+    def colour(scale: Tensor) -> Tensor:
+        return render(AnalyticField(lambda x: scale * gaussian(2.0, 0.4)(x)), rays, 12).colour
+
+    scale = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(colour, (scale,), atol=1e-8)
+
+
+def test_listing4_has_no_background_and_needs_the_whole_ray() -> None:
+    rays = rays_at(0.3, 30)
+    empty = render(AnalyticField(homogeneous(0.0)), rays, 16, clip_to_box=False, quadrature="listing4")
+    assert torch.equal(empty.colour, torch.zeros(30, 3, dtype=torch.float64)), "black, not the background"
+    hazy = render(AnalyticField(homogeneous(1e-6)), rays, 16, clip_to_box=False, quadrature="listing4")
+    torch.testing.assert_close(hazy.opacity, torch.ones(30, dtype=torch.float64), rtol=0.0, atol=1e-6)
+
+
+def test_float32_agrees_with_float64() -> None:
+    field = AnalyticField(gaussian(5.0, 0.4))
+    double = rays_at(0.4, 100)
+    single = Rays(double.origins.float(), double.directions.float(), double.near, double.far)
+    ours = render(field, single, 64, box=cube(dtype=torch.float32))
+    assert ours.colour.dtype == torch.float32
+    torch.testing.assert_close(ours.colour.double(), render(field, double, 64).colour, rtol=0.0, atol=2e-6)
