@@ -230,9 +230,12 @@ def write_comparisons(out: Path, comparisons: list[Comparison]) -> None:
 
 def read_cell(path: Path) -> CellRecord:
     data = _read(path, CellRecord)
-    data["curve"] = [Checkpoint(**one) for one in data["curve"]]
-    data["views"] = [ViewScore(**one) for one in data["views"]]
-    data["images"] = [StoredImage(**one) for one in data["images"]]
+    try:
+        data["curve"] = [Checkpoint(**one) for one in data["curve"]]
+        data["views"] = [ViewScore(**one) for one in data["views"]]
+        data["images"] = [StoredImage(**one) for one in data["images"]]
+    except TypeError as error:  # keys missing or unknown further in
+        raise _damaged(path, error) from error
     return CellRecord(**data)
 
 
@@ -243,11 +246,15 @@ def read_cells(out: Path) -> Iterator[CellRecord]:
 
 
 def read_run(out: Path) -> RunRecord:
-    data = _read(records_folder(out) / "run.json", RunRecord)
+    path = records_folder(out) / "run.json"
+    data = _read(path, RunRecord)
     scenes = []
-    for scene in data["scenes"]:
-        left_out = [LeftOut(**{**one, "interval": _pair(one["interval"])}) for one in scene["left_out"]]
-        scenes.append(SceneRecord(**{**scene, "left_out": left_out}))
+    try:
+        for scene in data["scenes"]:
+            left_out = [LeftOut(**{**one, "interval": _pair(one["interval"])}) for one in scene["left_out"]]
+            scenes.append(SceneRecord(**{**scene, "left_out": left_out}))
+    except (TypeError, KeyError) as error:
+        raise _damaged(path, error) from error
     return RunRecord(**{**data, "scenes": scenes})
 
 
@@ -259,7 +266,11 @@ def read_comparisons(out: Path) -> list[Comparison]:
         rows = json.loads(path.read_text(encoding="utf-8"))
         return [Comparison(**{**row, "interval": _pair(row["interval"])}) for row in rows]
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise DamagedRecord(f"{path}: {error}; delete it and run again with --resume") from error
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, why: Exception) -> DamagedRecord:
+    return DamagedRecord(f"{path}: {why}; delete it and run again with --resume")
 
 
 def _pair(value: list[float] | None) -> tuple[float, float] | None:
@@ -270,7 +281,7 @@ def _read(path: Path, kind: type) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise DamagedRecord(f"{path}: {error}; delete it and run again with --resume") from error
+        raise _damaged(path, error) from error
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         found = data.get("schema") if isinstance(data, dict) else type(data).__name__
         raise DamagedRecord(f"{path}: schema {found!r}, this version reads {SCHEMA}; run again into a fresh folder")

@@ -1,6 +1,7 @@
 """Paired differences, their intervals and their verdicts: pure functions on arrays."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ def paired_difference(differences: np.ndarray) -> PairedDifference:
     return PairedDifference(mean, (mean - half, mean + half), detectable_in_errors(units) * error, units)
 
 
+@cache
 def detectable_in_errors(units: int) -> float:
     """Smallest detectable effect of a paired t-test in standard errors of the mean, by the noncentral t."""
     freedom = units - 1
