@@ -99,9 +99,11 @@ class Trainer:
             if not math.isfinite(loss_value := loss.item()):
                 raise Diverged(self.step, "loss" if _all_finite(self._weights()) else self._first_not_finite("weight"))
             loss.backward()
-            norm = float(nn.utils.clip_grad_norm_(self.fields.parameters(), self.settings.clip_norm))
-            if not math.isfinite(norm):
+            total = nn.utils.get_total_norm([w.grad for w in self.fields.parameters() if w.grad is not None])
+            if not math.isfinite(norm := float(total)):
+                # before anything is scaled by it, which would make every gradient NaN
                 raise Diverged(self.step, self._first_not_finite("gradient"))
+            nn.utils.clip_grads_with_norm_(self.fields.parameters(), self.settings.clip_norm, total)
             self.optimiser.step()
             self.optimiser.zero_grad(set_to_none=True)
         self.step += 1
