@@ -140,7 +140,7 @@ class _Runner:
     def _finished(self, images: list[evaluate.View]) -> CellRecord:
         trainer, score = self.trainer, self.settings.score
         rows = [evaluate.view_scores(image, self.views.test, index) for index, image in enumerate(images)]
-        kept = np.linspace(0, len(images) - 1, score.stored_views + 2).round().astype(int)[1:-1]
+        kept = np.linspace(0, len(images) - 1, score.stored_views + 2).round().astype(int)[1:-1].tolist()
         scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
