@@ -1,0 +1,35 @@
+"""Hand-written cell records."""
+
+from typing import Any
+
+from harness.records import CellRecord, Checkpoint, StoredImage, ViewScore
+
+
+def checkpoint(step: int, seconds: float, psnr: float | None, **others: float | None) -> Checkpoint:
+    scores: dict[str, Any] = {"rmse_linear": None, "ssim": None, **others}
+    return Checkpoint(step=step, seconds=seconds, network_evaluations=step * 100, psnr=psnr, **scores)
+
+
+def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes: Any) -> CellRecord:
+    """A finished cell whose score is the last one of its curve."""
+    facts: dict[str, Any] = {
+        "status": "done",
+        "reason": None,
+        "steps": curve[-1].step if curve else 0,
+        "train_seconds": curve[-1].seconds if curve else 0.0,
+        "scores": {"psnr": curve[-1].psnr} if curve else {},
+        "views": [ViewScore("test/r_0", 20.0, 0.9, 0.1, 2.0, 0.05, None, 0.8, None)],
+        "trace": {"step": [1.0, 20.0], "loss": [0.5, None]},
+        "parameters": {"total": 3},
+        "properties": {"occupied_share": 0.5, "largest_density": None, "note": "φ"},
+        "warnings": [],
+        "images": [StoredImage("test/r_0", "images/t.png", "images/r.png", "images/o.png")],
+        "settings": {"rays": 64},
+        "provenance": {"threads": 1},
+        **changes,
+    }
+    return CellRecord(scene=scene, method=method, seed=seed, curve=curve, **facts)
+
+
+def diverged(scene: str, method: str, seed: int) -> CellRecord:
+    return cell(scene, method, seed, [], status="diverged", reason="not finite at step 7: loss", steps=7)

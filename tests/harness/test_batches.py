@@ -1,0 +1,74 @@
+"""(seed, step) → batch, and nothing else."""
+
+import numpy as np
+import torch
+from scipy.stats import chi2_contingency, chisquare
+
+from harness.batches import Batches
+from harness.rays import Cameras
+from tests.harness.ball import pose
+
+VIEWS, HEIGHT, WIDTH = 3, 4, 5
+PIXELS = VIEWS * HEIGHT * WIDTH
+
+
+def batches() -> Batches:
+    """The first channel of a pixel's colour is its number."""
+    cameras = Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), WIDTH, HEIGHT, 5.0, 2.0, 6.0)
+    colours = torch.zeros(VIEWS, HEIGHT, WIDTH, 3)
+    colours[..., 0] = torch.arange(PIXELS).reshape(VIEWS, HEIGHT, WIDTH)
+    return Batches(cameras, colours)
+
+
+def numbers(some: Batches, seed: int, step: int, count: int = 40) -> list[int]:
+    return some.batch(seed, step, count)[1][:, 0].int().tolist()
+
+
+def test_the_same_seed_and_step_give_the_same_batch_whatever_came_before() -> None:
+    first = numbers(batches(), 3, 17)
+    other = batches()
+    torch.manual_seed(99)
+    for step in (17, 2, 18, 5):
+        numbers(other, 3, step)
+    assert numbers(other, 3, 17) == first
+
+
+def test_another_step_or_another_seed_gives_another_batch() -> None:
+    some = batches()
+    different = {tuple(numbers(some, seed, step)) for seed in range(4) for step in range(4)}
+    assert len(different) == 16
+
+
+def test_the_global_generator_is_left_alone() -> None:
+    torch.manual_seed(5)
+    expected = torch.rand(3)
+    torch.manual_seed(5)
+    numbers(batches(), 0, 0)
+    assert torch.equal(torch.rand(3), expected)
+
+
+def test_each_colour_comes_with_the_ray_of_its_own_pixel() -> None:
+    some = batches()
+    rays, colours = some.batch(1, 2, 200)
+    assert len(rays) == 200
+    for i, number in enumerate(colours[:, 0].int().tolist()):
+        view, pixel = divmod(number, HEIGHT * WIDTH)
+        whole = some.cameras.all_rays(view)
+        assert torch.equal(rays.directions[i], whole.directions[pixel])
+        assert torch.equal(rays.origins[i], whole.origins[pixel])
+
+
+def test_all_pixels_of_all_views_are_drawn_equally_often() -> None:
+    some = batches()
+    drawn = np.concatenate([numbers(some, 0, step, 600) for step in range(40)])
+    counts = np.bincount(drawn, minlength=PIXELS)
+    assert len(counts) == PIXELS
+    assert chisquare(counts).pvalue > 1e-3
+
+
+def test_pixels_of_successive_steps_are_independent() -> None:
+    some = batches()
+    views = np.stack([numbers(some, 0, step, 400) for step in range(60)]) // (HEIGHT * WIDTH)
+    table = np.zeros((VIEWS, VIEWS))
+    np.add.at(table, (views[0::2], views[1::2]), 1)
+    assert chi2_contingency(table).pvalue > 1e-3

@@ -1,0 +1,164 @@
+"""Hand-written cells → literal differences."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from harness.comparisons import METRICS, compare, score_at_seconds
+from harness.records import CellRecord, Comparison
+from tests.harness.cells import cell, checkpoint, diverged
+
+
+def of(rows: list[Comparison], **wanted: object) -> Comparison:
+    """The only row with these values."""
+    found = [row for row in rows if all(getattr(row, name) == value for name, value in wanted.items())]
+    assert len(found) == 1, wanted
+    return found[0]
+
+
+def slow(method: str, seed: int, last: float, scene: str = "lego") -> CellRecord:
+    """Scored after 20 and 200 seconds."""
+    return cell(scene, method, seed, [checkpoint(10, 20.0, last - 6), checkpoint(100, 200.0, last)])
+
+
+def quick(method: str, seed: int, last: float, scene: str = "lego") -> CellRecord:
+    """Scored after 10 and 100 seconds."""
+    return cell(scene, method, seed, [checkpoint(10, 10.0, last - 4), checkpoint(100, 100.0, last)])
+
+
+def test_equal_steps_compares_the_final_scores_pair_by_pair() -> None:
+    cells = [quick("nerf", 0, 24.0), quick("nerf", 1, 25.0), slow("qnerf", 0, 27.0), slow("qnerf", 1, 26.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
+    assert (row.method, row.against, row.pairs, row.left_aside) == ("qnerf", "nerf", 2, 0)
+    assert row.difference == 2.0
+    # differences 3 and 1: mean 2, standard error 1, t of one degree of freedom 12.7062
+    assert row.interval == pytest.approx((2 - 12.7062, 2 + 12.7062), abs=1e-4)
+    assert row.verdict == "inconclusive"
+
+
+def test_equal_seconds_reads_the_slower_method_where_the_quicker_ended() -> None:
+    cells = [quick("nerf", 0, 24.0), slow("qnerf", 0, 27.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="seconds")
+    # qnerf after 100 s lies log(100 / 20) / log(200 / 20) of the way from 21 to 27 dB
+    assert row.difference == pytest.approx(21 + 6 * math.log(5) / math.log(10) - 24)
+    assert (row.interval, row.verdict, row.smallest_detectable) == (None, "inconclusive", None)
+
+
+def test_who_wins_may_differ_between_equal_steps_and_equal_time() -> None:
+    cells = [
+        one
+        for seed in range(4)
+        for one in (quick("nerf", seed, 26.0 + 0.01 * seed), slow("qnerf", seed, 27.0))
+    ]  # fmt: skip
+    rows = [row for row in compare(cells, ["nerf", "qnerf"]) if row.scene == "lego" and row.metric == "psnr"]
+    assert of(rows, budget="steps").verdict == "better"
+    assert of(rows, budget="seconds").verdict == "worse"
+
+
+def test_the_direction_of_a_metric_is_minded() -> None:
+    scores = [{"psnr": 20.0, "flip": 0.30}, {"psnr": 20.0, "flip": 0.20}]
+    cells = []
+    for seed in range(3):
+        for method, score in zip(("nerf", "qnerf"), scores, strict=True):
+            shifted = {**score, "flip": score["flip"] + (0.001 * seed if method == "nerf" else 0.0)}
+            cells.append(cell("lego", method, seed, [checkpoint(10, 10.0, 20.0)], scores=shifted))
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="flip")
+    assert row.difference == pytest.approx(-0.101)
+    assert row.verdict == "better"
+
+
+def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_control() -> None:
+    methods = ["nerf", "nerf_matched", "qnerf", "qnerf_theorem"]
+    cells = [quick(method, seed, 20.0) for method in methods for seed in range(2)]
+    pairs = {(row.method, row.against) for row in compare(cells, methods)}
+    assert pairs == {
+        ("nerf_matched", "nerf"),
+        ("qnerf", "nerf"),
+        ("qnerf_theorem", "nerf"),
+        ("qnerf", "nerf_matched"),
+        ("qnerf_theorem", "nerf_matched"),
+    }
+
+
+def test_without_the_control_there_is_one_reference_and_alone_there_is_none() -> None:
+    cells = [quick(method, 0, 20.0) for method in ("qnerf", "nerf")]
+    assert {(row.method, row.against) for row in compare(cells, ["qnerf", "nerf"])} == {("nerf", "qnerf")}
+    assert compare(cells, ["nerf"]) == []
+
+
+def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
+    rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
+    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS)
+    assert {row.metric for row in rows if row.budget == "seconds"} == {"psnr", "ssim", "rmse_linear"}
+    assert {row.scene for row in rows} == {"lego", "all"}
+
+
+def test_all_takes_each_scene_as_one_unit() -> None:
+    cells = [quick("nerf", seed, 20.0, scene) for scene in ("a", "b") for seed in range(3)]
+    cells += [quick("qnerf", seed, 21.0 + seed, "a") for seed in range(3)]
+    cells += [quick("qnerf", seed, 24.0, "b") for seed in range(3)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="all", metric="psnr", budget="steps")
+    assert row.difference == 3.0  # of 2 and 4
+    assert row.interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-4)
+    assert row.pairs == 6
+
+
+@pytest.mark.parametrize("broken", ["diverged", "missing", "error"])
+@pytest.mark.parametrize("budget", ["steps", "seconds"])
+def test_a_cell_without_a_score_is_left_aside_and_counted(broken: str, budget: str) -> None:
+    cells = [quick("nerf", seed, 20.0 + 0.01 * seed) for seed in range(4)]
+    cells += [quick("qnerf", seed, 23.0) for seed in range(3)]
+    if broken != "missing":
+        cells.append(replace(diverged("lego", "qnerf", 3), status=broken))  # type: ignore[arg-type]
+    for scene in ("lego", "all"):
+        row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget=budget)
+        assert (row.pairs, row.left_aside) == (3, 1)
+        assert row.difference == pytest.approx(2.99)
+        # 3 dB with a spread of 0.01 would be better, had all survived
+        assert row.verdict == "inconclusive"
+
+
+def test_a_diverged_reference_counts_as_well() -> None:
+    cells = [diverged("lego", "nerf", 0), quick("nerf", 1, 20.0), quick("qnerf", 0, 21.0), quick("qnerf", 1, 21.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
+    assert (row.pairs, row.left_aside, row.difference) == (1, 1, 1.0)
+
+
+def test_nothing_left_to_compare_is_a_row_without_a_number() -> None:
+    cells = [quick("nerf", seed, 20.0) for seed in range(2)] + [diverged("lego", "qnerf", seed) for seed in range(2)]
+    for scene in ("lego", "all"):
+        row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
+        assert (row.difference, row.interval, row.smallest_detectable) == (None, None, None)
+        assert (row.verdict, row.pairs, row.left_aside) == ("inconclusive", 0, 2)
+
+
+def test_a_scene_whose_cells_all_failed_keeps_the_mean_over_scenes_from_being_a_verdict() -> None:
+    cells = [quick("nerf", seed, 20.0, scene) for scene in "abc" for seed in range(2)]
+    cells += [quick("qnerf", seed, 22.0 + seed * 0.01, scene) for scene in "ab" for seed in range(2)]
+    cells += [diverged("c", "qnerf", seed) for seed in range(2)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="all", metric="psnr", budget="steps")
+    assert (row.pairs, row.left_aside, row.verdict) == (4, 2, "inconclusive")
+
+
+def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, 20.0), checkpoint(3, 1000.0, 24.0)])
+    assert score_at_seconds(one, "psnr", 0.5) is None
+    assert score_at_seconds(one, "psnr", 1.0) == 10.0
+    assert score_at_seconds(one, "psnr", math.sqrt(10)) == pytest.approx(15.0)
+    assert score_at_seconds(one, "psnr", 100.0) == pytest.approx(22.0)
+    assert score_at_seconds(one, "psnr", 1000.0) == pytest.approx(24.0)
+
+
+def test_a_checkpoint_without_a_score_is_bridged_and_a_curve_without_any_has_none() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
+    assert score_at_seconds(one, "psnr", 10.0) == pytest.approx(15.0)
+    assert score_at_seconds(one, "ssim", 10.0) is None
+
+
+def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:
+    cells = [cell("a", "nerf", 0, [checkpoint(10, 5.0, 20.0)]), slow("qnerf", 0, 25.0, "a")]
+    rows = compare(cells, ["nerf", "qnerf"])
+    late = of(rows, scene="a", metric="psnr", budget="seconds")
+    assert (late.difference, late.pairs, late.left_aside) == (None, 0, 1)
+    assert of(rows, scene="a", metric="psnr", budget="steps").difference == 5.0

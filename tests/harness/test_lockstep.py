@@ -1,0 +1,290 @@
+"""All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from harness import evaluate, lockstep
+from harness.batches import Batches
+from harness.lockstep import GroupSettings, needs_view_direction, train_group, warnings_of
+from harness.records import CellRecord, cell_path, read_cell, write_cell
+from harness.schedule import Budget
+from harness.stopwatch import Stopwatch
+from harness.trainer import TRACED, Trainer
+from scenes.images import read_image
+from scenes.view_set import ViewSet
+from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN
+
+THREE = ("nerf", "nerf_matched", "qnerf")
+
+
+def group(
+    ball: ViewSet, out: Path, methods: tuple[str, ...] = THREE, seed: int = 0, progress: Any = None, **changes: Any
+) -> dict[str, CellRecord]:
+    settings = replace(GroupSettings(methods, TRAIN, SCORE, BUDGET), **changes)
+    cells = train_group(ball, "ball", seed, settings, CPU, out, {"here": 1}, progress or (lambda share: None))
+    return {cell.method: cell for cell in cells}
+
+
+@pytest.fixture(scope="module")
+def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, CellRecord], list[float]]:
+    out = tmp_path_factory.mktemp("trained")
+    shares: list[float] = []
+    return out, group(ball, out, progress=shares.append), shares
+
+
+def without_time(cell: CellRecord) -> CellRecord:
+    """What must be equal to the bit; no clock ever runs twice alike."""
+    curve = [replace(point, seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, curve=curve, settings={})
+
+
+def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[float]]) -> None:
+    out, cells, _ = trained
+    assert set(cells) == set(THREE)
+    for method, cell in cells.items():
+        assert (cell.scene, cell.method, cell.seed, cell.status, cell.reason) == ("ball", method, 0, "done", None)
+        assert cell.steps == 24
+        assert len(cell.curve) == SCORE.checkpoints
+        assert [point.step for point in cell.curve] == [6, 12, 24]
+        assert cell.curve[-1].seconds == cell.train_seconds > 0
+        assert [a.seconds < b.seconds for a, b in zip(cell.curve, cell.curve[1:], strict=False)] == [True, True]
+        assert set(cell.trace) == set(TRACED)
+        assert [view.view for view in cell.views] == ["test/r_0", "test/r_1", "test/r_2"]
+        assert cell.scores["psnr"] == pytest.approx(sum(view.psnr or 0 for view in cell.views) / 3)
+        assert cell.scores["psnr"] == pytest.approx(cell.curve[-1].psnr)
+        named = {"psnr", "ssim", "flip", "delta_e", "rmse_linear", "opacity_iou", "psnr_train", "psnr_floor"}
+        assert {name for name in named if cell.scores[name] is None} == set()
+        # a foreign view set carries no geometry and no variance
+        assert (cell.scores["depth_rmse"], cell.scores["psnr_ceiling"]) == (None, None)
+        assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
+        assert cell.settings["train"]["rays"] == TRAIN.rays
+        assert cell.provenance == {"here": 1}
+        write_cell(out, cell)
+        assert read_cell(cell_path(out, "ball", method, 0)).scores == cell.scores
+
+
+def test_histograms_are_shares_before_and_after_the_amplifier(trained: tuple[Any, dict[str, CellRecord], Any]) -> None:
+    for method, cell in trained[1].items():
+        for point in cell.curve:
+            assert point.density is not None
+            assert len(point.density["edges"]) == len(point.density["before"]) + 1
+            assert sum(point.density["before"]) == pytest.approx(1.0)
+            assert sum(point.density["after"]) == pytest.approx(1.0)
+            assert (point.alpha is None) == (method != "qnerf")
+            if method != "qnerf":
+                assert point.density["before"] == point.density["after"]
+
+
+def test_pictures_and_weights_are_kept(trained: tuple[Path, dict[str, CellRecord], Any], ball: ViewSet) -> None:
+    out, cells, _ = trained
+    for method, cell in cells.items():
+        assert [image.view for image in cell.images] == ["test/r_1"]
+        for image in cell.images:
+            for relative in (image.truth, image.render, image.opacity):
+                assert read_image(out / "records" / relative).shape == (24, 24, 4)
+        tensors = load_file(out / "checkpoints" / f"ball.{method}.0.safetensors")
+        assert tensors["occupied"].shape == (8**3,)
+        counted = sum(value.numel() for name, value in tensors.items() if name != "occupied")
+        assert counted == cell.parameters["total"]
+
+
+def test_progress_rises_to_the_end(trained: tuple[Any, Any, list[float]]) -> None:
+    shares = trained[2]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len(shares) == 24
+
+
+def test_alone_or_in_lockstep_a_method_gets_the_same_bits(
+    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path
+) -> None:
+    alone = group(ball, tmp_path, ("qnerf",))["qnerf"]
+    assert without_time(alone) == without_time(trained[1]["qnerf"])
+
+
+def test_all_methods_get_the_same_batches_and_take_turns(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: dict[str, list[torch.Tensor]] = {method: [] for method in THREE}
+    order: list[str] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen[self.method].append(torch.cat([rays.origins, rays.directions, colours], dim=-1))
+        order.append(self.method)
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    group(ball, tmp_path, budget=Budget(6, None))
+    assert len(seen["nerf"]) == 6
+    for method in THREE[1:]:
+        assert all(torch.equal(a, b) for a, b in zip(seen["nerf"], seen[method], strict=True))
+    for a, b in zip(seen["nerf"], seen["nerf"][1:], strict=False):
+        assert not torch.equal(a, b)
+    rounds = [order[start : start + 3] for start in range(0, 18, 3)]
+    assert all(set(one) == set(THREE) for one in rounds)
+    assert [one[0] for one in rounds] == [*THREE, *THREE], "who goes first changes"
+
+
+def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
+    cameras = evaluate.cameras_of(ball, ball.train, CPU)
+    some = Batches(cameras, torch.rand(len(cameras), 24, 24, 3))
+    assert not torch.equal(some.batch(0, 0, 8)[0].directions, some.batch(1, 0, 8)[0].directions)
+
+
+@pytest.fixture
+def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    original = Trainer.train_on
+
+    def spoilt(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        if self.method == "qnerf" and self.step == 9:
+            with torch.no_grad():
+                self.coarse.density_head.weight[0, 0] = math.nan
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spoilt)
+    yield
+
+
+@pytest.mark.usefixtures("spoil_qnerf_at_step_9")
+def test_a_method_that_diverges_does_not_stop_or_change_the_others(
+    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path
+) -> None:
+    shares: list[float] = []
+    cells = group(ball, tmp_path, progress=shares.append)
+    broken = cells["qnerf"]
+    assert (broken.status, broken.steps, broken.scores, broken.views) == ("diverged", 9, {}, [])
+    assert broken.reason == "not finite at step 9: weight of coarse.density_head.weight"
+    assert [point.step for point in broken.curve] == [6], "what was scored before stays"
+    write_cell(tmp_path, broken)
+    for method in ("nerf", "nerf_matched"):
+        assert without_time(cells[method]) == without_time(trained[1][method])
+    assert shares[-1] == 1.0
+
+
+def test_a_pixel_that_is_not_finite_at_a_checkpoint_is_a_divergence(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = evaluate.render_split
+
+    def spoilt(trainer: Trainer, *others: Any) -> Any:
+        if trainer.method == "nerf_matched":
+            with torch.no_grad():
+                trainer.coarse.colour_net[0].bias[0] = math.inf
+                trainer.coarse.colour_net[1].weight[:] = 0.0  # 0 × ∞ in the next layer
+        return original(trainer, *others)
+
+    monkeypatch.setattr(lockstep.evaluate, "render_split", spoilt)
+    cells = group(ball, tmp_path)
+    assert {method: cell.status for method, cell in cells.items()} == {
+        "nerf": "done", "nerf_matched": "diverged", "qnerf": "done",
+    }  # fmt: skip
+    assert cells["nerf_matched"].reason == "not finite at step 6: rendered colour"
+
+
+def test_only_training_is_on_the_clock(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+
+    def clock() -> float:
+        now[0] += 0.5  # each reading
+        return now[0]
+
+    def slowed(name: str) -> None:
+        original = getattr(evaluate, name)
+
+        def slow(*arguments: Any) -> Any:
+            now[0] += 1000.0
+            return original(*arguments)
+
+        monkeypatch.setattr(evaluate, name, slow)
+
+    monkeypatch.setattr("harness.trainer.Stopwatch", lambda device: Stopwatch(device, clock))
+    for name in ("render_split", "quick_scores", "density_histogram", "train_psnr", "measured_properties"):
+        slowed(name)
+    original = Trainer.warm_up
+
+    def warm_up(self: Trainer, *batch: Any) -> None:
+        now[0] += 1000.0
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "warm_up", warm_up)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"))
+    for cell in cells.values():
+        assert cell.train_seconds == 24 * 0.5
+        assert [point.seconds for point in cell.curve] == [3.0, 6.0, 12.0]
+
+
+def test_a_budget_of_seconds_ends_each_method_by_its_own_clock(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spent: dict[int, float] = {}
+
+    def stopwatch(device: torch.device) -> Stopwatch:
+        number = len(spent)
+        spent[number] = 0.0
+
+        def clock() -> float:
+            spent[number] += 1.0 + number  # the second method is half as fast
+            return spent[number]
+
+        return Stopwatch(device, clock)
+
+    monkeypatch.setattr("harness.trainer.Stopwatch", stopwatch)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(None, 20.0))
+    assert {method: (cell.steps, cell.train_seconds) for method, cell in cells.items()} == {
+        "nerf": (20, 20.0), "qnerf": (10, 20.0),
+    }  # fmt: skip
+
+
+def test_methods_learn(ball: ViewSet, tmp_path: Path) -> None:
+    train = replace(TRAIN, rays=256, grid=replace(TRAIN.grid, first_step=40, every=10))
+    score = replace(SCORE, checkpoints=2, earliest=0.02)
+    cells = group(ball, tmp_path, ("nerf", "qnerf_theorem"), train=train, score=score, budget=Budget(150, None))
+    for cell in cells.values():
+        first, last = cell.curve[0].psnr, cell.curve[-1].psnr
+        assert first is not None
+        assert last is not None
+        assert last > first + 4.0
+        assert last > 17.0
+        assert (cell.scores["opacity_iou"] or 0) > 0.6
+        assert not any("collapse" in warning or "grid" in warning for warning in cell.warnings)
+
+
+@pytest.mark.parametrize(
+    ("scores", "opacity", "emptied", "said"),
+    [
+        ({"psnr": 22.0, "psnr_floor": 15.0, "psnr_train": 24.0}, 0.4, False, []),
+        ({"psnr": 22.0}, 0.01, False, ["empty collapse"]),
+        ({"psnr": 22.0}, 0.4, True, ["occupancy grid"]),
+        ({"psnr": 14.0, "psnr_floor": 15.0}, 0.4, False, ["below the floor"]),
+        ({"psnr": 20.0, "psnr_train": 27.0}, 0.4, False, ["billboard"]),
+        ({"psnr": 10.0, "psnr_floor": 15.0, "psnr_train": 30.0}, 0.0, True,
+         ["empty collapse", "occupancy grid", "below the floor", "billboard"]),
+        ({}, None, False, []),
+        ({"psnr": None, "psnr_floor": None, "psnr_train": None}, 0.4, False, []),
+    ],
+)  # fmt: skip
+def test_states_that_a_reader_must_know(
+    scores: dict[str, float | None], opacity: float | None, emptied: bool, said: list[str]
+) -> None:
+    warnings = warnings_of(scores, opacity, emptied)
+    assert len(warnings) == len(said)
+    assert all(part in warning for part, warning in zip(said, warnings, strict=True))
+
+
+def test_the_direction_is_left_out_where_the_scene_says_so(ball: ViewSet, tmp_path: Path) -> None:
+    assert needs_view_direction(ball)
+    same_from_all_sides = replace(ball, rendered={"left_out": [{"what": "view-direction branch"}]})
+    assert not needs_view_direction(same_from_all_sides)
+    score = replace(SCORE, checkpoints=1)
+    with_direction = group(ball, tmp_path / "a", ("nerf",), budget=Budget(2, None), score=score)["nerf"]
+    without = group(same_from_all_sides, tmp_path / "b", ("nerf",), budget=Budget(2, None), score=score)["nerf"]
+    # 3 coordinates and 2 bands of sine and cosine, into 16 units
+    assert with_direction.parameters["colour_net"] - without.parameters["colour_net"] == 15 * 16

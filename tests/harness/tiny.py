@@ -1,0 +1,43 @@
+"""Settings so small that a cell trains in a second, and rays to train on without a scene."""
+
+import torch
+
+from baselines.contract import Box, NetworkSize, Rays
+from harness.schedule import Budget
+from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from harness.trainer import Trainer
+
+TRAIN = TrainSettings(
+    network=NetworkSize(
+        depth=6, width=16, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2
+    ),
+    rays=64,
+    bins=16,
+    first_bins=12,
+    fine_bins=0,
+    learning_rate=1e-2,
+    last_learning_rate=1e-3,
+    warm_up_steps=5,
+    grid=GridSettings(cells=8, first_step=10, every=5),
+)  # fmt: skip
+SCORE = ScoreSettings(checkpoints=3, earliest=0.25, chunk=512, train_views=2, stored_views=1)
+VIEWS = ViewSettings(resolution=24, train=10, val=0, test=3)
+BUDGET = Budget(steps=24, seconds=None)
+CPU = torch.device("cpu")
+
+
+def box() -> Box:
+    return Box(-torch.ones(3), torch.ones(3))
+
+
+def rays_and_colours(count: int = 64, seed: int = 0) -> tuple[Rays, torch.Tensor]:
+    """Rays from all sides that all cross the box, and a colour for each."""
+    generator = torch.Generator().manual_seed(seed)
+    origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
+    aims = 0.3 * torch.rand(count, 3, generator=generator)
+    directions = torch.nn.functional.normalize(aims - origins, dim=-1)
+    return Rays(origins, directions, 2.0, 6.0), torch.rand(count, 3, generator=generator)
+
+
+def trainer(method: str = "nerf", settings: TrainSettings = TRAIN, budget: Budget = BUDGET, seed: int = 0) -> Trainer:
+    return Trainer(method, box(), settings, budget, seed, CPU)
