@@ -1,6 +1,7 @@
 """The occupancy grid: keeps what is there, drops what is not, and changes pictures by no more than it may."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -184,6 +185,15 @@ def test_a_batch_in_which_no_sample_survives_is_background() -> None:
         assert rendering.network_evaluations == 0
         rendering.colour.sum().backward()
         assert weight.grad is None or weight.grad == 0.0
+
+
+def test_bins_without_length_are_left_out_of_occupied_cells_too() -> None:
+    field = AnalyticField(homogeneous(5.0))
+    towards = rays_at(0.0, 9, dtype=torch.float32)
+    away = replace(towards, directions=-towards.directions)
+    rendering = render_rays(field, None, away, BOX, Sampling(32), refreshed(field), WHITE, generator())
+    assert rendering.network_evaluations == 0
+    assert torch.equal(rendering.colour, WHITE.expand(9, 3))
 
 
 def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:

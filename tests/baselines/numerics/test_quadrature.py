@@ -1,4 +1,4 @@
-"""Quadrature rules: closed forms by mpmath, order of convergence, gradients, limits, and Listing 4 as a literal loop."""
+"""Quadrature rules: closed forms by mpmath, order of convergence, gradients, limits; Listing 4 as a literal loop."""
 
 import math
 from collections.abc import Callable

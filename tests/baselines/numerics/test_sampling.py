@@ -135,6 +135,14 @@ def test_the_largest_random_number_stays_inside_the_weight(monkeypatch: pytest.M
     assert (drawn <= edges[0, 3]).all()
 
 
+def test_the_smallest_random_number_stays_inside_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0 belongs to the first bin with weight, not to the first bin."""
+    edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 8)
+    w = torch.tensor([[0.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0]])
+    monkeypatch.setattr(torch, "rand", lambda shape, **_: torch.zeros(shape))
+    assert (inverse_cdf_edges(edges, w, 128, generator()) >= edges[0, 3]).all()
+
+
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), -1e-6])
 def test_weights_that_are_not_finite_or_negative_raise(wrong: float) -> None:
     edges, w = uniform_edges(torch.zeros(2), torch.ones(2), 4), torch.ones(2, 4)

@@ -1,0 +1,58 @@
+"""Small fields of every method, as fresh and as after training, with rays and points to ask them for."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.catalog import CATALOG
+from baselines.composition import Parts
+from baselines.contract import Box, NetworkSize, Rays, Rendering
+from baselines.field import NetworkField
+from baselines.rendering import Sampling, render_rays
+from tests.baselines.analytic import rays_at
+
+SMALL = NetworkSize(depth=4, width=32, colour_layers=2, colour_width=16, position_bands=6, direction_bands=2)
+EIGHT = replace(SMALL, depth=8)
+BOX = Box(torch.tensor([-1.0, -0.8, -1.2]), torch.tensor([1.0, 1.0, 0.8]))
+WHITE = torch.ones(3)
+UNAMPLIFIED = [name for name, method in CATALOG.items() if method.parts.amplifier == "none"]
+AMPLIFIED = [name for name in CATALOG if name not in UNAMPLIFIED]
+
+every_method = pytest.mark.parametrize("method", CATALOG)
+every_depth = pytest.mark.parametrize("depth", [4, 5, 8])
+
+
+def field_of(method: str, size: NetworkSize = SMALL, seed: int | str = 0, view_dependent: bool = True) -> NetworkField:
+    return NetworkField(CATALOG[method].parts, size, BOX, "float32", seed, view_dependent)
+
+
+def some_rays(count: int = 60) -> Rays:
+    return rays_at(0.4, count, dtype=torch.float32)
+
+
+def render(field: NetworkField, parts: Parts, some: Rays, generator: torch.Generator | None = None) -> Rendering:
+    sampling = Sampling(bins=24, quadrature=parts.quadrature, clip_to_box=parts.quadrature != "listing4")
+    return render_rays(field, None, some, BOX, sampling, None, WHITE, generator)
+
+
+def some_points(count: int, seed: int = 60) -> tuple[Tensor, Tensor, Tensor]:
+    """Positions, directions, and the direction that each position is seen from."""
+    generator = torch.Generator().manual_seed(seed)
+    x = BOX.from_unit(torch.rand(count, 3, generator=generator))
+    d = torch.nn.functional.normalize(torch.randn(17, 3, generator=generator), dim=-1)
+    return x, d, torch.randint(17, (count,), generator=generator)
+
+
+def roughened(field: NetworkField, alpha: float | None = None) -> NetworkField:
+    """As after training: a contrasted density, biases that are not zero, an amplifier that has moved."""
+    generator = torch.Generator().manual_seed(61)
+    with torch.no_grad():
+        for name, weight in field.named_parameters():
+            if name.endswith("bias"):
+                weight.copy_(0.1 * torch.randn(weight.shape, generator=generator))
+        field.density_head.weight *= 8.0
+        if alpha is not None:
+            field.amplifier.alpha.fill_(alpha)  # type: ignore[attr-defined]
+    return field

@@ -1,0 +1,135 @@
+"""The network, which builds no concatenation, against a plain one that does."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.catalog import CATALOG
+from baselines.composition import Parts, skip_layer
+from baselines.contract import Box
+from baselines.field import NetworkField
+from baselines.numerics.encoding import fourier_features
+from tests.baselines.small_fields import (
+    BOX,
+    SMALL,
+    UNAMPLIFIED,
+    every_depth,
+    every_method,
+    field_of,
+    roughened,
+    some_points,
+)
+
+
+def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+    """Listing 3 and the heads with every concatenation built, reading the parameters of `field`."""
+    position = fourier_features(field.box.normalised(x), field.position_ladder)
+    h = position
+    for index, layer in enumerate(field.density_net):
+        h = torch.relu(layer(h))
+        if index == skip_layer(parts.skip, len(field.density_net)):
+            h = torch.cat([h, position], dim=-1)
+    sigma = field.amplifier.before_and_after(field.density_head(h).squeeze(-1))[1]
+    if field.view_dependent:
+        h = torch.cat([h, fourier_features(d, field.direction_ladder)[ray]], dim=-1)
+    for layer in list(field.colour_net)[:-1]:
+        h = torch.relu(layer(h))
+    return sigma, torch.sigmoid(field.colour_net[-1](h))
+
+
+@every_method
+@every_depth
+@pytest.mark.parametrize("view_dependent", [True, False])
+def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, view_dependent: bool) -> None:
+    parts = CATALOG[method].parts
+    alpha = None if parts.amplifier == "none" else 0.9
+    field = roughened(field_of(method, replace(SMALL, depth=depth), view_dependent=view_dependent), alpha)
+    x, d, ray = some_points(700)
+    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+    expected_sigma, expected_colour = plain_field(field, parts, x, d, ray)
+    torch.testing.assert_close(colour, expected_colour, rtol=0.0, atol=1e-6)
+    torch.testing.assert_close(sigma, expected_sigma, rtol=2e-6, atol=2e-5)
+    torch.testing.assert_close(field.density(x), sigma, rtol=1e-6, atol=1e-6)
+    weights = [weight for name, weight in field.named_parameters() if not name.startswith("amplifier")]
+    ours = torch.autograd.grad(colour.square().sum(), weights, allow_unused=True)
+    plain = torch.autograd.grad(expected_colour.square().sum(), weights, allow_unused=True)
+    for one, two in zip(ours, plain, strict=True):
+        if two is not None:
+            assert one is not None
+            assert float((one - two).abs().max()) <= 2e-5 * max(1.0, float(two.abs().max()))
+
+
+@pytest.mark.parametrize("count", [1, 5, 1023, 1024, 1025, 2500])
+@pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_theorem"])
+def test_padding_is_not_seen(method: str, count: int) -> None:
+    parts = CATALOG[method].parts
+    field = roughened(field_of(method), None if parts.amplifier == "none" else 0.9)
+    x, d, ray = some_points(count)
+    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+    expected_sigma, expected_colour = plain_field(field, parts, x, d, ray)
+    assert sigma.shape == (count,)
+    assert colour.shape == (count, 3)
+    torch.testing.assert_close(colour, expected_colour, rtol=0.0, atol=1e-6)
+    torch.testing.assert_close(sigma, expected_sigma, rtol=2e-6, atol=2e-5)
+
+
+@every_method
+def test_no_points_at_all(method: str) -> None:
+    field = field_of(method)
+    view = field.encode_directions(some_points(1)[1])
+    sigma, colour = field.density_and_colour(torch.zeros(0, 3), view, torch.zeros(0, dtype=torch.long))
+    assert sigma.shape == (0,)
+    assert colour.shape == (0, 3)
+
+
+@every_method
+def test_without_view_dependence_directions_are_ignored(method: str) -> None:
+    field = roughened(field_of(method, view_dependent=False))
+    x, d, ray = some_points(200)
+    colours = [
+        field.density_and_colour(x, field.encode_directions(directions), ray)[1] for directions in (d, -d, 0 * d)
+    ]
+    assert torch.equal(colours[0], colours[1])
+    assert torch.equal(colours[0], colours[2])
+
+
+@every_method
+def test_with_view_dependence_directions_change_colour_alone(method: str) -> None:
+    field = roughened(field_of(method))
+    x, d, ray = some_points(200)
+    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+    other_sigma, other_colour = field.density_and_colour(x, field.encode_directions(-d), ray)
+    assert torch.equal(sigma, other_sigma)
+    assert not torch.allclose(colour, other_colour)
+
+
+@every_method
+def test_density_before_and_after_the_amplifier(method: str) -> None:
+    field = roughened(field_of(method))
+    before, after = field.density_before_and_after(some_points(300)[0])
+    assert torch.equal(after, field.density(some_points(300)[0]))
+    if method in UNAMPLIFIED:
+        assert torch.equal(before, after)
+    assert before.dtype == after.dtype == torch.float32
+
+
+@every_method
+def test_bfloat16_is_near_float32_and_keeps_float32_weights(method: str) -> None:
+    parts = CATALOG[method].parts
+    reduced, full = (roughened(NetworkField(parts, SMALL, BOX, precision, 0)) for precision in ("bfloat16", "float32"))
+    x, d, ray = some_points(300)
+    results = [field.density_and_colour(x, field.encode_directions(d), ray) for field in (reduced, full)]
+    assert all(values.dtype == torch.float32 for values in results[0])
+    assert all(weight.dtype == torch.float32 for weight in reduced.parameters())
+    assert float((results[0][1] - results[1][1]).detach().abs().max()) <= 0.05
+    results[0][1].sum().backward()
+    assert all(weight.grad.dtype == torch.float32 for weight in reduced.colour_net.parameters())  # type: ignore[union-attr]
+
+
+def test_what_an_encoding_sees_keeps_the_aspect_ratio() -> None:
+    box = Box(torch.tensor([0.0, 0.0, 0.0]), torch.tensor([4.0, 2.0, 1.0]))
+    corners = torch.tensor([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0], [2.0, 1.0, 0.5]])
+    assert box.normalised(corners).tolist() == [[-1.0, -0.5, -0.25], [1.0, 0.5, 0.25], [0.0, 0.0, 0.0]]
+    assert torch.equal(box.from_unit(box.to_unit(corners)), corners)

@@ -1,0 +1,127 @@
+"""Which parts a method is made of: sizes, places of the skip, and that nothing else differs."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+import torch
+from torch import nn
+
+from baselines.ablations import PARTS_OF_QNERF, combination
+from baselines.catalog import CATALOG
+from baselines.composition import Parts, encoding_bands, skip_layer
+from baselines.contract import NetworkSize
+from baselines.field import NetworkField
+from baselines.nerf import NERF, NERF_MATCHED
+from baselines.numerics.encoding import PHI
+from baselines.qnerf import QNERF, QNERF_LISTING4
+from tests.baselines.small_fields import (
+    BOX,
+    SMALL,
+    every_depth,
+    every_method,
+    field_of,
+    render,
+    some_rays,
+)
+
+
+def linear_weights(*widths: int) -> int:
+    """Weights and biases of a chain of linear layers."""
+    return sum(inputs * outputs + outputs for inputs, outputs in pairwise(widths))
+
+
+@pytest.mark.parametrize(
+    ("method", "position", "direction", "amplifier"),
+    [("nerf", 63, 27, 0), ("nerf_matched", 45, 21, 0), ("qnerf", 63, 27, 2), ("qnerf_theorem", 63, 27, 1)],
+)
+def test_parameter_counts_at_the_size_of_the_paper(method: str, position: int, direction: int, amplifier: int) -> None:
+    counts = field_of(method, NetworkSize()).parameter_counts()
+    wide_input = linear_weights(256 + position, 256) - linear_weights(256, 256)
+    assert counts == {
+        "density_net": linear_weights(position, *[256] * 8) + wide_input,
+        "density_head": 257,
+        "colour_net": linear_weights(256 + direction, 128, 128, 3),
+        "amplifier": amplifier,
+        "total": sum(counts[name] for name in ("density_net", "density_head", "colour_net", "amplifier")),
+    }
+    if position == 63:
+        assert (counts["density_net"], counts["colour_net"]) == (493_056, 53_251), "not Table 1's 1.3 M and 67 K"
+
+
+@every_method
+@every_depth
+def test_counted_parameters_are_all_parameters(method: str, depth: int) -> None:
+    field = field_of(method, replace(SMALL, depth=depth))
+    assert field.parameter_counts()["total"] == sum(weight.numel() for weight in field.parameters())
+
+
+@pytest.mark.parametrize(
+    ("skip", "depth", "layer"),
+    [("phi", 8, 6), ("phi", 6, 4), ("phi", 5, 4), ("phi", 4, 3), ("half", 8, 4), ("half", 4, 2)],
+)
+def test_layer_of_the_skip(skip: str, depth: int, layer: int) -> None:
+    assert skip_layer(skip, depth) == layer
+    if skip == "phi":
+        assert layer == int(PHI * depth / 2), "Listing 3"
+
+
+def test_phi_skip_of_depth_8_widens_the_eighth_layer() -> None:
+    widths = [layer.in_features for layer in field_of("qnerf", NetworkSize()).density_net]  # type: ignore[union-attr]
+    assert widths == [63, *[256] * 6, 319]
+
+
+@pytest.mark.parametrize("depth", [4, 5])
+def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
+    field = field_of("qnerf", replace(SMALL, depth=depth))
+    position, direction = 3 * 13, 3 * 5
+    assert field.density_head.in_features == SMALL.width + position
+    first = field.colour_net[0]
+    assert isinstance(first, nn.Linear)
+    assert first.in_features == SMALL.width + position + direction
+
+
+def test_bandwidth_control_has_as_many_bands_as_the_paper_s_reach() -> None:
+    assert encoding_bands("base2_matched", 10) == 7
+    assert encoding_bands("base2", 10) == encoding_bands("phi", 10) == 10
+    assert field_of("nerf_matched", NetworkSize()).position_ladder.tolist() == [2.0**k for k in range(7)]
+
+
+def test_combinations_of_nothing_and_of_everything() -> None:
+    assert combination() == NERF
+    assert combination(*PARTS_OF_QNERF) == QNERF
+
+
+def test_catalogue_holds_every_combination_once() -> None:
+    parts = [method.parts for method in CATALOG.values()]
+    assert len(set(parts)) == len(parts) == 8 + 3, "2³ combinations, the control, the theorem, listing 4"
+    for part in PARTS_OF_QNERF.values():
+        others = {name for name, method in CATALOG.items() if getattr(method.parts, part) == getattr(QNERF, part)}
+        assert {"qnerf", "qnerf_listing4"} <= others
+
+
+@pytest.mark.parametrize("name", PARTS_OF_QNERF)
+def test_a_single_part_changes_that_part_alone(name: str) -> None:
+    part = PARTS_OF_QNERF[name]
+    assert replace(combination(name), **{part: getattr(NERF, part)}) == NERF
+
+
+def trained(parts: Parts) -> NetworkField:
+    """After three steps of Adam on random colours."""
+    field = NetworkField(parts, SMALL, BOX, "float32", seed=5)
+    optimiser = torch.optim.Adam(field.parameters(), lr=5e-3)
+    truth = torch.rand(60, 3, generator=torch.Generator().manual_seed(62))
+    for step in range(3):
+        optimiser.zero_grad()
+        colour = render(field, parts, some_rays(), torch.Generator().manual_seed(step)).colour
+        torch.mean((colour - truth) ** 2).backward()
+        optimiser.step()
+    return field
+
+
+@pytest.mark.parametrize("start", [QNERF, QNERF_LISTING4, NERF_MATCHED])
+def test_with_every_part_put_back_training_is_nerf_bit_for_bit(start: Parts) -> None:
+    back = replace(start, **{part: getattr(NERF, part) for part in ("encoding", "amplifier", "skip", "quadrature")})
+    for one, two in zip(trained(NERF).parameters(), trained(back).parameters(), strict=True):
+        assert torch.equal(one, two)
+    assert not torch.equal(trained(NERF).density_head.weight, field_of("nerf", seed=5).density_head.weight)
