@@ -136,12 +136,14 @@ def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
 
 
 PADDED_TO = 1024
-"""Matrix products run on a multiple of this many points: the CPU library builds a kernel for each new shape of a
-reduced-precision product, which takes longer than the product, and the number of points differs at each step."""
+"""Matrix products run on a multiple of this many points, of an eighth of the count where that is more: the CPU library
+builds and keeps a kernel for each new shape of a reduced-precision product. Building takes longer than the product,
+keeping takes memory, and the number of points differs at each step."""
 
 
 def _padded(rows: Tensor) -> Tensor:
-    missing = -len(rows) % PADDED_TO
+    multiple = max(PADDED_TO, 1 << max(len(rows).bit_length() - 4, 0))
+    missing = -len(rows) % multiple
     return torch.cat([rows, rows.new_zeros((missing, *rows.shape[1:]))]) if missing else rows
 
 

@@ -60,6 +60,7 @@ def main(arguments: list[str]) -> int:
     options = parser().parse_args(arguments)
     # after the parsing, so that --help and a mistyped option answer at once
     from harness.progress import chosen_progress
+    from harness.records import DamagedRecord
     from scenes.errors import InputError
 
     silent = options.command == "run" and (options.quiet or options.dry_run)
@@ -68,7 +69,7 @@ def main(arguments: list[str]) -> int:
         if options.command == "sweep":
             return _sweep(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
-    except InputError as mistake:
+    except (InputError, DamagedRecord) as mistake:
         show.close()
         print(f"error: {mistake}", file=sys.stderr)
         return 2
@@ -111,7 +112,7 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
 
 def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from harness.device import available_cores
-    from harness.output_folder import claim, fresh_folder, point_latest_to
+    from harness.output_folder import claim, fresh_folder, release
     from harness.runner import Machine, outcome, plan_lines, run
     from scenes.errors import InputError
 
@@ -130,8 +131,11 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
         show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
     claim(out, plan, options.resume)
-    point_latest_to(out)
-    code = run(plan, out, options.view_sets, machine, command, show)
+    try:
+        code = run(plan, out, options.view_sets, machine, command, show)
+    except InputError:
+        release(out)
+        raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
     return code
 

@@ -61,9 +61,27 @@ def claim(out: Path, plan: Plan, resume: bool) -> None:
         raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
 
 
+def release(out: Path) -> None:
+    """Give up a claim that led to nothing, so that the same folder can be named again; results stay."""
+    records = records_folder(out)
+    if (records / "run.json").exists() or (records / "cells").exists():
+        return
+    (records / "plan.json").unlink(missing_ok=True)
+    for folder in (records, out):
+        try:
+            folder.rmdir()
+        except OSError:
+            return  # not empty, or not ours to remove
+
+
 def _same_plan(out: Path, plan: Plan) -> None:
     path = records_folder(out) / "plan.json"
-    before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    try:
+        before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    except ValueError as error:
+        raise InputError(f"--resume: {path}: {error}; run again into a fresh folder") from error
+    if not isinstance(before, dict):
+        raise InputError(f"--resume: {path}: not a plan; run again into a fresh folder")
     now = json.loads(json.dumps(plan.settings()))
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:

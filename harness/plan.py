@@ -69,7 +69,7 @@ PROFILES: dict[str, Plan] = {
         seeds=(0, 1),
         budget=Budget(steps=60, seconds=None),
         train=replace(REDUCED_TRAINING, bins=48, grid=GridSettings(cells=24, first_step=30, every=10)),
-        score=ScoreSettings(checkpoints=3, earliest=0.3, train_views=2, stored_views=1),
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=1024, train_views=2, stored_views=1),
         views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
     ),
     "reduced": Plan(
@@ -79,7 +79,7 @@ PROFILES: dict[str, Plan] = {
         seeds=(0, 1, 2),
         budget=Budget(steps=1200, seconds=None),
         train=REDUCED_TRAINING,
-        score=ScoreSettings(checkpoints=5, earliest=0.1),
+        score=ScoreSettings(checkpoints=5, earliest=0.1, chunk=1024),
         views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
     ),
     "full": Plan(

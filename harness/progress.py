@@ -2,7 +2,7 @@
 
 import sys
 import time
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from harness.ground_truth import Rendered
 from harness.group import GroupTask
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Told of everything that happens."""
 

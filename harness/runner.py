@@ -13,6 +13,7 @@ from harness.comparisons import compare
 from harness.ground_truth import render_view_sets
 from harness.group import GroupTask
 from harness.local_executor import run_locally
+from harness.output_folder import point_latest_to
 from harness.paper import printed
 from harness.plan import Plan
 from harness.progress import Progress
@@ -62,6 +63,7 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
         write_run(out, _run_record(plan, command, scenes, origin, phases, finished))
 
     write(finished=False)
+    point_latest_to(out)
     with _timed(phases, "train"):
         tasks = _tasks(plan, folders, machine, out)
         show.start_training(len(plan.cells()), sum(len(task.methods) for task in tasks))

@@ -20,7 +20,7 @@ from scenes.view_set import ViewSet, read_view_set
 
 SEED = 1_000
 """Outside of the seeds that verdicts use."""
-FACTORS = (0.2, 0.5, 1.0, 2.0)
+FACTORS = (0.25, 0.5, 1.0, 2.0)
 """Of the profile's learning rates, first and last alike."""
 
 
