@@ -141,13 +141,13 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
 
 
 def _sweep(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.device import available_cores, use_threads
+    from harness.device import use_threads
     from harness.records import write_json
     from harness.runner import view_set_folders
     from harness.sweep import as_json, sweep
 
     plan, device = _planned(options)
-    use_threads(available_cores())
+    use_threads(1)  # small products: a second thread costs more than it gains
     rows = []
     for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device):
         rows.append(row)

@@ -38,6 +38,18 @@ def point_latest_to(out: Path) -> None:
 
 def claim(out: Path, plan: Plan, resume: bool) -> None:
     """Make the folder ours, or refuse it."""
+    try:
+        _claim(out, plan, resume)
+        free = shutil.disk_usage(out).free
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
+        ) from error
+    if free < LEAST_FREE_BYTES:
+        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
+
+
+def _claim(out: Path, plan: Plan, resume: bool) -> None:
     used = records_folder(out).exists()
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; name a folder")
@@ -49,16 +61,9 @@ def claim(out: Path, plan: Plan, resume: bool) -> None:
         raise InputError(
             f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
         )
-    try:
-        if resume:
-            _same_plan(out, plan)
-        write_json(records_folder(out) / "plan.json", plan.settings())
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
-        ) from error
-    if shutil.disk_usage(out).free < LEAST_FREE_BYTES:
-        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
+    if resume:
+        _same_plan(out, plan)
+    write_json(records_folder(out) / "plan.json", plan.settings())
 
 
 def release(out: Path) -> None:
