@@ -25,7 +25,8 @@ def chosen_device(name: str) -> torch.device:
 def use_threads(count: int) -> None:
     """Fix the number of threads and the order of sums: the same seed gives the same bits on the same CPU."""
     torch.set_num_threads(count)
-    torch.use_deterministic_algorithms(True, warn_only=True)
+    # the same as use_deterministic_algorithms, which would also import the compiler: seconds in each process
+    torch.set_deterministic_debug_mode("warn")
     torch.backends.cuda.matmul.allow_tf32 = False
     torch.backends.cudnn.allow_tf32 = False
 
