@@ -24,7 +24,7 @@ def ball(ball_folder: Path) -> ViewSet:
 @pytest.fixture(autouse=True)
 def torch_switches() -> Iterator[None]:
     """A run sets threads and determinism for its whole process; here the process is the test session."""
-    threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     yield
     torch.set_num_threads(threads)
-    torch.use_deterministic_algorithms(deterministic)
+    torch.set_deterministic_debug_mode(deterministic)

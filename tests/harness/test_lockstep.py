@@ -1,7 +1,6 @@
 """All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -140,7 +139,7 @@ def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
 
 
 @pytest.fixture
-def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> None:
     original = Trainer.train_on
 
     def spoilt(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
@@ -150,7 +149,6 @@ def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         original(self, rays, colours)
 
     monkeypatch.setattr(Trainer, "train_on", spoilt)
-    yield
 
 
 @pytest.mark.usefixtures("spoil_qnerf_at_step_9")

@@ -150,8 +150,8 @@ def ciede2000(first: tuple[float, ...], second: tuple[float, ...]) -> float:
     s_c, s_h = 1 + 0.045 * mean_c, 1 + 0.015 * mean_c * t
     turn = math.sin(math.radians(60 * math.exp(-(((h - 275) / 25) ** 2))))
     r_t = -turn * 2 * math.sqrt(mean_c**7 / (mean_c**7 + 25**7))
-    l, c, hue = (l2 - l1) / s_l, (c2 - c1) / s_c, big_dh / s_h
-    return math.sqrt(l * l + c * c + hue * hue + r_t * c * hue)
+    lightness, chroma, hue = (l2 - l1) / s_l, (c2 - c1) / s_c, big_dh / s_h
+    return math.sqrt(lightness**2 + chroma**2 + hue**2 + r_t * chroma * hue)
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,7 @@ def test_a_truncated_record_is_refused_by_name(content: str, tmp_path: Path) -> 
     write_cell(tmp_path, one_cell())
     path = cell_path(tmp_path, "lego", "qnerf", 2)
     path.write_text(content)
-    with pytest.raises(DamagedRecord, match="lego.qnerf.2.json"):
+    with pytest.raises(DamagedRecord, match=r"lego\.qnerf\.2\.json"):
         list(read_cells(tmp_path))
 
 
@@ -187,7 +187,7 @@ def test_a_damaged_run_record_is_refused(tmp_path: Path) -> None:
     data = json.loads(path.read_text(encoding="utf-8"))
     data["scenes"][0]["colour"] = "red"
     path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match="run.json"):
+    with pytest.raises(DamagedRecord, match=r"run\.json"):
         read_run(tmp_path)
 
 

@@ -1,6 +1,7 @@
 """Progress, learning rate, checkpoints."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -40,7 +41,7 @@ def test_checkpoints_are_even_in_log_time_and_end_with_the_budget() -> None:
     assert shares[0] == pytest.approx(0.1)
     assert shares[-1] == 1.0
     logs = [math.log(share) for share in shares]
-    assert [b - a for a, b in zip(logs, logs[1:], strict=False)] == pytest.approx([math.log(10) / 4] * 4)
+    assert [b - a for a, b in pairwise(logs)] == pytest.approx([math.log(10) / 4] * 4)
 
 
 def test_a_single_checkpoint_is_at_the_end() -> None:

@@ -1,0 +1,53 @@
+"""Where tensors live, and the switches that make a run repeatable."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from harness.device import available_cores, chosen_device, multiplies_bfloat16, use_threads
+from scenes.errors import InputError
+
+
+def test_auto_takes_a_gpu_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for there, kind in ((True, "cuda"), (False, "cpu")):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
+        assert chosen_device("auto").type == kind
+    assert chosen_device("cpu").type == "cpu"
+
+
+@pytest.mark.parametrize(
+    ("cuda", "hip", "built"), [("12.8", None, "CUDA 12.8"), (None, "6.4", "ROCm 6.4"), (None, None, "the CPU alone")]
+)
+def test_a_missing_gpu_is_told_with_what_torch_was_built_for(
+    cuda: str | None, hip: str | None, built: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.version, "cuda", cuda)
+    monkeypatch.setattr(torch.version, "hip", hip)
+    with pytest.raises(InputError) as caught:
+        chosen_device("cuda")
+    assert f"built for {built}) sees no GPU; use --device cpu" in str(caught.value)
+
+
+def test_sums_are_repeatable() -> None:
+    use_threads(1)
+    assert torch.get_num_threads() == 1
+    assert torch.are_deterministic_algorithms_enabled()
+    assert torch.is_deterministic_algorithms_warn_only_enabled()
+    assert not torch.backends.cuda.matmul.allow_tf32
+
+
+def test_a_process_that_trains_does_not_import_the_compiler() -> None:
+    code = "import sys; from harness.device import use_threads; use_threads(1); print('torch._inductor' in sys.modules)"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout == "False\n"
+
+
+def test_the_machine_is_looked_at() -> None:
+    assert available_cores() >= 1
+    assert multiplies_bfloat16(torch.device("cpu")) in (True, False)

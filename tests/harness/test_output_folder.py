@@ -1,0 +1,122 @@
+"""The folder that a run writes to: fresh, or gone on with, never one in use."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from harness.output_folder import claim, fresh_folder, point_latest_to, release
+from harness.plan import Plan, planned
+from harness.records import write_cell, write_json
+from scenes.errors import InputError
+from tests.harness.cells import diverged
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return planned("smoke", scenes=["lego"])
+
+
+def with_results(out: Path, plan: Plan) -> Path:
+    claim(out, plan, resume=False)
+    write_json(out / "records" / "run.json", {})
+    write_cell(out, diverged("lego", "nerf", 0))
+    return out
+
+
+def test_a_fresh_folder_holds_its_plan(tmp_path: Path, plan: Plan) -> None:
+    claim(tmp_path / "a" / "b", plan, resume=False)
+    stored = json.loads((tmp_path / "a" / "b" / "records" / "plan.json").read_text(encoding="utf-8"))
+    assert stored == json.loads(json.dumps(plan.settings()))
+
+
+def test_an_empty_folder_may_be_used(tmp_path: Path, plan: Plan) -> None:
+    claim(tmp_path, plan, resume=False)
+
+
+def test_results_are_kept_unless_they_are_gone_on_with(tmp_path: Path, plan: Plan) -> None:
+    out = with_results(tmp_path / "run", plan)
+    with pytest.raises(InputError, match="holds results already; name another folder, or go on with --resume"):
+        claim(out, plan, resume=False)
+    claim(out, plan, resume=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_folder_of_somebody_else_is_refused(tmp_path: Path, plan: Plan, resume: bool) -> None:
+    (tmp_path / "letter.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"in use by something else|holds no run"):
+        claim(tmp_path, plan, resume)
+    assert [file.name for file in tmp_path.iterdir()] == ["letter.txt"]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_there_must_be_something_to_go_on_with(tmp_path: Path, plan: Plan, there: bool) -> None:
+    out = tmp_path if there else tmp_path / "nothing"
+    with pytest.raises(InputError, match="holds no run to go on with"):
+        claim(out, plan, resume=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
+    out = with_results(tmp_path / "run", plan)
+    other = planned("smoke", scenes=["lego"], seeds=1, budget_steps=7)
+    with pytest.raises(InputError) as caught:
+        claim(out, other, resume=True)
+    assert "another plan" in str(caught.value)
+    assert "seeds was [0, 1], is [0]" in str(caught.value)
+    assert "'steps': 7" in str(caught.value)
+    claim(out, plan, resume=True)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
+def test_a_plan_that_cannot_be_read_is_refused(tmp_path: Path, plan: Plan, content: str) -> None:
+    out = with_results(tmp_path / "run", plan)
+    (out / "records" / "plan.json").write_text(content)
+    with pytest.raises(InputError, match=r"plan\.json"):
+        claim(out, plan, resume=True)
+    assert (out / "records" / "plan.json").read_text() == content
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, plan: Plan) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is a file; name a folder"):
+        claim(tmp_path / "file", plan, resume=False)
+    with pytest.raises(InputError, match="cannot be written"):
+        claim(tmp_path / "file" / "run", plan, resume=False)
+
+
+def test_a_claim_that_led_to_nothing_is_given_up(tmp_path: Path, plan: Plan) -> None:
+    claim(tmp_path / "run", plan, resume=False)
+    release(tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_are_never_given_up(tmp_path: Path, plan: Plan) -> None:
+    out = with_results(tmp_path / "run", plan)
+    before = sorted(out.rglob("*"))
+    release(out)
+    assert sorted(out.rglob("*")) == before
+
+
+def test_default_folders_are_fresh_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("time.strftime", lambda _: "20260102-030405")
+    names = []
+    for _ in range(3):
+        folder = fresh_folder("smoke", resume=False)
+        folder.mkdir(parents=True)
+        names.append(folder.as_posix())
+    stem = "out/smoke-20260102-030405"
+    assert names == [stem, f"{stem}-2", f"{stem}-3"]
+
+
+def test_latest_is_what_is_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("smoke-1", "smoke-2"):
+        (tmp_path / "out" / name).mkdir(parents=True)
+        point_latest_to(Path("out") / name)
+    assert fresh_folder("smoke", resume=True) == (tmp_path / "out" / "smoke-2").resolve()
+    assert not (tmp_path / "out" / "latest").readlink().is_absolute()
+    (tmp_path / "elsewhere").mkdir()
+    point_latest_to(tmp_path / "elsewhere")
+    assert (tmp_path / "out" / "latest").resolve().name == "smoke-2"
