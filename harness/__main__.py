@@ -77,7 +77,7 @@ def main(arguments: list[str]) -> int:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
             raise
         show.close()
-        print(f"error: {error.filename}: {error.strerror}; make room and go on with --resume", file=sys.stderr)
+        print(f"error: {error.filename}: {error.strerror}; mend that and go on with --resume", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         show.close()
@@ -112,8 +112,9 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
 
 def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from harness.device import available_cores
-    from harness.output_folder import claim, fresh_folder, release
-    from harness.runner import Machine, outcome, plan_lines, run
+    from harness.output_folder import claim, fresh_folder, point_latest_to, release
+    from harness.plan import Machine
+    from harness.runner import outcome, plan_lines, run
     from scenes.errors import InputError
 
     plan, device = _planned(options)
@@ -130,7 +131,8 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     for line in plan_lines(plan, machine):
         show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
-    claim(out, plan, options.resume)
+    claim(out, plan, machine, options.resume)
+    point_latest_to(out)
     try:
         code = run(plan, out, options.view_sets, machine, command, show)
     except InputError:
@@ -145,8 +147,11 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
     from harness.records import write_json
     from harness.runner import view_set_folders
     from harness.sweep import as_json, sweep
+    from scenes.errors import InputError
 
     plan, device = _planned(options)
+    if not options.out.parent.is_dir() or options.out.is_dir():
+        raise InputError(f"--out {options.out}: name a file in a folder that exists")
     use_threads(1)  # small products: a second thread costs more than it gains
     rows = []
     for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device):

@@ -16,7 +16,7 @@ class Batches:
         self.cameras = cameras
         self.colours = colours.reshape(-1, 3)
 
-    def batch(self, seed: int, step: int, count: int) -> tuple[Rays, Float[Tensor, "rays 3"]]:
+    def batch(self, seed: int | str, step: int, count: int) -> tuple[Rays, Float[Tensor, "rays 3"]]:
         """`count` rays and their colours; depends on nothing but its arguments."""
         generator = generator_for(seed, step, "batch")
         index = torch.randint(len(self.colours), (count,), generator=generator).to(self.colours.device)

@@ -2,8 +2,9 @@
 
 from harness.plan import Plan
 from harness.schedule import Budget
+from harness.settings import TrainSettings
 
-DEVIATIONS = [
+ALWAYS = [
     "Eq. 3 prints its last cosine with φ^L, Listing 1 uses φ^(L−1) and keeps the raw coordinates: Listing 1 is used.",
     "Eq. 4 and Listing 2 are different operators: qnerf has Listing 2 as printed, qnerf_theorem has Eq. 4 on density.",
     "Listing 4 indexes a 2-D tensor with three indices and cannot run; every method is rendered with the sound "
@@ -11,7 +12,8 @@ DEVIATIONS = [
     "Q-NeRF with Listing 4 repaired only so far that it runs.",
     "Positions are normalised by the scene's box before they are encoded (longest half-extent 1); the paper does not "
     "say what its coordinates are.",
-    "Rays are cut to the scene's box: nothing is outside, so this changes samples, not the integral.",
+    "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
+    "integral. A view set from elsewhere is taken to lie within ±1.5.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
     "Vanilla NeRF's density is a scaled softplus (25 per scene unit, shifted by −4.4: a fresh field is thin fog) "
     "instead of ReLU, which can die for good; Eq. 4 acts on the same density. Listing 2 has its own sigmoid "
@@ -20,8 +22,32 @@ DEVIATIONS = [
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
     "shapes match.",
     "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "
-    "occupied cells; in scoring they are those of one chunk of rays.",
+    "occupied cells; in scoring they are those of one chunk of rays, drawn from all over the view.",
 ]
+
+
+def deviations(plan: Plan) -> list[str]:
+    """Where this plan departs from the paper's printed text, and why; one sentence each."""
+    train, paper = plan.train, TrainSettings()
+    rows = list(ALWAYS)
+    if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
+        rows.append(
+            f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g} after "
+            f"{train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
+            f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
+            "docs/learning_rates.json holds the sweep of every method on validation views and a seed of its own."
+        )
+    if train.precision == "bfloat16":
+        rows.append(
+            "Matrix products run in bfloat16 on float32 weights; encoding, amplifier and quadrature in float32. "
+            "docs/precision.json compares the verdicts with those of float32."
+        )
+    if train.grid.cells:
+        rows.append(
+            f"Empty space is skipped by an occupancy grid of {train.grid.cells}³ cells from step "
+            f"{train.grid.first_step} on: one grid for each method, of its own density, all with the same rules."
+        )
+    return rows
 
 
 def not_tested(plan: Plan) -> list[str]:
@@ -30,19 +56,25 @@ def not_tested(plan: Plan) -> list[str]:
     missing = []
     if plan.view_set is None:
         missing.append(
-            "The original NeRF synthetic images: the scenes are procedural analogues of them, so scores are not "
-            "comparable with the paper's absolute numbers, differences between methods are."
+            "The original NeRF synthetic images: the scenes are procedural analogues of them, so absolute scores "
+            "are not comparable with the paper's."
         )
     if plan.views.resolution != 800 or plan.budget != full:
+        length = f"{plan.budget.steps} steps" if plan.budget.steps else f"{plan.budget.seconds:g} s of training"
         missing.append(
-            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, "
-            f"{plan.budget.steps or f'{plan.budget.seconds:g} s of'} steps). Low resolution and short training reward "
+            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, {length}). "
+            "Low resolution and short training reward "
             "low bandwidth, which is why nerf_matched stands beside."
         )
     if plan.train.network.width != 256 or plan.train.network.depth != 8:
         missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
     if plan.train.fine_bins == 0:
         missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
+    if plan.budget.seconds is None:
+        missing.append(
+            "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
+            "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."
+        )
     missing.append("View caching and attention-prioritised rendering (§8).")
     if not {"nerf_phi_encoding", "nerf_phi_encoding_amplifier"} <= set(plan.methods):
         missing.append("The ablation of Table 4: run it with --methods, every combination of the three parts is there.")

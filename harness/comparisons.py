@@ -33,11 +33,13 @@ Key = tuple[str, str, int]
 
 
 def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
-    """Every method against the first one, and against `nerf_matched` where it takes part."""
+    """Every method against `nerf` (else the first one), and against `nerf_matched` where it takes part."""
     by_key = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     scenes = sorted({cell.scene for cell in cells})
     seeds = sorted({cell.seed for cell in cells})
-    references = [name for name in dict.fromkeys([methods[0], "nerf_matched"]) if name in methods]
+    references = [
+        name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
+    ]
     rows = []
     for against in references:
         for method in methods:
@@ -95,19 +97,25 @@ def _rows(
 def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Literal["steps", "seconds"]
 ) -> tuple[float | None, float | None]:
-    """A metric of two cells: at the end, or at the training time that the quicker of the two took."""
+    """A metric of two cells: at the steps that both have done, or at the training time that the quicker one took."""
     if first is None or second is None or first.status != "done" or second.status != "done":
         return None, None
-    if budget == "steps":
+    if budget == "steps" and first.steps == second.steps:
         return first.scores.get(name), second.scores.get(name)
-    seconds = min(first.train_seconds, second.train_seconds)
-    return score_at_seconds(first, name, seconds), score_at_seconds(second, name, seconds)
+    axis: Literal["step", "seconds"] = "step" if budget == "steps" else "seconds"
+    at = min(first.steps, second.steps) if budget == "steps" else min(first.train_seconds, second.train_seconds)
+    return score_on_curve(first, name, axis, at), score_on_curve(second, name, axis, at)
 
 
-def score_at_seconds(cell: CellRecord, name: str, seconds: float) -> float | None:
-    """A metric of a cell's curve at a training time, linear in log time between checkpoints; None before the first."""
-    points = [(point.seconds, value) for point in cell.curve if (value := getattr(point, name)) is not None]
-    if not points or seconds < points[0][0]:
+def score_on_curve(cell: CellRecord, name: str, axis: Literal["step", "seconds"], at: float) -> float | None:
+    """A metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
+
+    None before the first checkpoint, and for a metric that is scored at the end alone.
+    """
+    points = [
+        (getattr(point, axis), value) for point in cell.curve if (value := getattr(point, name, None)) is not None
+    ]
+    if not points or at < points[0][0]:
         return None
-    times = [math.log(time) for time, _ in points]
-    return float(np.interp(math.log(seconds), times, [value for _, value in points]))
+    positions = [math.log(position) for position, _ in points]
+    return float(np.interp(math.log(at), positions, [value for _, value in points]))

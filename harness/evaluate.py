@@ -5,17 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from baselines.contract import Rendering
+from baselines.contract import Rays, Rendering
 from harness import metrics
 from harness.rays import Cameras
 from harness.records import ViewScore, finite_or_none
+from harness.seeds import generator_for
 from harness.trainer import Diverged, Trainer
 from scenes.pixels import over_white
 from scenes.view_set import Split, ViewSet
 
 HISTOGRAM_BINS = 40
 SMALL_CHUNK = 256
-"""Rays a call in the chunk-dependence measurement, against the whole view in one call."""
+LARGE_CHUNK = 4096
+"""Rays a call in the chunk-dependence measurement, row by row."""
+LARGEST_PSNR = 100.0
+"""What an image that is identical to the truth counts for, in means alone."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,20 @@ def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
 
 
 def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> View:
-    return View.of(trainer.render(cameras.all_rays(view), chunk), cameras.height, cameras.width)
+    """A whole view, its pixels in one fixed random order.
+
+    The order matters to a density that depends on the call alone: a call then holds pixels of all parts of the view,
+    as a training batch does, and not ten rows of background.
+    """
+    rays = cameras.all_rays(view)
+    order = torch.randperm(len(rays), generator=generator_for("pixel order")).to(rays.origins.device)
+    shuffled = Rays(rays.origins[order], rays.directions[order], rays.near, rays.far)
+    rendering = trainer.render(shuffled, chunk)
+    back = torch.argsort(order)
+    in_order = Rendering(
+        rendering.colour[back], rendering.opacity[back], rendering.depth[back], rendering.network_evaluations
+    )
+    return View.of(in_order, cameras.height, cameras.width)
 
 
 def render_split(trainer: Trainer, cameras: Cameras, chunk: int) -> list[View]:
@@ -51,9 +68,13 @@ def quick_scores(images: list[View], split: Split) -> dict[str, float | None]:
     rows = []
     for image, rgba in zip(images, split.rgba, strict=True):
         truth = over_white(rgba)
-        rows.append([score(image.colour, truth) for score in (metrics.psnr, metrics.ssim, metrics.rmse_linear)])
+        rows.append([score(image.colour, truth) for score in (_capped_psnr, metrics.ssim, metrics.rmse_linear)])
     means = np.mean(rows, axis=0)
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
+
+
+def _capped_psnr(image: np.ndarray, truth: np.ndarray) -> float:
+    return min(metrics.psnr(image, truth), LARGEST_PSNR)
 
 
 def view_scores(image: View, split: Split, index: int) -> ViewScore:
@@ -64,7 +85,7 @@ def view_scores(image: View, split: Split, index: int) -> ViewScore:
     depth = None if split.depth is None else metrics.depth_rmse(image.depth, split.depth[index], rgba[..., 3] > 0.99)
     return ViewScore(
         view=split.names[index],
-        psnr=finite_or_none(metrics.psnr(image.colour, truth)),
+        psnr=_capped_psnr(image.colour, truth),
         ssim=metrics.ssim(image.colour, truth),
         flip=metrics.flip(image.colour, truth),
         delta_e=metrics.delta_e(image.colour, truth),
@@ -92,7 +113,7 @@ def train_psnr(trainer: Trainer, views: ViewSet, count: int, chunk: int) -> floa
     cameras = cameras_of(views, views.train, trainer.device)
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
     values = [
-        metrics.psnr(render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i]))
+        _capped_psnr(render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i]))
         for i in chosen
     ]
     return finite_or_none(float(np.mean(values)))
@@ -103,7 +124,7 @@ def floor_psnr(views: ViewSet) -> float | None:
     train, test = views.train.camera_to_world[:, :3, 3], views.test.camera_to_world[:, :3, 3]
     nearest = np.argmin(np.linalg.norm(test[:, None] - train[None], axis=-1), axis=1)
     values = [
-        metrics.psnr(over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest)
+        _capped_psnr(over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest)
     ]
     return finite_or_none(float(np.mean(values)))
 
@@ -134,9 +155,9 @@ def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[floa
 def measured_properties(trainer: Trainer, test: Cameras) -> dict[str, float | str | None]:
     """Chunk dependence of one test view, the opacity of one unit of the densest matter found, the grid's share."""
     rays = test.all_rays(0)
-    whole = trainer.render(rays, len(rays)).colour
+    large = trainer.render(rays, LARGE_CHUNK).colour
     small = trainer.render(rays, SMALL_CHUNK).colour
-    difference = (whole - small).abs()
+    difference = (large - small).abs()
     axis = (torch.arange(48, device=trainer.device) + 0.5) / 48
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
     densest = float(trainer.field.density(trainer.box.from_unit(unit)).max())

@@ -54,20 +54,21 @@ def train_group(
     train_cameras = evaluate.cameras_of(views, views.train, device)
     colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
     batches = Batches(train_cameras, colours)
+    stream = stream_of(scene, seed)
     floor = evaluate.floor_psnr(views)
     runners = [
         _Runner(method, views, scene, seed, settings, box, device, out, provenance, floor)
         for method in settings.methods
     ]
     for runner in runners:
-        runner.trainer.warm_up(*batches.batch(seed, 0, settings.train.rays))
+        runner.trainer.warm_up(*batches.batch(stream, 0, settings.train.rays))
     active = list(runners)
     turn = 0
     while active:
         # who goes first changes, so that nobody always finds the caches that another has filled
         order = active[turn % len(active) :] + active[: turn % len(active)]
         for runner in order:
-            rays, truth = batches.batch(seed, runner.trainer.step, settings.train.rays)
+            rays, truth = batches.batch(stream, runner.trainer.step, settings.train.rays)
             record = runner.advance(rays, truth)
             if record is not None:
                 active.remove(runner)
@@ -92,9 +93,12 @@ class _Runner:
         provenance: dict[str, Any],
         floor: float | None,
     ) -> None:
-        self.trainer = Trainer(method, box, settings.train, settings.budget, seed, device, needs_view_direction(views))
+        self.trainer = Trainer(
+            method, box, settings.train, settings.budget, stream_of(scene, seed), device, needs_view_direction(views)
+        )
         self.views = views
         self.scene = scene
+        self.seed = seed
         self.settings = settings
         self.out = out
         self.provenance = provenance
@@ -120,8 +124,16 @@ class _Runner:
             self.curve.append(self._checkpoint(images))
             return None if self.due else self._finished(images)
         except Diverged as stop:
-            self.ended = True
-            return self._record("diverged", str(stop), {}, [], {}, [])
+            return self._stopped("diverged", str(stop))
+        except OSError:
+            raise
+        except Exception as error:
+            # an error of ours costs its own cell, not those that train beside it
+            return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
+
+    def _stopped(self, status: Status, reason: str) -> CellRecord:
+        self.ended = True
+        return self._record(status, reason, {}, [], {}, [])
 
     def _checkpoint(self, images: list[evaluate.View]) -> Checkpoint:
         trainer = self.trainer
@@ -144,8 +156,8 @@ class _Runner:
         scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
-        properties = evaluate.measured_properties(trainer, self.test)
         self._save_weights()
+        properties = evaluate.measured_properties(trainer, self.test)
         self.ended = True
         opacity = float(np.mean([image.opacity.mean() for image in images]))
         stored = [self._store(images[index], index) for index in sorted(set(kept))]
@@ -165,7 +177,7 @@ class _Runner:
         return CellRecord(
             scene=self.scene,
             method=trainer.method,
-            seed=trainer.seed,
+            seed=self.seed,
             status=status,
             reason=reason,
             steps=trainer.step,
@@ -184,7 +196,7 @@ class _Runner:
 
     def _store(self, view: evaluate.View, index: int) -> StoredImage:
         name = self.views.test.names[index]
-        stem = f"{self.scene}.{self.trainer.method}.{self.trainer.seed}.{Path(name).name}"
+        stem = f"{self.scene}.{self.trainer.method}.{self.seed}.{Path(name).name}"
         folder = records_folder(self.out) / "images"
         folder.mkdir(parents=True, exist_ok=True)
 
@@ -206,7 +218,14 @@ class _Runner:
         tensors = {name: value.contiguous().cpu() for name, value in self.trainer.fields.state_dict().items()}
         if self.trainer.grid is not None:
             tensors["occupied"] = self.trainer.grid.occupied.cpu()
-        save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.trainer.seed}.safetensors")
+        save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.seed}.safetensors")
+
+
+def stream_of(scene: str, seed: int) -> str:
+    """What seeds the random numbers of a cell. With the scene in it, scenes are independent draws, as the statistics
+    take them to be; without the method in it, methods are paired.
+    """
+    return f"{scene}/{seed}"
 
 
 def needs_view_direction(views: ViewSet) -> bool:

@@ -3,9 +3,11 @@
 import json
 import shutil
 import time
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from harness.plan import Plan
+from harness.plan import Machine, Plan
 from harness.records import records_folder, write_json
 from scenes.errors import InputError
 
@@ -36,10 +38,10 @@ def point_latest_to(out: Path) -> None:
         pass  # a file system without links: the folder's name was printed
 
 
-def claim(out: Path, plan: Plan, resume: bool) -> None:
-    """Make the folder ours, or refuse it."""
+def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
+    """Make the folder ours, or refuse it. A run is gone on with by the same plan on the same kind of machine alone."""
     try:
-        _claim(out, plan, resume)
+        _claim(out, {**plan.settings(), "machine": asdict(machine)}, resume)
         free = shutil.disk_usage(out).free
     except OSError as error:
         raise InputError(
@@ -49,7 +51,7 @@ def claim(out: Path, plan: Plan, resume: bool) -> None:
         raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
 
 
-def _claim(out: Path, plan: Plan, resume: bool) -> None:
+def _claim(out: Path, started_with: dict[str, Any], resume: bool) -> None:
     used = records_folder(out).exists()
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; name a folder")
@@ -62,8 +64,8 @@ def _claim(out: Path, plan: Plan, resume: bool) -> None:
             f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
         )
     if resume:
-        _same_plan(out, plan)
-    write_json(records_folder(out) / "plan.json", plan.settings())
+        _same_plan(out, started_with)
+    write_json(records_folder(out) / "plan.json", started_with)
 
 
 def release(out: Path) -> None:
@@ -79,7 +81,7 @@ def release(out: Path) -> None:
             return  # not empty, or not ours to remove
 
 
-def _same_plan(out: Path, plan: Plan) -> None:
+def _same_plan(out: Path, started_with: dict[str, Any]) -> None:
     path = records_folder(out) / "plan.json"
     try:
         before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
@@ -87,7 +89,7 @@ def _same_plan(out: Path, plan: Plan) -> None:
         raise InputError(f"--resume: {path}: {error}; run again into a fresh folder") from error
     if not isinstance(before, dict):
         raise InputError(f"--resume: {path}: not a plan; run again into a fresh folder")
-    now = json.loads(json.dumps(plan.settings()))
+    now = json.loads(json.dumps(started_with))
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)

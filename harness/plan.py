@@ -45,6 +45,15 @@ class Plan:
         return {**kept, "scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
 
 
+@dataclass(frozen=True)
+class Machine:
+    """What a run uses of the machine it is on: clocks are comparable on the same alone."""
+
+    device: str
+    workers: int
+    threads: int
+
+
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """Every default run has the bandwidth control beside the two methods of the paper."""
 
@@ -54,8 +63,8 @@ REDUCED_TRAINING = TrainSettings(
     bins=64,
     first_bins=32,
     fine_bins=0,
-    learning_rate=1e-2,
-    last_learning_rate=5e-4,
+    learning_rate=2e-2,
+    last_learning_rate=1e-3,
     warm_up_steps=50,
     precision="bfloat16",
     grid=GridSettings(cells=32, first_step=100, every=25),

@@ -148,7 +148,7 @@ class RunRecord:
     command: str
     scenes: list[SceneRecord]
     methods: dict[str, str]
-    """Method name → what it is, in one line, in the order of the tables; the first one is what others stand against."""
+    """Method name → what it is, in one line, in the order of the tables; others stand against `nerf`, else the first."""
     deviations: list[str]
     """Where what was run departs from the paper's printed text, and why; one sentence each."""
     paper: dict[str, Any]
@@ -204,6 +204,9 @@ def write_json(path: Path, data: Any) -> None:
             file.flush()
             os.fsync(file.fileno())
         beside.replace(path)
+    except OSError as error:
+        # a failed write does not say of which file
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         beside.unlink(missing_ok=True)
 

@@ -4,18 +4,16 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.caveats import DEVIATIONS, not_tested
+from harness.caveats import deviations, not_tested
 from harness.comparisons import compare
 from harness.ground_truth import render_view_sets
 from harness.group import GroupTask
 from harness.local_executor import run_locally
-from harness.output_folder import point_latest_to
 from harness.paper import printed
-from harness.plan import Plan
+from harness.plan import Machine, Plan
 from harness.progress import Progress
 from harness.records import (
     LeftOut,
@@ -28,15 +26,6 @@ from harness.records import (
     write_run,
 )
 from scenes.view_set import ViewSet
-
-
-@dataclass(frozen=True)
-class Machine:
-    """What the run uses of this machine."""
-
-    device: str
-    workers: int
-    threads: int
 
 
 def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress) -> int:
@@ -63,7 +52,6 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
         write_run(out, _run_record(plan, command, scenes, origin, phases, finished))
 
     write(finished=False)
-    point_latest_to(out)
     with _timed(phases, "train"):
         tasks = _tasks(plan, folders, machine, out)
         show.start_training(len(plan.cells()), sum(len(task.methods) for task in tasks))
@@ -75,7 +63,7 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
     cells = [cell for cell in read_cells(out) if (cell.scene, cell.method, cell.seed) in set(plan.cells())]
     write_comparisons(out, compare(cells, list(plan.methods)))
     write(finished=True)
-    return 0 if all(cell.status == "done" for cell in cells) else 3
+    return 0 if sum(cell.status == "done" for cell in cells) == len(plan.cells()) else 3
 
 
 def plan_lines(plan: Plan, machine: Machine) -> list[str]:
@@ -193,7 +181,7 @@ def _run_record(
         command=command,
         scenes=scenes,
         methods={name: CATALOG[name].title for name in plan.methods},
-        deviations=DEVIATIONS,
+        deviations=deviations(plan),
         paper={**printed(), "parameters_measured": parameters_at_paper_size("qnerf")},
         seeds=list(plan.seeds),
         settings=plan.settings(),

@@ -12,9 +12,10 @@ import torch
 from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
-from harness.lockstep import needs_view_direction
+from harness.lockstep import needs_view_direction, stream_of
 from harness.plan import Plan
 from harness.trainer import Diverged, Trainer
+from scenes.errors import InputError
 from scenes.pixels import over_white
 from scenes.view_set import ViewSet, read_view_set
 
@@ -36,8 +37,20 @@ class SweepRow:
 
 def sweep(plan: Plan, folders: dict[str, Path], device: torch.device) -> Iterator[SweepRow]:
     """Every method at every learning rate on every scene."""
-    for scene, folder in folders.items():
-        views = read_view_set(folder, resolution=plan.views.resolution, splits=("train", "val"))
+    view_sets = {
+        scene: read_view_set(
+            folder,
+            resolution=plan.views.resolution,
+            splits=("train", "val"),
+            train_count=plan.views.train,
+            val_count=plan.views.val,
+        )
+        for scene, folder in folders.items()
+    }
+    for views in view_sets.values():
+        if not views.val.names:
+            raise InputError(f"{views.path}: has no validation views (transforms_val.json), which a sweep scores on")
+    for scene, views in view_sets.items():
         for method in plan.methods:
             for factor in FACTORS:
                 yield _row(plan, views, scene, method, factor, device)
@@ -66,10 +79,10 @@ def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, dev
     box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
     colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
     batches = Batches(evaluate.cameras_of(views, views.train, device), colours)
-    trainer = Trainer(method, box, settings, plan.budget, SEED, device, needs_view_direction(views))
+    trainer = Trainer(method, box, settings, plan.budget, stream_of(scene, SEED), device, needs_view_direction(views))
     try:
         while trainer.progress < 1.0:
-            trainer.train_on(*batches.batch(SEED, trainer.step, settings.rays))
+            trainer.train_on(*batches.batch(stream_of(scene, SEED), trainer.step, settings.rays))
         cameras = evaluate.cameras_of(views, views.val, device)
         images = evaluate.render_split(trainer, cameras, plan.score.chunk)
         return SweepRow(scene, method, rates[0], evaluate.quick_scores(images, views.val)["psnr"])

@@ -36,7 +36,7 @@ class Trainer:
         box: Box,
         settings: TrainSettings,
         budget: Budget,
-        seed: int,
+        seed: int | str,
         device: torch.device,
         view_dependent: bool = True,
     ) -> None:
@@ -144,9 +144,12 @@ class Trainer:
         )
 
     def _rendered(self, rays: Rays, generator: torch.Generator | None) -> Rendering:
-        return render_rays(
-            self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
-        )
+        try:
+            return render_rays(
+                self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
+            )
+        except FloatingPointError as error:  # the coarse pass gave weights that are not finite
+            raise Diverged(self.step, self._first_not_finite("weight")) from error
 
     def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
         """Mean squared error of display colours, of the coarse pass as well where there is one (as the original)."""
@@ -164,6 +167,9 @@ class Trainer:
         share = 1.0 if since == 0 else settings.share
         generator = generator_for(self.seed, self.step, "grid")
         self.network_evaluations += self.grid.refresh(self.field, share, generator)
+        if not bool(torch.isfinite(self.grid.density).all()):
+            # a NaN is not above any threshold: the cell would count as empty for good, and never be seen again
+            raise Diverged(self.step, "density in the occupancy grid")
 
     def _note(self, loss: float, norm: float, samples_per_ray: float) -> None:
         values = {

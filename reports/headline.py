@@ -150,8 +150,8 @@ def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
     if cast.control is None:
         return [f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."]
     why = (
-        f"{cast.control} is {cast.baseline} with nothing changed but the highest frequency of its encoding, "
-        f"brought down to what the φ encoding reaches. "
+        f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
+        f"the frequencies that the φ encoding reaches. "
         f"What it gains too is owed to bandwidth, not to the parts of the new method"
     )
     one = records.comparison("all", cast.control, cast.baseline)

@@ -110,7 +110,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
         row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
         row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
         rows.append(row)
-    note = "Difference in test PSNR (dB), its 95 % interval, paired over seeds, and the verdict."
+    note = "Difference in test PSNR (dB), its 95 % interval (over seeds; for all scenes over scenes), and the verdict."
     note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 

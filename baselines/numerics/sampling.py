@@ -38,10 +38,13 @@ def inverse_cdf_edges(
     """`count` distances distributed as the step function with mass `w` in each bin, in rising order.
 
     Stratified with a generator, at the midpoints of the strata without one. A ray without any weight is sampled
-    uniformly. Raises `ValueError` where a weight is negative or not finite: it would spread silently.
+    uniformly. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError`
+    where one is negative.
     """
-    if not bool(torch.isfinite(w).all()) or bool((w < 0).any()):
-        raise ValueError("weights of the inverse distribution must be finite and >= 0")
+    if not bool(torch.isfinite(w).all()):
+        raise FloatingPointError("weights of the inverse distribution must be finite")
+    if bool((w < 0).any()):
+        raise ValueError("weights of the inverse distribution must be >= 0")
     total = w.sum(dim=-1, keepdim=True)
     share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
     cdf = torch.cumsum(share, dim=-1)
