@@ -112,7 +112,7 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
 
 def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from harness.device import available_cores
-    from harness.output_folder import claim, fresh_folder, point_latest_to, release
+    from harness.output_folder import claim, fresh_folder, latest_folder, point_latest_to, release
     from harness.plan import Machine
     from harness.runner import outcome, plan_lines, run
     from scenes.errors import InputError
@@ -131,12 +131,15 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     for line in plan_lines(plan, machine):
         show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
+    before = latest_folder()
     claim(out, plan, machine, options.resume)
     point_latest_to(out)
     try:
         code = run(plan, out, options.view_sets, machine, command, show)
     except InputError:
         release(out)
+        if before is not None and not out.exists():
+            point_latest_to(before)
         raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
     return code

@@ -16,9 +16,9 @@ LEAST_FREE_BYTES = 200 << 20
 
 def fresh_folder(profile: str, resume: bool) -> Path:
     """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
-    latest = Path("out/latest")
-    if resume and latest.exists():
-        return latest.resolve()
+    latest = latest_folder()
+    if resume and latest is not None:
+        return latest
     stem = Path("out") / f"{profile}-{time.strftime('%Y%m%d-%H%M%S')}"
     candidates = [stem, *(stem.with_name(f"{stem.name}-{count}") for count in range(2, 100))]
     return next(path for path in candidates if not path.exists())
@@ -36,6 +36,12 @@ def point_latest_to(out: Path) -> None:
         beside.replace(link)
     except OSError:
         pass  # a file system without links: the folder's name was printed
+
+
+def latest_folder() -> Path | None:
+    """What `out/latest` names, if that is there."""
+    latest = Path("out/latest")
+    return latest.resolve() if latest.exists() else None
 
 
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
