@@ -25,6 +25,7 @@ def ball(ball_folder: Path) -> ViewSet:
 def torch_switches() -> Iterator[None]:
     """A run sets threads and determinism for its whole process; here the process is the test session."""
     threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
+    torch.set_num_threads(1)  # nothing here is large, and threads that wait for each other burn a busy core
     yield
     torch.set_num_threads(threads)
     torch.set_deterministic_debug_mode(deterministic)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from harness.comparisons import METRICS, compare, score_at_seconds
+from harness.comparisons import METRICS, compare, score_on_curve
 from harness.records import CellRecord, Comparison
 from tests.harness.cells import cell, checkpoint, diverged
 
@@ -82,8 +82,11 @@ def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_con
 
 
 def test_without_the_control_there_is_one_reference_and_alone_there_is_none() -> None:
-    cells = [quick(method, 0, 20.0) for method in ("qnerf", "nerf")]
-    assert {(row.method, row.against) for row in compare(cells, ["qnerf", "nerf"])} == {("nerf", "qnerf")}
+    cells = [quick(method, 0, 20.0) for method in ("qnerf", "nerf", "qnerf_theorem")]
+    # whatever their order, others stand against nerf; where it takes no part, against the first
+    assert {(row.method, row.against) for row in compare(cells, ["qnerf", "nerf"])} == {("qnerf", "nerf")}
+    without = compare(cells, ["qnerf", "qnerf_theorem"])
+    assert {(row.method, row.against) for row in without} == {("qnerf_theorem", "qnerf")}
     assert compare(cells, ["nerf"]) == []
 
 
@@ -143,22 +146,38 @@ def test_a_scene_whose_cells_all_failed_keeps_the_mean_over_scenes_from_being_a_
 
 def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
     one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, 20.0), checkpoint(3, 1000.0, 24.0)])
-    assert score_at_seconds(one, "psnr", 0.5) is None
-    assert score_at_seconds(one, "psnr", 1.0) == 10.0
-    assert score_at_seconds(one, "psnr", math.sqrt(10)) == pytest.approx(15.0)
-    assert score_at_seconds(one, "psnr", 100.0) == pytest.approx(22.0)
-    assert score_at_seconds(one, "psnr", 1000.0) == pytest.approx(24.0)
+    assert score_on_curve(one, "psnr", "seconds", 0.5) is None
+    assert score_on_curve(one, "psnr", "seconds", 1.0) == 10.0
+    assert score_on_curve(one, "psnr", "seconds", math.sqrt(10)) == pytest.approx(15.0)
+    assert score_on_curve(one, "psnr", "seconds", 100.0) == pytest.approx(22.0)
+    assert score_on_curve(one, "psnr", "seconds", 1000.0) == pytest.approx(24.0)
 
 
 def test_a_checkpoint_without_a_score_is_bridged_and_a_curve_without_any_has_none() -> None:
     one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
-    assert score_at_seconds(one, "psnr", 10.0) == pytest.approx(15.0)
-    assert score_at_seconds(one, "ssim", 10.0) is None
+    assert score_on_curve(one, "psnr", "seconds", 10.0) == pytest.approx(15.0)
+    assert score_on_curve(one, "ssim", "seconds", 10.0) is None
 
 
 def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:
-    cells = [cell("a", "nerf", 0, [checkpoint(10, 5.0, 20.0)]), slow("qnerf", 0, 25.0, "a")]
+    cells = [cell("a", "nerf", 0, [checkpoint(100, 5.0, 20.0)]), slow("qnerf", 0, 25.0, "a")]
     rows = compare(cells, ["nerf", "qnerf"])
     late = of(rows, scene="a", metric="psnr", budget="seconds")
     assert (late.difference, late.pairs, late.left_aside) == (None, 0, 1)
     assert of(rows, scene="a", metric="psnr", budget="steps").difference == 5.0
+
+
+def test_after_a_budget_of_seconds_equal_steps_are_those_that_both_have_done() -> None:
+    short = cell("a", "qnerf", 0, [checkpoint(10, 10.0, 20.0), checkpoint(50, 60.0, 26.0)])
+    long = cell("a", "nerf", 0, [checkpoint(10, 6.0, 20.0), checkpoint(100, 60.0, 30.0)])
+    rows = compare([short, long], ["nerf", "qnerf"])
+    at_50 = 20 + 10 * math.log(5) / math.log(10)
+    assert of(rows, scene="a", metric="psnr", budget="steps").difference == pytest.approx(26 - at_50)
+    assert of(rows, scene="a", metric="psnr", budget="seconds").difference == -4.0
+    # a metric that is scored at the end alone has no value at equal steps
+    assert of(rows, scene="a", metric="flip", budget="steps").difference is None
+
+
+def test_a_metric_of_the_end_alone_is_on_no_curve() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0)], scores={"flip": 0.2})
+    assert score_on_curve(one, "flip", "step", 1.0) is None

@@ -25,7 +25,7 @@ def test_quick_scores_average_over_views_and_keep_identical_images_from_being_in
     images = [view_of(rgba, error) for rgba, error in zip(ball.test.rgba, errors, strict=True)]
     assert evaluate.quick_scores(images, ball.test)["psnr"] == pytest.approx((20 + 40 + 60) / 3, abs=1e-3)
     same = evaluate.quick_scores([view_of(rgba) for rgba in ball.test.rgba], ball.test)
-    assert (same["psnr"], same["rmse_linear"]) == (None, 0.0)
+    assert (same["psnr"], same["rmse_linear"]) == (evaluate.LARGEST_PSNR, 0.0)
     assert same["ssim"] == pytest.approx(1.0)
 
 
@@ -89,3 +89,12 @@ def test_chunks_change_the_listed_method_and_no_other(ball: ViewSet) -> None:
     assert 0 < largest <= 1
     assert found["qnerf"]["opacity_unit_slab"] == pytest.approx(1 - math.exp(-largest))
     assert found["nerf"]["occupied_share"] == 1.0
+
+
+def test_pixels_rendered_in_mixed_order_come_back_to_their_places(ball: ViewSet) -> None:
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    one = trainer()
+    view = evaluate.render_view(one, cameras, 1, 100)
+    straight = one.render(cameras.all_rays(1), 10_000)
+    for name, shape in (("colour", (24, 24, 3)), ("opacity", (24, 24)), ("depth", (24, 24))):
+        np.testing.assert_allclose(getattr(view, name), getattr(straight, name).reshape(shape), atol=2e-5)

@@ -26,6 +26,7 @@ THREE = ("nerf", "nerf_matched", "qnerf")
 def group(
     ball: ViewSet, out: Path, methods: tuple[str, ...] = THREE, seed: int = 0, progress: Any = None, **changes: Any
 ) -> dict[str, CellRecord]:
+    torch.set_num_threads(1)  # before the switches of a test are set, where a fixture of the module calls this
     settings = replace(GroupSettings(methods, TRAIN, SCORE, BUDGET), **changes)
     cells = train_group(ball, "ball", seed, settings, CPU, out, {"here": 1}, progress or (lambda share: None))
     return {cell.method: cell for cell in cells}
@@ -165,6 +166,40 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     for method in ("nerf", "nerf_matched"):
         assert without_time(cells[method]) == without_time(trained[1][method])
     assert shares[-1] == 1.0
+
+
+def test_an_error_of_ours_costs_its_own_cell_alone(
+    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Trainer.train_on
+
+    def broken(self: Trainer, *batch: Any) -> None:
+        if self.method == "nerf" and self.step == 7:
+            raise RuntimeError("a bug")
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "train_on", broken)
+    cells = group(ball, tmp_path)
+    assert (cells["nerf"].status, cells["nerf"].reason) == ("error", "RuntimeError at step 7: a bug")
+    for method in ("nerf_matched", "qnerf"):
+        assert without_time(cells[method]) == without_time(trained[1][method])
+
+
+def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[torch.Tensor, torch.Tensor]] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen.append((colours, self.coarse.density_net[0].weight.detach().clone()))
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    settings = GroupSettings(("nerf",), TRAIN, replace(SCORE, checkpoints=1), Budget(1, None))
+    for scene in ("lego", "mic"):
+        list(train_group(ball, scene, 0, settings, CPU, tmp_path, {}, lambda share: None))
+    (first_colours, first_weights), (second_colours, second_weights) = seen
+    assert not torch.equal(first_colours, second_colours)
+    assert not torch.equal(first_weights, second_weights)
 
 
 def test_a_pixel_that_is_not_finite_at_a_checkpoint_is_a_divergence(

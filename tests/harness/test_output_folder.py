@@ -1,15 +1,18 @@
 """The folder that a run writes to: fresh, or gone on with, never one in use."""
 
 import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
 from harness.output_folder import claim, fresh_folder, point_latest_to, release
-from harness.plan import Plan, planned
+from harness.plan import Machine, Plan, planned
 from harness.records import write_cell, write_json
 from scenes.errors import InputError
 from tests.harness.cells import diverged
+
+MACHINE = Machine("cpu", 2, 1)
 
 
 @pytest.fixture
@@ -18,34 +21,34 @@ def plan() -> Plan:
 
 
 def with_results(out: Path, plan: Plan) -> Path:
-    claim(out, plan, resume=False)
+    claim(out, plan, MACHINE, resume=False)
     write_json(out / "records" / "run.json", {})
     write_cell(out, diverged("lego", "nerf", 0))
     return out
 
 
 def test_a_fresh_folder_holds_its_plan(tmp_path: Path, plan: Plan) -> None:
-    claim(tmp_path / "a" / "b", plan, resume=False)
+    claim(tmp_path / "a" / "b", plan, MACHINE, resume=False)
     stored = json.loads((tmp_path / "a" / "b" / "records" / "plan.json").read_text(encoding="utf-8"))
-    assert stored == json.loads(json.dumps(plan.settings()))
+    assert stored == json.loads(json.dumps({**plan.settings(), "machine": asdict(MACHINE)}))
 
 
 def test_an_empty_folder_may_be_used(tmp_path: Path, plan: Plan) -> None:
-    claim(tmp_path, plan, resume=False)
+    claim(tmp_path, plan, MACHINE, resume=False)
 
 
 def test_results_are_kept_unless_they_are_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
     with pytest.raises(InputError, match="holds results already; name another folder, or go on with --resume"):
-        claim(out, plan, resume=False)
-    claim(out, plan, resume=True)
+        claim(out, plan, MACHINE, resume=False)
+    claim(out, plan, MACHINE, resume=True)
 
 
 @pytest.mark.parametrize("resume", [False, True])
 def test_a_folder_of_somebody_else_is_refused(tmp_path: Path, plan: Plan, resume: bool) -> None:
     (tmp_path / "letter.txt").write_text("mine")
     with pytest.raises(InputError, match=r"in use by something else|holds no run"):
-        claim(tmp_path, plan, resume)
+        claim(tmp_path, plan, MACHINE, resume)
     assert [file.name for file in tmp_path.iterdir()] == ["letter.txt"]
 
 
@@ -53,7 +56,7 @@ def test_a_folder_of_somebody_else_is_refused(tmp_path: Path, plan: Plan, resume
 def test_there_must_be_something_to_go_on_with(tmp_path: Path, plan: Plan, there: bool) -> None:
     out = tmp_path if there else tmp_path / "nothing"
     with pytest.raises(InputError, match="holds no run to go on with"):
-        claim(out, plan, resume=True)
+        claim(out, plan, MACHINE, resume=True)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -61,11 +64,18 @@ def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
     other = planned("smoke", scenes=["lego"], seeds=1, budget_steps=7)
     with pytest.raises(InputError) as caught:
-        claim(out, other, resume=True)
+        claim(out, other, MACHINE, resume=True)
     assert "another plan" in str(caught.value)
     assert "seeds was [0, 1], is [0]" in str(caught.value)
     assert "'steps': 7" in str(caught.value)
-    claim(out, plan, resume=True)
+    claim(out, plan, MACHINE, resume=True)
+
+
+def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:
+    out = with_results(tmp_path / "run", plan)
+    for other in (replace(MACHINE, threads=2), replace(MACHINE, device="cuda"), replace(MACHINE, workers=1)):
+        with pytest.raises(InputError, match="machine was"):
+            claim(out, plan, other, resume=True)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
@@ -73,20 +83,20 @@ def test_a_plan_that_cannot_be_read_is_refused(tmp_path: Path, plan: Plan, conte
     out = with_results(tmp_path / "run", plan)
     (out / "records" / "plan.json").write_text(content)
     with pytest.raises(InputError, match=r"plan\.json"):
-        claim(out, plan, resume=True)
+        claim(out, plan, MACHINE, resume=True)
     assert (out / "records" / "plan.json").read_text() == content
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, plan: Plan) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="is a file; name a folder"):
-        claim(tmp_path / "file", plan, resume=False)
+        claim(tmp_path / "file", plan, MACHINE, resume=False)
     with pytest.raises(InputError, match="cannot be written"):
-        claim(tmp_path / "file" / "run", plan, resume=False)
+        claim(tmp_path / "file" / "run", plan, MACHINE, resume=False)
 
 
 def test_a_claim_that_led_to_nothing_is_given_up(tmp_path: Path, plan: Plan) -> None:
-    claim(tmp_path / "run", plan, resume=False)
+    claim(tmp_path / "run", plan, MACHINE, resume=False)
     release(tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
 

@@ -143,6 +143,28 @@ def test_a_depth_that_is_not_finite_is_never_rendered(monkeypatch: pytest.Monkey
         one.render(rays_and_colours()[0], 16)
 
 
+def test_a_density_that_is_nan_in_the_grid_is_a_divergence(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = train(trainer(), 10)
+    whole = one.coarse.density
+
+    def spoilt(x: torch.Tensor) -> torch.Tensor:
+        sigma = whole(x)
+        sigma[3] = math.nan
+        return sigma
+
+    monkeypatch.setattr(one.coarse, "density", spoilt)
+    with pytest.raises(Diverged, match="at step 10: density in the occupancy grid"):
+        train(one, 1)
+
+
+def test_a_coarse_pass_that_is_nan_is_a_divergence() -> None:
+    one = train(trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0))), 1)
+    with torch.no_grad():
+        one.coarse.density_head.bias[:] = math.nan
+    with pytest.raises(Diverged, match=r"at step 1: weight of coarse\.density_head\.bias"):
+        one.train_on(*rays_and_colours())
+
+
 # rendering
 
 

@@ -1,0 +1,38 @@
+"""`python -m harness run` as a user types it, in a process of its own and in this one."""
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+
+ROOT = Path(__file__).parents[2]
+TINY = shlex.split("--profile smoke --resolution 24 --methods nerf qnerf --seeds 2 --budget-steps 34 --workers 1")
+CELLS = [("nerf", 0), ("nerf", 1), ("qnerf", 0), ("qnerf", 1)]
+
+
+def command(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-m", "harness", "run", *map(str, arguments)]
+
+
+def on_one_core() -> None:
+    """One thread: equal bits wherever the tests run, and threads that wait for each other do not burn a busy core."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+
+
+def shell(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, preexec_fn=on_one_core)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """The one line that a bad call ends with; anything that is raised is a traceback and fails the test."""
+    assert main(["run", *map(str, arguments)]) == 2
+    _, said = capsys.readouterr()
+    assert said.startswith("error: ")
+    assert said.count("\n") == 1
+    return said
