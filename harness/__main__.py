@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -168,4 +169,8 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    os._exit(code)
