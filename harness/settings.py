@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
 
 
@@ -38,6 +39,7 @@ class TrainSettings:
     clip_norm: float = 1.0
     precision: Precision = "float32"
     grid: GridSettings = field(default_factory=GridSettings)
+    accelerations: Accelerations = Accelerations()
 
 
 @dataclass(frozen=True)

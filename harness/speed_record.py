@@ -1,0 +1,127 @@
+"""What `nox -s speed` leaves behind: `speed.json`, every figure with its spread and, where there is one, its target.
+
+This module imports the standard library and `harness.records` alone, as reports read it.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from harness.records import DamagedRecord, write_json
+
+SPEED_SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One figure, measured several times inside one run."""
+
+    id: str
+    """Stable and dotted: `training.dense.ratio`."""
+    item: int
+    """Number of the question that it answers (`QUESTIONS`)."""
+    title: str
+    value: float | None
+    """The median; None where it could not be measured, and `detail` says why."""
+    unit: str
+    """`×` for a ratio, `%` for a share, else a unit."""
+    low: float | None = None
+    """Smallest and largest of the repetitions."""
+    high: float | None = None
+    repeats: int = 1
+    target: float | None = None
+    sense: Literal["at_least", "at_most"] = "at_least"
+    detail: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without a target or a value."""
+        if self.target is None or self.value is None:
+            return None
+        return self.value >= self.target if self.sense == "at_least" else self.value <= self.target
+
+
+@dataclass(frozen=True)
+class Series:
+    """One line of a chart; lines with the same `panel` share their axes."""
+
+    panel: str
+    item: int
+    name: str
+    x_label: str
+    y_label: str
+    x: list[float]
+    y: list[float]
+    low: list[float] | None = None
+    high: list[float] | None = None
+    log_x: bool = True
+    log_y: bool = True
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows that are no ratio: where the remaining time goes, for instance."""
+
+    id: str
+    item: int
+    title: str
+    columns: list[str]
+    rows: list[list[str | float | None]]
+
+
+QUESTIONS: dict[int, str] = {
+    1: "Training throughput at the paper's network",
+    2: "Share of the machine's matrix rate",
+    3: "Time to a target PSNR",
+    4: "Full-frame rendering",
+    5: "Encodings",
+    6: "Quadrature",
+    7: "Ground truth by Mitsuba variant",
+    8: "Peak memory",
+    9: "How the cost grows",
+    10: "Several processes on all cores",
+    11: "What each acceleration gains",
+}
+
+
+@dataclass(frozen=True)
+class SpeedRecord:
+    """One run of `nox -s speed`."""
+
+    provenance: dict[str, Any]
+    settings: dict[str, Any]
+    measurements: list[Measurement] = field(default_factory=list)
+    series: list[Series] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall seconds by question, and `total`."""
+    schema: int = SPEED_SCHEMA
+
+
+def write_speed(path: Path, record: SpeedRecord) -> None:
+    """`record` as JSON; each measurement also says whether its target is met."""
+    data = asdict(record)
+    for row, one in zip(data["measurements"], record.measurements, strict=True):
+        row["met"] = one.met
+    write_json(path, data)
+
+
+def read_speed(path: Path) -> SpeedRecord:
+    """Raises `DamagedRecord` where the file is not what this version writes."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data.get("schema") != SPEED_SCHEMA or set(data) != {one.name for one in fields(SpeedRecord)}:
+            raise ValueError(f"not a speed record of schema {SPEED_SCHEMA}")
+        for row in data["measurements"]:
+            row.pop("met", None)
+        return SpeedRecord(
+            **{
+                **data,
+                "measurements": [Measurement(**row) for row in data["measurements"]],
+                "series": [Series(**row) for row in data["series"]],
+                "tables": [Table(**row) for row in data["tables"]],
+            }
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise DamagedRecord(f"{path}: {error}; run `nox -s speed` again") from error
