@@ -1,0 +1,201 @@
+"""The plain step as the oracle: what the trainer computes, fast, is what anyone would have written down."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from baselines import plain
+from baselines.accelerations import Accelerations
+from baselines.contract import Box, NetworkSize, Rays
+from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
+from harness.schedule import Budget
+from harness.seeds import generator_for
+from harness.settings import GridSettings, TrainSettings
+from harness.trainer import Trainer
+
+SIZE = NetworkSize(depth=8, width=48, colour_layers=2, colour_width=24, position_bands=6, direction_bands=3)
+BOX = Box(torch.tensor([-3.0, -2.6, -2.8]), torch.tensor([3.0, 2.9, 2.7]))
+SAMPLES, RAYS, SEED = 24, 96, 5
+DENSE = replace(Accelerations(), grid=False, clipping=False)
+SETTINGS = TrainSettings(
+    network=SIZE,
+    rays=RAYS,
+    bins=SAMPLES,
+    first_bins=SAMPLES,
+    fine_bins=0,
+    clip_norm=1e9,
+    grid=GridSettings(cells=0),
+    accelerations=DENSE,
+)
+COLOUR_BOUND = 2e-6
+LOSS_BOUND = 2e-6
+GRADIENT_BOUND = 2e-5
+"""Of the trainer in float32 against the plain step in float64: absolute for colours, relative to the loss, relative to
+the largest entry of each gradient. Rounding of f π x at 2^5 alone makes 3e-6 in the encoding."""
+
+
+def rays_inside() -> tuple[Rays, Tensor]:
+    """Rays whose whole way from near to far lies in the box, so that cutting them to it changes nothing."""
+    generator = torch.Generator().manual_seed(8)
+    origins = 0.5 * torch.randn(RAYS, 3, generator=generator).clamp(-1.5, 1.5)
+    directions = nn.functional.normalize(torch.randn(RAYS, 3, generator=generator), dim=-1)
+    return Rays(origins, directions, 0.25, 1.75), torch.rand(RAYS, 3, generator=generator)
+
+
+def in_double(rays: Rays) -> Rays:
+    return Rays(rays.origins.double(), rays.directions.double(), rays.near, rays.far)
+
+
+def trainer(settings: TrainSettings = SETTINGS, view_dependent: bool = True) -> Trainer:
+    one = Trainer("nerf", BOX, settings, Budget(10, None), SEED, torch.device("cpu"), view_dependent)
+    generator = torch.Generator().manual_seed(9)
+    with torch.no_grad():  # as after training: contrast, and biases that are not zero
+        one.field.density_head.weight *= 8.0
+        for name, weight in one.field.named_parameters():
+            if name.endswith("bias"):
+                weight.copy_(0.1 * torch.randn(weight.shape, generator=generator))
+    return one
+
+
+def oracle(one: Trainer, view_dependent: bool = True) -> PlainField:
+    """In float64, box included."""
+    box = Box(BOX.lower.double(), BOX.upper.double())
+    field = PlainField(SIZE, box, "another seed", view_dependent)
+    field.load_state_dict(one.field.state_dict())
+    return field.double()
+
+
+def step_of(one: Trainer) -> tuple[float, dict[str, Tensor]]:
+    """Loss and gradients of one training step, caught before the optimiser gets them."""
+    rays, colours = rays_inside()
+    caught: dict[str, Tensor] = {}
+
+    def catch(*_: object, **__: object) -> None:
+        caught.update({name: weight.grad.clone() for name, weight in one.field.named_parameters()})
+
+    one.optimiser.step = catch  # type: ignore[method-assign]
+    one.train_on(rays, colours)
+    loss = one.trace["loss"][0]
+    assert loss is not None
+    return loss, caught
+
+
+def expected_step(field: PlainField) -> tuple[float, dict[str, Tensor]]:
+    rays, colours = rays_inside()
+    loss = plain_loss(field, in_double(rays), colours.double(), SAMPLES, generator_for(SEED, 0, "jitter"))
+    loss.backward()
+    return loss.item(), {name: weight.grad for name, weight in field.named_parameters() if weight.grad is not None}
+
+
+def loss_gap(one: Trainer, field: PlainField) -> tuple[float, float]:
+    """Relative difference of the losses, and the largest of the gradients relative to their largest entries."""
+    (loss, gradients), (expected, truth) = step_of(one), expected_step(field)
+    assert set(gradients) == set(truth)
+    gaps = [float((gradients[name] - truth[name]).abs().max() / truth[name].abs().max()) for name in truth]
+    return abs(loss - expected) / expected, max(gaps)
+
+
+def colour_gap(one: Trainer, field: PlainField) -> float:
+    rays, _ = rays_inside()
+    with torch.no_grad():
+        expected = plain_render(field, in_double(rays), SAMPLES, torch.ones(3, dtype=torch.float64), None)
+    return float((one.render(rays, RAYS).colour - expected).abs().max())
+
+
+@pytest.mark.parametrize("fused", [True, False])
+@pytest.mark.parametrize("view_dependent", [True, False])
+def test_trainer_agrees_with_the_plain_step(view_dependent: bool, fused: bool) -> None:
+    one = trainer(replace(SETTINGS, accelerations=replace(DENSE, fused=fused)), view_dependent)
+    field = oracle(one, view_dependent)
+    assert colour_gap(one, field) < COLOUR_BOUND
+    loss, gradient = loss_gap(one, field)
+    assert loss < LOSS_BOUND
+    assert gradient < GRADIENT_BOUND
+
+
+def _fewer_bands(field: PlainField) -> None:
+    original = field.density_net[0].weight
+    with torch.no_grad():
+        original[:, -6:] = 0.0
+
+
+def _another_box(field: PlainField) -> None:
+    field.box = Box(field.box.lower, 1.001 * field.box.upper)
+
+
+def _no_skip(field: PlainField) -> None:
+    with torch.no_grad():
+        field.density_net[field.skip + 1].weight[:, SIZE.width :] = 0.0
+
+
+def _no_view(field: PlainField) -> None:
+    with torch.no_grad():
+        field.colour_net[0].weight[:, SIZE.width :] = 0.0
+
+
+def _a_bias(field: PlainField) -> None:
+    with torch.no_grad():
+        field.colour_net[1].bias[0] += 0.01
+
+
+@pytest.mark.parametrize("spoil", [_fewer_bands, _another_box, _no_skip, _no_view, _a_bias])
+def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> None:
+    one = trainer()
+    field = oracle(one)
+    spoil(field)
+    assert colour_gap(one, field) > 5 * COLOUR_BOUND
+    loss, gradient = loss_gap(one, field)
+    assert loss > 5 * LOSS_BOUND
+    assert gradient > 5 * GRADIENT_BOUND
+
+
+@pytest.mark.parametrize(("name", "factor"), [("DENSITY_BIAS", 1.001), ("DENSITY_SCALE", 1.001)])
+def test_a_density_that_differs_is_seen(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trainer()
+    field = oracle(one)
+    monkeypatch.setattr(plain, name, factor * getattr(plain, name))
+    assert colour_gap(one, field) > 5 * COLOUR_BOUND
+    assert loss_gap(one, field)[1] > 5 * GRADIENT_BOUND
+
+
+def test_fewer_samples_are_seen() -> None:
+    one = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
+    assert colour_gap(one, oracle(one)) > 5 * COLOUR_BOUND
+
+
+def test_weights_start_as_those_of_the_field() -> None:
+    one = Trainer("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu"))
+    ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), one.field.state_dict()
+    assert list(ours) == list(theirs)
+    assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_encoding_by_hand() -> None:
+    x = torch.tensor([[0.25, -0.5, 0.0]], dtype=torch.float64)
+    root = 0.5**0.5
+    expected = torch.tensor([[0.25, -0.5, 0, root, -1, 0, root, 0, 1, 1, 0, 0, 0, -1, 1]], dtype=torch.float64)
+    torch.testing.assert_close(positional_encoding(x, 2), expected, rtol=0, atol=1e-15)
+
+
+def test_quadrature_by_hand() -> None:
+    """A field of constant density and colour: w sums to 1 − exp(−σ · length)."""
+
+    class Fog(PlainField):
+        def forward(self, x: Tensor, d: Tensor) -> tuple[Tensor, Tensor]:
+            return torch.full(x.shape[:2], 0.7), torch.full(x.shape, 0.25)
+
+    rays, _ = rays_inside()
+    colour = plain_render(Fog(SIZE, BOX, 0), rays, SAMPLES, torch.ones(3), generator_for(1))
+    expected = 1.0 - 0.75 * (1.0 - torch.exp(torch.tensor(-0.7 * 1.5)))
+    torch.testing.assert_close(colour, expected.expand(RAYS, 3), rtol=0, atol=2e-6)
+
+
+def test_steps_lower_the_loss() -> None:
+    rays, colours = rays_inside()
+    field = PlainField(SIZE, BOX, SEED)
+    optimiser = torch.optim.Adam(field.parameters(), lr=2e-3)
+    losses = [plain_step(field, optimiser, rays, colours, SAMPLES, generator_for(SEED, step)) for step in range(25)]
+    assert losses[-1] < 0.8 * losses[0]
