@@ -24,6 +24,8 @@ class Amplifier(nn.Module, ABC):
 
     bounded: bool
     """Whether density stays within [0, 1]."""
+    pointwise: bool
+    """Whether a point's density does not depend on the other points of the call."""
 
     @abstractmethod
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
@@ -34,6 +36,7 @@ class NoAmplifier(Amplifier):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
 
     bounded = False
+    pointwise = True
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
@@ -47,6 +50,7 @@ class Listing2Amplifier(Amplifier):
     """
 
     bounded = True
+    pointwise = False
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,6 +68,7 @@ class Equation4Amplifier(Amplifier):
     """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
 
     bounded = False
+    pointwise = False
 
     def __init__(self) -> None:
         super().__init__()

@@ -24,6 +24,9 @@ class Rays:
     def part(self, start: int, stop: int) -> "Rays":
         return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
 
+    def chosen(self, index: Int[Tensor, " chosen"]) -> "Rays":
+        return Rays(self.origins[index], self.directions[index], self.near, self.far)
+
 
 @dataclass(frozen=True)
 class Box:
@@ -79,6 +82,11 @@ class RadianceField(Protocol):
 
     `view` [rays, features] comes from `encode_directions` and `ray` [points] tells which of its rows a point takes.
     """
+
+    @property
+    def pointwise(self) -> bool:
+        """Whether a point's density does not depend on the other points of the call."""
+        ...
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]: ...
 

@@ -11,6 +11,8 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
+from baselines import fused_network
+from baselines.accelerations import Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
@@ -39,8 +41,10 @@ class NetworkField(nn.Module):
         precision: Precision,
         seed: int | str,
         view_dependent: bool = True,
+        accelerations: Accelerations = Accelerations(),
     ) -> None:
         super().__init__()
+        self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
         base = ENCODING_BASE[parts.encoding]
@@ -75,6 +79,10 @@ class NetworkField(nn.Module):
         counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in parts.items()}
         return {**counts, "total": sum(counts.values())}
 
+    @property
+    def pointwise(self) -> bool:
+        return self.amplifier.pointwise
+
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
         return fourier_features(d, self.direction_ladder) if self.view_dependent else d[:, :0]
 
@@ -84,8 +92,7 @@ class NetworkField(nn.Module):
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        hidden, skipped = self._trunk(_padded(x))
-        return self._amplified(hidden, skipped, len(x))
+        return self.amplifier.before_and_after(self._outputs(x, None, None)[0])
 
     def density_and_colour(
         self,
@@ -93,29 +100,38 @@ class NetworkField(nn.Module):
         view: Float[Tensor, "rays features"],
         ray: Int[Tensor, " points"],
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
-        hidden, skipped = self._trunk(_padded(x))
-        _, sigma = self._amplified(hidden, skipped, len(x))
-        first, *others = _linears(self.colour_net)
-        for_view = self._weight(first)[:, first.in_features - view.shape[-1] :]
-        of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype))
-        h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, _padded(ray))
-        for layer in others:
-            h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
-        return sigma, torch.sigmoid(h[: len(x)].float())
+        raw, logits = self._outputs(x, view, ray)
+        assert logits is not None
+        return self.amplifier.before_and_after(raw)[1], torch.sigmoid(logits)
 
-    def _trunk(self, x: Tensor) -> tuple[Tensor, Tensor | None]:
-        """Last hidden layer, and the encoded position where the skip falls behind that layer (depth <= 5, φ)."""
-        position = fourier_features(self.box.normalised(x), self.position_ladder).to(self.dtype)
+    def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        """Raw density [points] and, with a view, colour logits [points, 3], both float32."""
+        position = fourier_features(self.box.normalised(x), self.position_ladder)
+        if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
+            layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
+            return fused_network.evaluate(layout, position, view, ray, self._flat_weights())
+        return self._composed(position.to(self.dtype), view, ray)
+
+    def _flat_weights(self) -> list[Tensor]:
+        layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]
+        return [weight for layer in layers for weight in (layer.weight, layer.bias)]
+
+    def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        """The network from single operations, differentiable by autograd."""
         hidden, skipped = position, None
         for index, layer in enumerate(_linears(self.density_net)):
             hidden = relu(self._split_linear(layer, hidden, skipped))
             skipped = position if index == self.skip else None
-        return hidden, skipped
-
-    def _amplified(self, hidden: Tensor, skipped: Tensor | None, points: int) -> tuple[Tensor, Tensor]:
-        """Density of the first `points` rows: what pads them must not enter an amplifier's mean."""
-        raw = self._split_linear(self.density_head, hidden, skipped)[:points, 0].float()
-        return self.amplifier.before_and_after(raw)
+        raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].float()
+        if view is None or ray is None:
+            return raw, None
+        first, *others = _linears(self.colour_net)
+        for_view = self._weight(first)[:, first.in_features - view.shape[-1] :]
+        of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype))
+        h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
+        for layer in others:
+            h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
+        return raw, h.float()
 
     def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
         """`layer` applied to [hidden, skipped, …]; further columns of its weight are left to the caller."""
@@ -133,18 +149,6 @@ class NetworkField(nn.Module):
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
     return cast("list[nn.Linear]", list(layers))
-
-
-PADDED_TO = 1024
-"""Matrix products run on a multiple of this many points, of an eighth of the count where that is more: the CPU library
-builds and keeps a kernel for each new shape of a reduced-precision product. Building takes longer than the product,
-keeping takes memory, and the number of points differs at each step."""
-
-
-def _padded(rows: Tensor) -> Tensor:
-    multiple = max(PADDED_TO, 1 << max(len(rows).bit_length() - 4, 0))
-    missing = -len(rows) % multiple
-    return torch.cat([rows, rows.new_zeros((missing, *rows.shape[1:]))]) if missing else rows
 
 
 def _initialise(module: nn.Module, seed: int | str) -> None:

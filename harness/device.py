@@ -1,5 +1,6 @@
 """Where tensors live, and the switches that make a run repeatable. ROCm is torch's `cuda`."""
 
+import ctypes
 import os
 from pathlib import Path
 
@@ -27,8 +28,23 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
     # the same as use_deterministic_algorithms, which would also import the compiler: seconds in each process
     torch.set_deterministic_debug_mode("warn")
+    # deterministic mode would fill every new tensor with NaN first, which is a second pass over all memory
+    torch.utils.deterministic.fill_uninitialized_memory = False
     torch.backends.cuda.matmul.allow_tf32 = False
     torch.backends.cudnn.allow_tf32 = False
+
+
+def keep_freed_memory() -> None:
+    """Let this process keep what it frees below 64 MB a block: training asks for the same sizes at every step, and each
+    page that is handed back has to be zeroed anew. Does nothing where the C library has no such setting.
+    """
+    trim_threshold, mmap_threshold = -1, -3
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError):
+        return
+    mallopt(mmap_threshold, 64 << 20)
+    mallopt(trim_threshold, 512 << 20)
 
 
 def available_cores() -> int:

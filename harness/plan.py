@@ -1,10 +1,11 @@
 """What a run is going to do: scenes × methods × seeds, how much, and on what. Profiles hold what differs."""
 
 import re
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
@@ -115,10 +116,11 @@ def planned(
     resolution: int | None = None,
     view_set: Path | None = None,
     precision: Precision | None = None,
+    without: list[str] | None = None,
 ) -> Plan:
     """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
 
-    `precision` None keeps the profile's.
+    `precision` None keeps the profile's; `without` names accelerations to switch off.
     """
     from baselines.catalog import CATALOG as METHODS
 
@@ -150,6 +152,9 @@ def planned(
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
     if precision is not None:
         plan = replace(plan, train=replace(plan.train, precision=precision))
+    if without is not None:
+        off = _known("--without", without, [one.name for one in fields(Accelerations)])
+        plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))
     return plan
 
 

@@ -49,10 +49,14 @@ class Trainer:
         self.box = box
         self.background = torch.ones(3, device=device)
 
+        on = settings.accelerations
+        # a direction that no colour depends on is left out, unless that is switched off
+        view_dependent = view_dependent or not on.directions
+
         def field(name: str) -> NetworkField:
-            return NetworkField(parts, settings.network, box, settings.precision, f"{seed}/{name}", view_dependent).to(
-                device
-            )
+            return NetworkField(
+                parts, settings.network, box, settings.precision, f"{seed}/{name}", view_dependent, on
+            ).to(device)
 
         self.coarse = field("coarse")
         self.fine = field("fine") if settings.fine_bins else None
@@ -61,7 +65,7 @@ class Trainer:
         # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
         self.whole_rays = parts.quadrature == "listing4"
         self.quadrature = parts.quadrature
-        has_grid = settings.grid.cells > 0 and not self.whole_rays
+        has_grid = on.grid and settings.grid.cells > 0 and not self.whole_rays
         self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold) if has_grid else None
         self.clock = Stopwatch(device)
         self.step = 0
@@ -139,7 +143,8 @@ class Trainer:
             bins=self.settings.bins if grid_in_use or self.grid is None else self.settings.first_bins,
             fine_bins=self.settings.fine_bins,
             quadrature=self.quadrature,
-            clip_to_box=not self.whole_rays,
+            clip_to_box=self.settings.accelerations.clipping and not self.whole_rays,
+            early_stop=self.settings.accelerations.early_stop and self.quadrature == "midpoint",
             exploration=self.settings.grid.exploration,
         )
 

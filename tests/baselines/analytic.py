@@ -20,6 +20,8 @@ class AnalyticField:
     colour: tuple[float, float, float] = ORANGE
     points: int = field(default=0, init=False)
 
+    pointwise = True
+
     def encode_directions(self, d: Tensor) -> Tensor:
         return d
 

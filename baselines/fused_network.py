@@ -1,0 +1,276 @@
+"""The network's forward and backward pass written out by hand, in blocks of points that stay in the processor's cache.
+
+Autograd keeps a copy of every intermediate and walks over all points once for each operation; here one block of
+points goes through all layers before the next one, activations are rectified where they lie, and weight gradients
+add up in place. It computes what `baselines.field` composes from single operations (its oracle in the tests): sums
+over points run in another order and nothing else differs. No gradient is formed for the encoded position.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+BLOCK_BYTES = 1 << 20
+"""Of one layer's activations in a block: a few of them fit a core's second-level cache."""
+ROWS_MULTIPLE = 1024
+"""In reduced precision the CPU library builds and keeps a kernel for each new shape, which takes longer than the
+product: blocks there have a multiple of this many rows, so that few shapes occur."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the flat list of weights means: W, b of each density layer, of the density head, of each colour layer."""
+
+    depth: int
+    skip: int
+    """The encoded position enters again beside the output of this density layer."""
+    dtype: torch.dtype
+    """Of matrix products; everything that adds up over points is float32 or better."""
+
+
+def evaluate(
+    layout: Layout,
+    position: Float[Tensor, "points features"],
+    view: Float[Tensor, "rays directions"] | None,
+    ray: Int[Tensor, " points"] | None,
+    weights: list[Tensor],
+) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
+    """Raw density and colour logits in float32 or better, differentiable once with respect to `weights`; density alone, and no
+    gradient, where `view` is None. `ray` tells which row of `view` belongs to a point.
+    """
+    count = len(position)
+    if layout.dtype.itemsize < 4 and position.device.type == "cpu":
+        missing = -count % ROWS_MULTIPLE
+        position = torch.nn.functional.pad(position, (0, 0, 0, missing))
+        ray = None if ray is None else torch.nn.functional.pad(ray, (0, missing))
+    if view is not None and torch.is_grad_enabled() and any(weight.requires_grad for weight in weights):
+        raw, logits = _Evaluation.apply(layout, position, view, ray, *weights)
+    else:
+        raw, logits, _ = _forward(_prepared(layout, position.shape[1], weights), position, view, ray, keep=False)
+    return raw[:count], None if logits is None else logits[:count]
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """One matrix product: `hidden` applied to the layer before, `again` to the encoded position where it enters."""
+
+    hidden: Tensor
+    bias: Tensor
+    again: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """Weights in the precision of the products, cut as the products need them."""
+
+    density: list[_Stage]
+    heads: _Stage
+    """Density head and the first colour layer without its direction part: one product, density in column 0."""
+    direction: _Stage
+    colour: list[_Stage]
+    dtype: torch.dtype
+    sums: torch.dtype
+
+
+def _prepared(layout: Layout, features: int, weights: list[Tensor]) -> _Prepared:
+    cast = [weight.detach().to(layout.dtype) for weight in weights]
+    pairs = list(zip(cast[::2], cast[1::2], strict=True))
+    density, head, colour = pairs[: layout.depth], pairs[layout.depth], pairs[layout.depth + 1 :]
+    stages = []
+    for index, (weight, bias) in enumerate(density):
+        cut = weight.shape[1] - features if index == layout.skip + 1 else weight.shape[1]
+        stages.append(_stage(weight, bias, cut))
+    inputs = head[0].shape[1]
+    first, first_bias = colour[0]
+    heads = torch.cat([head[0], first[:, :inputs]])
+    bias = torch.cat([head[1], torch.zeros_like(first_bias)])  # the first colour layer's is added once a ray
+    cut = inputs - features if layout.skip == layout.depth - 1 else inputs
+    return _Prepared(
+        density=stages,
+        heads=_stage(heads, bias, cut),
+        direction=_Stage(first[:, inputs:], first_bias),
+        colour=[_Stage(weight, bias) for weight, bias in colour[1:]],
+        dtype=layout.dtype,
+        sums=_sums(layout.dtype),
+    )
+
+
+def _sums(products: torch.dtype) -> torch.dtype:
+    return torch.promote_types(products, torch.float32)
+
+
+def _stage(weight: Tensor, bias: Tensor, cut: int) -> _Stage:
+    again = weight[:, cut:] if cut < weight.shape[1] else None
+    return _Stage(weight[:, :cut], bias, again)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Rectified activations [points, width] of each layer, for the way back."""
+
+    density: list[Tensor]
+    colour: list[Tensor]
+
+
+def _blocks(points: int, width: int, like: Tensor) -> list[slice]:
+    if like.device.type != "cpu":
+        return [slice(0, points)]
+    rows = max(ROWS_MULTIPLE, BLOCK_BYTES // (width * like.element_size()) // ROWS_MULTIPLE * ROWS_MULTIPLE)
+    return [slice(start, min(start + rows, points)) for start in range(0, points, rows)]
+
+
+def _apply(stage: _Stage, x: Tensor, position: Tensor, out: Tensor) -> Tensor:
+    torch.addmm(stage.bias, x, stage.hidden.t(), out=out)
+    if stage.again is not None:
+        out.addmm_(position, stage.again.t())
+    return out
+
+
+def _forward(
+    net: _Prepared, position: Tensor, view: Tensor | None, ray: Tensor | None, keep: bool
+) -> tuple[Tensor, Tensor | None, _Kept]:
+    """Every block through every layer. Without `keep` activations are overwritten block after block."""
+    count, points = len(position), position.to(net.dtype)
+    width, colour_width = net.density[0].hidden.shape[0], net.heads.hidden.shape[0] - 1
+    blocks = _blocks(count, width, points)
+    rows = count if keep else (blocks[0].stop if blocks else 0)
+
+    def empty(number: int, columns: int) -> list[Tensor]:
+        return [points.new_empty((rows, columns)) for _ in range(number)]
+
+    density = empty(len(net.density), width) if keep else empty(2, width) * len(net.density)
+    colour = [points.new_empty((rows, stage.hidden.shape[1])) for stage in net.colour]
+    heads_of_block = points.new_empty((blocks[0].stop if blocks else 0, colour_width + 1))
+    raw = points.new_empty(count, dtype=net.sums)
+    logits = None if view is None else points.new_empty((count, 3), dtype=net.sums)
+    of_view = None
+    if view is not None:
+        of_view = torch.addmm(net.direction.bias, view.to(net.dtype), net.direction.hidden.t())
+    for block in blocks:
+        size = block.stop - block.start
+        where = block if keep else slice(0, size)
+        here = h = points[block]
+        for stage, buffer in zip(net.density, density, strict=False):
+            h = _apply(stage, h, here, buffer[where]).clamp_min_(0.0)
+        if of_view is None or logits is None or ray is None:
+            density_head = _Stage(net.heads.hidden[:1], net.heads.bias[:1], _first_row(net.heads.again))
+            raw[block] = _apply(density_head, h, here, heads_of_block[:size, :1])[:, 0]
+            continue
+        heads = _apply(net.heads, h, here, heads_of_block[:size])
+        raw[block] = heads[:, 0]
+        c = of_view.index_select(0, ray[block]).add_(heads[:, 1:])
+        for stage, buffer in zip(net.colour, colour, strict=True):
+            c = torch.addmm(stage.bias, torch.clamp_min(c, 0.0, out=buffer[where]), stage.hidden.t())
+        logits[block] = c
+    return raw, logits, _Kept(density, colour)
+
+
+def _first_row(weight: Tensor | None) -> Tensor | None:
+    return None if weight is None else weight[:1]
+
+
+class _Sum:
+    """Σ aᵀ b over blocks."""
+
+    def __init__(self, rows: int, columns: int, like: Tensor) -> None:
+        self.total = like.new_zeros((rows, columns), dtype=_sums(like.dtype))
+
+    def add(self, a: Tensor, b: Tensor) -> None:
+        if a.dtype == self.total.dtype:
+            self.total.addmm_(a.t(), b)
+        else:
+            self.total.add_(torch.mm(a.t(), b))
+
+
+class _StageGradient:
+    """What adds up for one stage over the blocks."""
+
+    def __init__(self, stage: _Stage) -> None:
+        outputs, inputs = stage.hidden.shape
+        self.hidden = _Sum(outputs, inputs, stage.hidden)
+        self.again = None if stage.again is None else _Sum(outputs, stage.again.shape[1], stage.again)
+        self.bias = stage.bias.new_zeros(outputs, dtype=_sums(stage.bias.dtype))
+
+    def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
+        self.hidden.add(gradient, x)
+        if self.again is not None:
+            self.again.add(gradient, position)
+        self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
+
+    def weight(self) -> Tensor:
+        return self.hidden.total if self.again is None else torch.cat([self.hidden.total, self.again.total], dim=1)
+
+
+class _Evaluation(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, layout: Layout, position: Tensor, view: Tensor, ray: Tensor, *weights: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        net = _prepared(layout, position.shape[1], list(weights))
+        raw, logits, kept = _forward(net, position, view, ray, keep=True)
+        assert logits is not None
+        ctx.net, ctx.kept = net, kept
+        ctx.save_for_backward(position, view, ray)
+        return raw, logits
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        position, view, ray = ctx.saved_tensors
+        weights = _backward(ctx.net, ctx.kept, position, view, ray, *gradients)
+        del ctx.net, ctx.kept
+        return None, None, None, None, *weights
+
+
+def _backward(
+    net: _Prepared, kept: _Kept, position: Tensor, view: Tensor, ray: Tensor, g_raw: Tensor, g_logits: Tensor
+) -> list[Tensor]:
+    """Gradients in the order of the flat weights."""
+    rectified = torch.ops.aten.threshold_backward.grad_input
+    points = position.to(net.dtype)
+    density = [_StageGradient(stage) for stage in net.density]
+    heads = _StageGradient(net.heads)
+    colour = [_StageGradient(stage) for stage in net.colour]
+    of_view = view.new_zeros((len(view), net.direction.hidden.shape[0]), dtype=net.sums)
+    width = net.density[0].hidden.shape[0]
+    blocks = _blocks(len(points), width, points)
+    largest = blocks[0].stop if blocks else 0
+    to_heads = points.new_empty((largest, net.heads.hidden.shape[0]))
+    buffers = [points.new_empty((largest, width)) for _ in range(2)]
+    for block in blocks:
+        size, here = block.stop - block.start, points[block]
+        g = g_logits[block].to(net.dtype)
+        for stage, gradient, activation in zip(
+            reversed(net.colour), reversed(colour), reversed(kept.colour), strict=True
+        ):
+            x = activation[block]
+            gradient.add(g, x, here)
+            g = torch.mm(g, stage.hidden)
+            rectified(g, x, 0.0, grad_input=g)
+        of_view.index_add_(0, ray[block], g.to(net.sums))
+        into = to_heads[:size]
+        into[:, 0] = g_raw[block]
+        into[:, 1:] = g
+        heads.add(into, kept.density[-1][block], here)
+        g = torch.mm(into, net.heads.hidden, out=buffers[0][:size])
+        for index in reversed(range(len(density))):
+            rectified(g, kept.density[index][block], 0.0, grad_input=g)
+            density[index].add(g, kept.density[index - 1][block] if index else here, here)
+            if index:
+                g = torch.mm(g, net.density[index].hidden, out=buffers[(len(density) - index) % 2][:size])
+    found: list[Tensor] = []
+    for one in density:
+        found += [one.weight(), one.bias]
+    both = heads.weight()
+    found += [both[:1], heads.bias[:1]]
+    found += [
+        torch.cat([both[1:], torch.mm(of_view.t(), view.to(net.sums))], dim=1),
+        of_view.sum(dim=0),
+    ]
+    for one in colour:
+        found += [one.weight(), one.bias]
+    return found
