@@ -1,10 +1,11 @@
 """Fourier features of positions and directions (paper Eq. 2 and Eq. 3, Listing 1).
 
 `f` is a frequency ladder [bands], `x` coordinates [..., axes]. A ladder of base b is f_k = b^k, k = 0 … L−1;
-the field's is base 2, the paper's is base φ.
+the field's is base 2, the paper's is base φ. `encode` gives the same features faster, `fourier_features` is its oracle.
 """
 
 import math
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -12,12 +13,20 @@ from torch import Tensor
 
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
+MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
+"""For φ^12 the sine is 3.3 times as accurate; base 2 has no such limit, only tests that end there."""
+DOUBLINGS = 4
+"""Between two sines of base 2. All bands from one sine would lose 3^k: 8e-4 at 2^9, nothing right at 2^16."""
 
-def frequency_ladder(base: float, bands: int) -> Float[Tensor, " bands"]:
-    """f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision."""
+BLOCK = 1 << 14
+"""Points that the recurrences take at a time: at 65536 points this saves φ a quarter of its time."""
+
+
+def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) -> Float[Tensor, " bands"]:
+    """f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision to `dtype` or torch's default."""
     if bands < 0:
         raise ValueError(f"bands must be >= 0, is {bands}")
-    return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(torch.get_default_dtype())
+    return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(dtype or torch.get_default_dtype())
 
 
 def matched_bands(base: float, bands: int) -> int:
@@ -41,3 +50,102 @@ def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
     angle = x.unsqueeze(-2) * (math.pi * f).to(x.dtype).unsqueeze(-1)
     waves = torch.stack([torch.sin(angle), torch.cos(angle)], dim=-2)
     return torch.cat([x, waves.flatten(-3)], dim=-1)
+
+
+def recurrence_is_accurate(base: float, bands: int) -> bool:
+    """Whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a sine of its own.
+
+    Both grow like the frequency: sines round f π x, the recurrences hand errors on to higher bands. At ten bands
+    1.1e-4 for base 2 (sine 1.1e-4) and 2.2e-5 for φ (sine 1.1e-5). Other bases have no recurrence at all.
+    """
+    return bands <= MOST_RECURRENT_BANDS.get(base, -1)
+
+
+def encode(
+    x: Float[Tensor, "points axes"], base: float, bands: int, recurrence: bool = True
+) -> Float[Tensor, "points features"]:
+    """`fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view: one feature's points adjoin.
+
+    With `recurrence`, bands follow from lower ones where `recurrence_is_accurate`; otherwise every bit is that of
+    `fourier_features`. Most of the gain is the layout's; the recurrence pays from some 4000 points a call. Absolute
+    error at |x| <= 1 below 1.2e-4 at 2^9 and 2.5e-5 at φ^9; errors of angles grow in proportion to |x|.
+
+    Raises `TypeError` unless `x` is float32 or float64. Where `x` needs a gradient, this is `fourier_features`
+    itself; forward-mode derivatives are refused by torch.
+    """
+    if x.dtype not in (torch.float32, torch.float64):
+        raise TypeError(f"the encoding needs float32 or float64, got {x.dtype}: its upper bands would be noise")
+    if x.requires_grad and torch.is_grad_enabled():
+        return fourier_features(x, frequency_ladder(base, bands, x.dtype).to(x.device))
+    points, axes = x.shape
+    angular = _angular_frequencies(base, bands, x.dtype, x.device)
+    features = x.new_empty((feature_count(axes, bands), points))
+    raw = features[:axes]
+    # three dimensions: torch copies a tall matrix four times slower when it sees that it is being transposed
+    raw.unsqueeze(0).copy_(x.t().unsqueeze(0))
+    waves = features[axes:].view(bands, 2, axes, points)
+    if not (recurrence and recurrence_is_accurate(base, bands)):
+        _sines(waves, raw, angular)
+        return features.t()
+    recur = _golden_sums if base == PHI else _doublings
+    # a processor finds the bands below in its cache; elsewhere more and smaller launches would only cost
+    size = BLOCK if x.device.type == "cpu" else points
+    whole = points <= size
+    for block in [(waves, raw)] if whole else zip(waves.split(size, -1), raw.split(size, -1), strict=True):
+        recur(*block, angular)
+    return features.t()
+
+
+def _sines(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
+    """Into waves [bands, sine and cosine, axes, points]: of angular [bands, 1, 1] times raw [axes, points]."""
+    sine, cosine = waves.unbind(1)
+    torch.mul(angular, raw, out=cosine)
+    torch.sin(cosine, out=sine)
+    cosine.cos_()
+
+
+def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
+    """Bands from φ^k = φ^(k−1) + φ^(k−2): with a, b the angles of the two bands below,
+
+    sin(a + b) = sin(a − b) + 2 cos a sin b and cos(a + b) = cos(a − b) − 2 sin a sin b, where a − b is band k − 3.
+    The addition formula itself takes twice the operations and then costs more than sines, so it gives band 2 alone.
+    That band must not be a sine: three angles rounded apart lose 5 at φ^9 and have no bound far outside the box.
+    """
+    _sines(waves[:2], raw, angular[:2])
+    sine, cosine = (wave.unbind(0) for wave in waves.unbind(1))
+    if len(waves) > 2:
+        torch.mul(sine[1], cosine[0], out=sine[2]).addcmul_(cosine[1], sine[0])
+        torch.mul(cosine[1], cosine[0], out=cosine[2]).addcmul_(sine[1], sine[0], value=-1)
+    for k in range(3, len(waves)):
+        torch.addcmul(sine[k - 3], cosine[k - 1], sine[k - 2], value=2, out=sine[k])
+        torch.addcmul(cosine[k - 3], sine[k - 1], sine[k - 2], value=-2, out=cosine[k])
+
+
+def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
+    """sin 2a = 2 sin a cos a and cos 2a = 1 − 2 sin² a, from a sine of its own at each fifth band, all fifths at once.
+
+    cos 2a = 2 cos² a − 1 would lose 4 in every doubling near a = 0, where every upper band starts.
+    """
+    stride = 1 + DOUBLINGS
+    zero, one = _constants(raw.dtype, raw.device)
+    lower = waves[::stride]
+    _sines(lower, raw, angular[::stride])
+    for k in range(1, min(stride, len(waves))):
+        upper = waves[k::stride]
+        sine, cosine = lower[: len(upper)].unbind(1)
+        upper_sine, upper_cosine = upper.unbind(1)
+        torch.addcmul(zero, sine, cosine, value=2, out=upper_sine)
+        torch.addcmul(one, sine, sine, value=-2, out=upper_cosine)
+        lower = upper
+
+
+@lru_cache(maxsize=64)
+def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
+    """f π, [bands, 1, 1], rounded as in `fourier_features`; kept, since making it costs as much as 500 points."""
+    return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
+
+
+@lru_cache(maxsize=16)
+def _constants(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
+    """0 and 1, as what a product is added to."""
+    return torch.zeros((), dtype=dtype, device=device), torch.ones((), dtype=dtype, device=device)
