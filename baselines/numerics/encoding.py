@@ -90,9 +90,11 @@ def encode(
     recur = _golden_sums if base == PHI else _doublings
     # a processor finds the bands below in its cache; elsewhere more and smaller launches would only cost
     size = BLOCK if x.device.type == "cpu" else points
-    whole = points <= size
-    for block in [(waves, raw)] if whole else zip(waves.split(size, -1), raw.split(size, -1), strict=True):
-        recur(*block, angular)
+    if points <= size:
+        recur(waves, raw, angular)
+        return features.t()
+    for block, raw_block in zip(waves.split(size, -1), raw.split(size, -1), strict=True):
+        recur(block, raw_block, angular)
     return features.t()
 
 
