@@ -20,7 +20,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from reports import palette
 from reports.wording import MINUS, significant
 
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark"]
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "band"]
 Scale = Literal["linear", "log", "symlog"]
 
 STYLE: dict[Any, Any] = {
@@ -48,7 +48,10 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Trace:
-    """Points of one kind and colour; `x` and `y` are equally long. A `range` is a bar from `x` to `x_high`."""
+    """Points of one kind and colour; `x` and `y` are equally long.
+
+    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`.
+    """
 
     label: str
     colour: str
@@ -56,6 +59,7 @@ class Trace:
     x: tuple[float, ...]
     y: tuple[float, ...]
     x_high: tuple[float, ...] = ()
+    y_high: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
 
 
 def _high(trace: Trace, axis: str) -> tuple[float, ...]:
-    return trace.x_high if axis == "x" else ()
+    return trace.x_high if axis == "x" else trace.y_high
 
 
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
@@ -200,6 +204,14 @@ def _mark(axes: Axes, trace: Trace) -> None:
     )
 
 
+def _band(axes: Axes, trace: Trace) -> None:
+    """A single point has no width to fill: a bar stands for it."""
+    if len(trace.x) == 1:
+        axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
+    else:
+        axes.fill_between(trace.x, trace.y, trace.y_high, color=trace.colour, alpha=0.18, linewidth=0)
+
+
 _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "line": _line,
     "thin": _thin,
@@ -209,6 +221,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "outline": _outline,
     "range": _range,
     "mark": _mark,
+    "band": _band,
 }
 
 

@@ -1,17 +1,15 @@
 """Records → report.html: one self-contained file that works offline and asks nothing of anyone."""
 
-import os
 import re
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from reports import claims as paper_claims
-from reports import error_maps, palette, properties, wording
+from reports import error_maps, palette, properties, shell, wording
 from reports.claims_table import claims_grid
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
@@ -24,9 +22,8 @@ from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
 from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale
+from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, flat
 from reports.work_precision import error_against
-
-CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
 @dataclass(frozen=True)
@@ -37,10 +34,7 @@ class Plot:
 
 def page(records: Records) -> str:
     """The whole page as text."""
-    here = Path(__file__).parent
-    environment = Environment(
-        loader=FileSystemLoader(here), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
     environment.filters["signed"] = wording.signed
@@ -49,7 +43,8 @@ def page(records: Records) -> str:
     return environment.get_template("page.html").render(
         **content,
         policy=CONTENT_POLICY,
-        style=Markup((here / "page.css").read_text(encoding="utf-8").replace("/* palette */", variables())),
+        style=shell.style("page.css"),
+        speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
         colours=colours,
         sections=[(name, title) for name, title in SECTIONS if content[name]],
     )
@@ -167,26 +162,6 @@ def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
 
 
-def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Nested settings as `a.b` → text."""
-    rows = []
-    for name, value in data.items():
-        if isinstance(value, dict):
-            rows += flat(value, f"{prefix}{name}.")
-        else:
-            rows.append((f"{prefix}{name}", plain(value)))
-    return rows
-
-
-def plain(value: Any) -> str:
-    """A setting as a reader writes it."""
-    if isinstance(value, list):
-        return ", ".join(map(plain, value))
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return wording.NOTHING if value is None else str(value)
-
-
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     """Text with the methods' names set in their colours."""
     names = sorted(colours, key=len, reverse=True)
@@ -202,20 +177,6 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     return Markup("").join(parts)
 
 
-def variables() -> str:
-    """The palette as CSS: light, then dark."""
-    light, dark = (
-        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in palette.EVERY) for tone in ("light", "dark")
-    )
-    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
-
-
 def write_page(records: Records, path: Path) -> None:
     """Beside its place, then renamed: a reader never sees half a page."""
-    text = page(records)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    shell.write_whole(page(records), path)

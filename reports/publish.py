@@ -31,12 +31,13 @@ def write_published(records: Records, folder: Path) -> list[Path]:
         figures = {"psnr": psnr_dots(records), "error_vs_time": error_against_time(records), "views": contact(records)}
         for name, figure in figures.items():
             if figure is not None:
-                _save(figure, folder / f"{name}.png")
+                save(figure, folder / f"{name}.png")
                 written.append(folder / f"{name}.png")
     return written
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """As a PNG on white, as small as its content."""
     FigureCanvasAgg(figure)
     figure.patch.set_visible(True)
     figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)

@@ -1,0 +1,68 @@
+"""What every page of ours shares: policy, template environment, style, settings in words, and how a file is written."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from reports import palette, wording
+
+CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+RUN_PAGE = "report.html"
+SPEED_PAGE = "speed.html"
+SPEED_FILE = "speed.json"
+
+HERE = Path(__file__).parent
+
+
+def environment() -> Environment:
+    """Escapes whatever comes from data, and stops at a name that nobody gave."""
+    return Environment(
+        loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def style(*files: str) -> Markup:
+    """Style sheets in order, with the palette where the first one wants it."""
+    text = "".join((HERE / name).read_text(encoding="utf-8") for name in files)
+    return Markup(text.replace("/* palette */", variables()))
+
+
+def variables() -> str:
+    """The palette as CSS: light, then dark."""
+    light, dark = (
+        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in palette.EVERY) for tone in ("light", "dark")
+    )
+    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
+
+
+def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Nested settings as `a.b` → text."""
+    rows = []
+    for name, value in data.items():
+        if isinstance(value, dict):
+            rows += flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((f"{prefix}{name}", plain(value)))
+    return rows
+
+
+def plain(value: Any) -> str:
+    """A setting as a reader writes it."""
+    if isinstance(value, list):
+        return ", ".join(map(plain, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return wording.NOTHING if value is None else str(value)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Beside its place, then renamed: a reader never sees half a page."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
