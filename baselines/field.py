@@ -16,7 +16,7 @@ from baselines.accelerations import Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
-from baselines.numerics.encoding import feature_count, fourier_features, frequency_ladder
+from baselines.numerics.encoding import encode, feature_count
 
 DTYPES: dict[Precision, torch.dtype] = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
@@ -29,8 +29,6 @@ class NetworkField(nn.Module):
     looks the same from all sides (`view_dependent` False), colour gets no direction at all.
     """
 
-    position_ladder: Tensor
-    direction_ladder: Tensor
     amplifier: Amplifier
 
     def __init__(
@@ -47,13 +45,11 @@ class NetworkField(nn.Module):
         self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
-        base = ENCODING_BASE[parts.encoding]
-        position_bands = encoding_bands(parts.encoding, size.position_bands)
-        direction_bands = encoding_bands(parts.encoding, size.direction_bands)
-        self.register_buffer("position_ladder", frequency_ladder(base, position_bands), persistent=False)
-        self.register_buffer("direction_ladder", frequency_ladder(base, direction_bands), persistent=False)
-        position = feature_count(3, position_bands)
-        direction = feature_count(3, direction_bands) if view_dependent else 0
+        self.base = ENCODING_BASE[parts.encoding]
+        self.position_bands = encoding_bands(parts.encoding, size.position_bands)
+        self.direction_bands = encoding_bands(parts.encoding, size.direction_bands)
+        position = feature_count(3, self.position_bands)
+        direction = feature_count(3, self.direction_bands) if view_dependent else 0
         self.view_dependent = view_dependent
         self.skip = skip_layer(parts.skip, size.depth)
 
@@ -84,7 +80,8 @@ class NetworkField(nn.Module):
         return self.amplifier.pointwise
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
-        return fourier_features(d, self.direction_ladder) if self.view_dependent else d[:, :0]
+        on = self.accelerations.recurrence
+        return encode(d, self.base, self.direction_bands, on) if self.view_dependent else d[:, :0]
 
     def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
         return self.density_before_and_after(x)[1]
@@ -106,7 +103,7 @@ class NetworkField(nn.Module):
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Raw density [points] and, with a view, colour logits [points, 3], both float32."""
-        position = fourier_features(self.box.normalised(x), self.position_ladder)
+        position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
         if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
             return fused_network.evaluate(layout, position, view, ray, self._flat_weights())

@@ -54,9 +54,14 @@ class OccupancyGrid:
         return len(chosen)
 
     def _threshold(self) -> None:
-        """Occupied: where a ray through a cell of this density loses more than the threshold."""
+        """Occupied: where a ray through a cell loses more than this share of what it loses in the densest one.
+
+        Relative, because methods differ in the density that they can reach: what is thin fog to one is all that
+        another has. Equal for all methods as a rule, cautious while nothing is dense yet.
+        """
         thickness = float((self.box.upper - self.box.lower).max()) / self.cells
-        seen = -torch.expm1(-self.density * thickness) > self.opacity_threshold
+        opacity = -torch.expm1(-self.density * thickness)
+        seen = opacity > self.opacity_threshold * opacity.max()
         self.emptied = not bool(seen.any())
         self.occupied = torch.ones_like(self.occupied) if self.emptied else seen
 

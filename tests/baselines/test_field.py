@@ -10,7 +10,7 @@ from baselines.catalog import CATALOG
 from baselines.composition import Parts, skip_layer
 from baselines.contract import Box
 from baselines.field import NetworkField
-from baselines.numerics.encoding import fourier_features
+from baselines.numerics.encoding import encode
 from tests.baselines.small_fields import (
     BOX,
     SMALL,
@@ -25,7 +25,7 @@ from tests.baselines.small_fields import (
 
 def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
     """Listing 3 and the heads with every concatenation built, reading the parameters of `field`."""
-    position = fourier_features(field.box.normalised(x), field.position_ladder)
+    position = encode(field.box.normalised(x), field.base, field.position_bands)
     h = position
     for index, layer in enumerate(field.density_net):
         h = torch.relu(layer(h))
@@ -33,7 +33,7 @@ def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Te
             h = torch.cat([h, position], dim=-1)
     sigma = field.amplifier.before_and_after(field.density_head(h).squeeze(-1))[1]
     if field.view_dependent:
-        h = torch.cat([h, fourier_features(d, field.direction_ladder)[ray]], dim=-1)
+        h = torch.cat([h, encode(d, field.base, field.direction_bands)[ray]], dim=-1)
     for layer in list(field.colour_net)[:-1]:
         h = torch.relu(layer(h))
     return sigma, torch.sigmoid(field.colour_net[-1](h))

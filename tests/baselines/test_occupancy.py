@@ -30,6 +30,11 @@ def refreshed(field: AnalyticField, share: float = 1.0, times: int = 1, box: Box
     return grid
 
 
+def least(densest: float) -> float:
+    """The density that a cell needs to count as occupied where another has `densest`."""
+    return -math.log1p(THRESHOLD * math.expm1(-densest * SIDE)) / SIDE
+
+
 def centres() -> Tensor:
     """Middle of each cell of `BOX`, in the grid's order: the last axis fastest."""
     axis = (torch.arange(CELLS) + 0.5) * SIDE - 1.0
@@ -124,9 +129,16 @@ def test_skipping_empty_cells_changes_nothing(random: bool) -> None:
     assert field.points - evaluations < 0.3 * evaluations
 
 
+@pytest.mark.parametrize("densest", [0.05, 1.0, 100.0])
+def test_the_threshold_is_a_share_of_the_densest_cell(densest: float) -> None:
+    """A method whose density is bounded by 1 (Listing 2) keeps its thin parts as one that can be opaque does."""
+    density = torch.tensor([densest, least(densest) * 1.001, least(densest) * 0.999, 0.0]).repeat(CELLS**3 // 4)
+    assert refreshed(cell_by_cell(density)).occupied.tolist() == [True, True, False, False] * (CELLS**3 // 4)
+
+
 def test_dropped_haze_costs_no_more_than_the_threshold_allows() -> None:
     """A ray crosses at most √3 · cells cells' worth of haze that loses the threshold in each."""
-    haze = -math.log1p(-THRESHOLD) / SIDE * 0.99
+    haze = least(20.0) * 0.99
     density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.02, 20.0, haze)
     field = cell_by_cell(density)
     grid = refreshed(field)
@@ -197,7 +209,7 @@ def test_bins_without_length_are_left_out_of_occupied_cells_too() -> None:
 
 
 def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:
-    grid = refreshed(AnalyticField(homogeneous(1e-6)))
+    grid = refreshed(AnalyticField(homogeneous(0.0)))
     assert grid.emptied
     assert grid.occupied_share() == 1.0
     grid.refresh(AnalyticField(ball(100.0, 0.5)), 1.0, generator())
@@ -207,7 +219,7 @@ def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:
 def test_matter_that_went_away_is_forgotten() -> None:
     grid = refreshed(AnalyticField(ball(10.0, 0.7)))
     inside = centres().norm(dim=-1) < 0.5
-    refreshes = math.ceil(math.log(-math.log1p(-THRESHOLD) / SIDE / 10.0) / math.log(DECAY))
+    refreshes = math.ceil(math.log(least(10.0) / 10.0) / math.log(DECAY))
     moved = AnalyticField(lambda x: 10.0 * (x[:, 0] > 0.9).to(x.dtype))
     for _ in range(refreshes - 1):
         grid.refresh(moved, 1.0, generator())

@@ -84,7 +84,8 @@ def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
 def test_bandwidth_control_has_as_many_bands_as_the_paper_s_reach() -> None:
     assert encoding_bands("base2_matched", 10) == 7
     assert encoding_bands("base2", 10) == encoding_bands("phi", 10) == 10
-    assert field_of("nerf_matched", NetworkSize()).position_ladder.tolist() == [2.0**k for k in range(7)]
+    matched = field_of("nerf_matched", NetworkSize())
+    assert (matched.base, matched.position_bands) == (2.0, 7)
 
 
 def test_combinations_of_nothing_and_of_everything() -> None:
