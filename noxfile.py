@@ -1,4 +1,6 @@
-"""nox -s benchmark · tests · lint. Environments are made by uv and reused."""
+"""nox -s benchmark · speed · tests · lint. Environments are made by uv and reused."""
+
+import time
 
 import nox
 
@@ -26,6 +28,19 @@ def benchmark(session: nox.Session) -> None:
 
 
 @nox.session
+def speed(session: nox.Session) -> None:
+    """Measure how fast this machine trains and renders; options as in `python -m harness speed --help`."""
+    install(session)
+    if {"--help", "-h"} & set(session.posargs):
+        session.run("python", "-m", "harness", "speed", *session.posargs)
+        return
+    out = given_out(session.posargs)
+    fresh = [] if out else ["--out", f"out/speed-{time.strftime('%Y%m%d-%H%M%S')}"]
+    session.run("python", "-m", "harness", "speed", *session.posargs, *fresh)
+    session.run("python", "-m", "reports", out or fresh[1])
+
+
+@nox.session
 def tests(session: nox.Session) -> None:
     """The test suite."""
     install(session, "test")
@@ -43,9 +58,14 @@ def lint(session: nox.Session) -> None:
 
 def out_folder(options: list[str]) -> str:
     """The folder that the run wrote: `--out`, else what `out/latest` names."""
+    return given_out(options) or "out/latest"
+
+
+def given_out(options: list[str]) -> str | None:
+    """The value of `--out`."""
     for index, option in enumerate(options):
         if option == "--out" and index + 1 < len(options):
             return options[index + 1]
         if option.startswith("--out="):
             return option.removeprefix("--out=")
-    return "out/latest"
+    return None

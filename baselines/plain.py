@@ -41,8 +41,8 @@ class PlainField(nn.Module):
         self.colour_net = nn.ModuleList(nn.Linear(a, b) for a, b in zip(colour, [*colour[1:], 3], strict=True))
         with torch.no_grad():
             for name, weight in self.named_parameters():
-                shape = tuple(weight.shape)
-                weight.copy_(uniform_weights(shape, (6.0 / sum(shape)) ** 0.5, seed, name) if weight.ndim == 2 else 0.0)
+                bound = (6.0 / sum(weight.shape)) ** 0.5 if weight.ndim == 2 else 0.0
+                weight.copy_(bound * uniform_weights(tuple(weight.shape), 1.0, seed, name))
 
     def forward(
         self, x: Float[Tensor, "rays samples 3"], d: Float[Tensor, "rays 3"]

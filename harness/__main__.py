@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.speed import options as speed_options
+
 if TYPE_CHECKING:
     import torch
 
@@ -32,6 +34,8 @@ def parser() -> argparse.ArgumentParser:
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
     _add_plan_options(rates)
     rates.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
+    speed_options.add_options(speed)
     return top
 
 
@@ -64,11 +68,13 @@ def main(arguments: list[str]) -> int:
     from harness.records import DamagedRecord
     from scenes.errors import InputError
 
-    silent = options.command == "run" and (options.quiet or options.dry_run)
+    silent = options.command != "sweep" and (options.quiet or getattr(options, "dry_run", False))
     show = chosen_progress(silent)
     try:
         if options.command == "sweep":
             return _sweep(options, show)
+        if options.command == "speed":
+            return speed_options.run_speed(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except (InputError, DamagedRecord) as mistake:
         show.close()

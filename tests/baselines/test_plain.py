@@ -30,9 +30,9 @@ SETTINGS = TrainSettings(
     grid=GridSettings(cells=0),
     accelerations=DENSE,
 )
-COLOUR_BOUND = 2e-6
-LOSS_BOUND = 2e-6
-GRADIENT_BOUND = 2e-5
+COLOUR_BOUND = 1e-6
+LOSS_BOUND = 1e-6
+GRADIENT_BOUND = 1e-5
 """Of the trainer in float32 against the plain step in float64: absolute for colours, relative to the loss, relative to
 the largest entry of each gradient. Rounding of f π x at 2^5 alone makes 3e-6 in the encoding."""
 

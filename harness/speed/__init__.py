@@ -1,0 +1,1 @@
+"""How fast this machine trains, renders and scores, as ratios inside one run: one file a question."""

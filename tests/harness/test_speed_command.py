@@ -1,0 +1,206 @@
+"""`python -m harness speed`: options, the folder, going on after a stop, and all of it at sizes that mean nothing."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+from harness.speed import runner
+from harness.speed.situation import Situation
+from harness.speed.timing import measured
+from harness.speed_record import QUESTIONS, Measurement, Series, Table, read_speed
+from tests.test_architecture import heavy_imports_of, run_module
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    assert main(["speed", "--quiet", *map(str, arguments)]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert said.count("\n") == 1
+    return said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--items 0", "--items 0: choose from 1 2 3"),
+        ("--items 1 12 13", "--items 12 13"),
+        ("--plain-seconds 0", "--plain-seconds 0: must lie between"),
+        ("--plain-seconds nan", "--plain-seconds nan"),
+        ("--plain-seconds 1e9", "--plain-seconds 1e+09"),
+        ("--resume", "--resume: name the folder"),
+    ],
+)
+def test_bad_options_are_said_in_one_line(
+    options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(capsys, *options.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("options", ["--items", "--items one", "--device tpu", "--profile smoke"])
+def test_bad_usage_is_exit_code_2(options: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["speed", *options.split()])
+    assert caught.value.code == 2
+    assert "error: " in capsys.readouterr().err
+
+
+def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    assert "is in use" in refused(capsys, "--out", tmp_path)
+    assert "is a file" in refused(capsys, "--out", tmp_path / "mine.txt")
+    assert "cannot be written" in refused(capsys, "--out", tmp_path / "mine.txt" / "run")
+    assert "holds no speed.json" in refused(capsys, "--out", tmp_path, "--resume")
+    (tmp_path / "speed.json").write_text("{}")
+    assert "run `nox -s speed` again" in refused(capsys, "--out", tmp_path, "--resume")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["mine.txt", "speed.json"]
+
+
+class Script:
+    """Questions that answer at once, and stop the run where they are told to."""
+
+    def __init__(self, stop_in: int | None) -> None:
+        self.stop_in = stop_in
+        self.asked: list[int] = []
+
+    def question(self, item: int) -> Iterator[runner.Finding]:
+        self.asked.append(item)
+        yield measured(f"q{item}.ratio", item, "ratio", [float(item)], "×")
+        if item == self.stop_in:
+            raise KeyboardInterrupt
+        yield Series("panel", item, "line", "x", "y", [1.0], [2.0])
+        yield Table(f"q{item}", item, "table", ["a"], [["b"]])
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, stop_in: int | None = None) -> Script:
+    script = Script(stop_in)
+    measures = {item: lambda situation, item=item: script.question(item) for item in QUESTIONS}
+    monkeypatch.setattr(runner, "MEASURES", measures)
+    return script
+
+
+def ids(out: Path) -> list[str]:
+    return [one.id for one in read_speed(out / "speed.json").measurements]
+
+
+def test_a_stopped_run_keeps_what_it_has_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "speed"
+    options = ["speed", "--quick", "--quiet", "--items", "5", "2", "6", "--out", str(out)]
+    first = scripted(monkeypatch, stop_in=5)
+    assert main(options) == 130
+    assert first.asked == [2, 5]
+    record = read_speed(out / "speed.json")
+    assert ids(out) == ["q2.ratio", "q5.ratio"]
+    assert set(record.seconds) == {"2", "total"}, "5 was not finished"
+    assert record.settings["quick"] is True
+    assert [file.name for file in out.iterdir()] == ["speed.json"]
+
+    second = scripted(monkeypatch)
+    assert main([*options, "--resume"]) == 0
+    assert second.asked == [5, 6]
+    record = read_speed(out / "speed.json")
+    assert ids(out) == ["q2.ratio", "q5.ratio", "q6.ratio"], "5 is there once"
+    assert [one.item for one in record.series] == [one.item for one in record.tables] == [2, 5, 6]
+    assert set(record.seconds) == {"2", "5", "6", "total"}
+    assert record.seconds["total"] == pytest.approx(sum(record.seconds[item] for item in "256"))
+
+
+def test_other_options_are_not_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch)
+    assert main(["speed", "--quick", "--quiet", "--items", "1", "--out", str(tmp_path / "a")]) == 0
+    said = refused(capsys, "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "a")
+    assert "other options" in said
+    assert ids(tmp_path / "a") == ["q1.ratio"]
+
+
+def test_the_default_folder_is_a_fresh_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    assert main(["speed", "--quick", "--quiet", "--items", "1"]) == 0
+    (folder,) = (tmp_path / "out").iterdir()
+    assert folder.name.startswith("speed-")
+    assert ids(folder) == ["q1.ratio"]
+
+
+def test_the_plan_is_told_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch)
+    assert main(["speed", "--quick", "--items", "3", "8", "--out", str(tmp_path / "a")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "about" in said[0]
+    assert [line.split(".")[0].strip() for line in said[1:3]] == ["3", "8"]
+    assert said[3] == f"3. {QUESTIONS[3]}"
+
+
+def test_the_whole_run_stays_within_its_time(tmp_path: Path) -> None:
+    import torch
+
+    from harness.progress import Quiet
+
+    usual = Situation(torch.device("cpu"), 2, False, 420.0, tmp_path, tmp_path, Quiet())
+    assert sum(runner.estimated_seconds(item, usual) for item in QUESTIONS) < 45 * 60
+    assert list(runner.MEASURES) == list(QUESTIONS)
+
+
+def answers(out: Path, *items: int) -> dict[str, Measurement]:
+    options = ["speed", "--quick", "--quiet", "--items", *map(str, items), "--out", str(out)]
+    assert main(options) == 0
+    record = read_speed(out / "speed.json")
+    assert set(record.seconds) == {*map(str, items), "total"}
+    found = {one.id: one for one in record.measurements}
+    assert len(found) == len(record.measurements), "ids are there once"
+    assert {one.item for one in record.measurements} == set(items)
+    assert all(one.value is not None or one.detail for one in found.values())
+    json.dumps(json.loads((out / "speed.json").read_text()), allow_nan=False)
+    assert [file.name for file in out.iterdir()] == ["speed.json"], "nothing is left behind"
+    return found
+
+
+@pytest.mark.slow
+def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
+    found = answers(tmp_path / "speed", 1, 2, 3, 4, 5, 6, 11)
+    for id in (
+        "training.dense.ratio",
+        "training.skipping.rate",
+        "matrix.paper.share",
+        "matrix.reduced.share",
+        "target.same.ratio",
+        "target.reduced.ratio",
+        "rendering.reduced.ratio",
+        "encoding.phi.10.ratio",
+        "quadrature.autograd.ratio",
+        "accelerations.grid.step.ratio",
+        "accelerations.none.view.ratio",
+    ):
+        assert id in found
+    record = read_speed(tmp_path / "speed" / "speed.json")
+    assert {one.panel for one in record.series} == {
+        f"PSNR against training seconds, {scene}" for scene in ("lego", "hotdog", "drums")
+    }
+    assert [one.id for one in record.tables] == ["machine.products", "accelerations.profile"]
+    shares = [row[1] for row in record.tables[1].rows]
+    assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
+
+
+@pytest.mark.slow
+def test_every_question_with_processes_of_its_own_is_answered(tmp_path: Path) -> None:
+    found = answers(tmp_path / "speed", 7, 8, 9, 10)
+    assert found["render.lego.scalar_rgb.seconds"].value
+    for id in ("memory.worker.nerf.peak", "memory.run.peak"):
+        value = found[id].value
+        assert value is None or 0.1 < value < 8.0
+    assert {id for id in found if id.startswith("growth")} == {
+        f"growth.{name}.exponent" for name in ("rays", "samples", "width", "resolution", "seeds")
+    }
+    assert "processes.ratio" in found
+
+
+def test_help_imports_nothing_heavy() -> None:
+    assert heavy_imports_of(run_module("harness", "speed", "--help")) == set()

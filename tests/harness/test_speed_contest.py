@@ -1,0 +1,152 @@
+"""Question 3 of `nox -s speed`: contestants with a made-up clock; what is late is censored and said."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.contract import Rays
+from harness.progress import Quiet
+from harness.speed import situation as where
+from harness.speed import time_to_target as contest
+from harness.speed.crossing import Curve, Target, even_times
+from harness.speed.situation import Situation
+from harness.speed.time_to_target import Examination, Plain, examination_of, follow
+from harness.speed_record import Measurement
+from harness.trainer import Diverged
+from scenes.pixels import over_white
+from scenes.view_set import ViewSet
+from tests.harness.tiny import CPU, TRAIN, rays_and_colours
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Situation:
+    return Situation(CPU, 1, True, 10.0, tmp_path / "view_sets", tmp_path, Quiet())
+
+
+class Scripted:
+    """Each step takes two seconds; what it shows gets better by the step until it is told to fail."""
+
+    def __init__(self, fails_after: float = float("inf"), shows_nan: bool = False) -> None:
+        self.seconds = 0.0
+        self.fails_after = fails_after
+        self.shows_nan = shows_nan
+
+    def step(self) -> None:
+        if self.seconds >= self.fails_after:
+            raise Diverged(7, "loss")
+        self.seconds += 2.0
+
+    def colours(self, rays: Rays) -> Tensor:
+        return torch.full((len(rays), 3), float("nan") if self.shows_nan else 1.0 / (1.0 + self.seconds))
+
+
+def black() -> Examination:
+    rays, colours = rays_and_colours(8)
+    return Examination(rays, torch.zeros_like(colours))
+
+
+def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
+    curve = follow(Scripted(), black(), [1.0, 1.5, 5.0, 10.0], lambda curve: False)
+    assert curve.seconds == [2.0, 6.0, 10.0]  # 1.5 had passed with 1.0 already
+    assert curve.psnr == pytest.approx([20 * torch.tensor(one).log10().item() for one in (3.0, 7.0, 11.0)], abs=1e-4)
+
+
+def test_it_ends_when_enough_is_known() -> None:
+    assert follow(Scripted(), black(), even_times(20.0, 10), lambda curve: len(curve.psnr) == 3).seconds == [2, 4, 6]
+
+
+def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
+    curve = follow(Scripted(fails_after=4.0), black(), even_times(20.0, 10), lambda curve: False)
+    assert curve.seconds == [2.0, 4.0]
+    assert "step 7" in curve.ended
+    assert follow(Scripted(shows_nan=True), black(), [2.0], lambda curve: False).ended != ""
+
+
+def ratio(here: Situation, curves: list[Curve], share: float = 1.0, floor: float | None = None) -> Measurement:
+    return contest._ratio(here, "lego", "same", Target(share, 20.0, 60.0), curves, floor)
+
+
+def test_the_ratio_is_plain_seconds_over_seconds() -> None:
+    def curve(seconds: float) -> Curve:
+        return Curve([seconds, seconds + 1.0], [20.0, 21.0])
+
+    found = ratio(Situation(CPU, 1, True, 1.0, Path(), Path(), Quiet()), [curve(2.0), curve(3.0), curve(6.0)])
+    assert (found.id, found.value, found.low, found.high) == ("target.same.lego", 20.0, 10.0, 30.0)
+    assert found.target is not None
+
+
+def test_one_that_is_late_has_no_ratio_and_says_its_best(here: Situation) -> None:
+    good, late = Curve([1.0, 2.0], [20.0, 21.0]), Curve([1.0, 2.0], [17.0, 19.5], "not finite at step 3: loss")
+    found = ratio(here, [good, late], share=0.5)
+    assert (found.id, found.value, found.target) == ("target.same.lego.at50", None, None)
+    for said in ("1 of 2", "19.50 dB", "not finite at step 3"):
+        assert said in found.detail
+    assert ratio(here, [Curve()]).value is None
+
+
+def test_a_target_below_the_floor_is_called_so(here: Situation) -> None:
+    made = [Curve([1.0, 2.0], [20.0, 21.0])]
+    assert "means little" in ratio(here, made, floor=20.5).detail
+    assert "means little" not in ratio(here, made, floor=19.5).detail
+
+
+def test_the_examination_is_of_pixels_of_all_test_views(ball: ViewSet) -> None:
+    views = 3 * 24 * 24
+    whole = examination_of(ball, CPU, pixels=10**6)
+    assert whole.colours.shape == (views, 3)
+    expected = torch.cat([torch.as_tensor(over_white(rgba)).reshape(-1, 3) for rgba in ball.test.rgba])
+    torch.testing.assert_close(whole.colours, expected.float())
+    few = examination_of(ball, CPU, pixels=100)
+    assert len(few.rays) == 100
+    # every pixel's ray is the one whose colour it is
+    rows = [int(torch.nonzero((whole.rays.directions == d).all(-1))[0]) for d in few.rays.directions[:20]]
+    assert torch.equal(whole.colours[rows], few.colours[:20])
+    assert whole.psnr(whole.colours + 0.1) == pytest.approx(20.0, abs=1e-3)
+
+
+def test_the_plain_contestant_learns_on_its_own_clock(ball: ViewSet) -> None:
+    plain = Plain(TRAIN, ball, where.batches_of(ball, CPU), CPU)
+    assert plain.seconds == 0.0
+    examination = examination_of(ball, CPU, 200)
+    before = examination.psnr(plain.colours(examination.rays))
+    after_looking = plain.seconds
+    for _ in range(30):
+        plain.step()
+    assert after_looking == 0.0
+    assert plain.seconds > 0.0
+    assert examination.psnr(plain.colours(examination.rays)) > before + 1.0
+
+
+def test_the_headline_waits_for_every_scene(here: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    ratios = {"lego": (10.0, 120.0), "hotdog": (None, 80.0), "drums": (12.0, 100.0)}
+
+    def scene(_: Situation, name: str, found: dict[str, dict[str, float | None]]) -> Iterator[Measurement]:
+        found["same"][name], found["reduced"][name] = ratios[name]
+        yield from ()
+
+    monkeypatch.setattr(contest, "_scene", scene)
+    same, reduced = contest.measure(here)
+    assert isinstance(same, Measurement)
+    assert isinstance(reduced, Measurement)
+    assert (same.id, same.value) == ("target.same.ratio", None)
+    assert "hotdog" in same.detail
+    assert (reduced.value, reduced.low, reduced.high) == (100.0, 80.0, 120.0)
+
+
+def test_amx_is_a_flag_of_the_processor(tmp_path: Path) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    assert not where.has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_tile\n")
+    assert not where.has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_bf16 amx_tile\n")
+    assert where.has_amx(cpuinfo)
+
+
+def test_settings_are_json(here: Situation) -> None:
+    from harness.speed.runner import settings_of
+
+    assert json.loads(json.dumps(settings_of(here), allow_nan=False))["publishable"] is False
