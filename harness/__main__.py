@@ -164,7 +164,7 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
         raise InputError(f"--out {options.out}: name a file in a folder that exists")
     use_threads(1)  # small products: a second thread costs more than it gains
     rows = []
-    for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device):
+    for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
         rows.append(row)
         score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
         show.line(f"{row.scene} {row.method} at {row.learning_rate:g}: {score} on validation views")

@@ -1,5 +1,7 @@
 """(seed, step) → the ray batch that every method gets."""
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -7,19 +9,38 @@ from torch import Tensor
 from baselines.contract import Rays
 from harness.rays import Cameras
 from harness.seeds import generator_for
+from scenes.image_stack import ImageStack
+from scenes.pixels import over_white
+
+Batch = tuple[Rays, Float[Tensor, "rays 3"]]
 
 
 class Batches:
-    """Random pixels of all training views."""
+    """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
 
-    def __init__(self, cameras: Cameras, colours: Float[Tensor, "views height width 3"]) -> None:
+    def __init__(self, cameras: Cameras, rgba: ImageStack) -> None:
+        """`rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` on any other shape."""
+        expected = (len(cameras), cameras.height, cameras.width, 4)
+        if rgba.shape != expected:
+            raise ValueError(f"images {rgba.shape}, the cameras need {expected}")
         self.cameras = cameras
-        self.colours = colours.reshape(-1, 3)
+        self.rgba = rgba
+        self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
-    def batch(self, seed: int | str, step: int, count: int) -> tuple[Rays, Float[Tensor, "rays 3"]]:
-        """`count` rays and their colours; depends on nothing but its arguments."""
+    def batch(self, seed: int | str, step: int, count: int) -> Batch:
+        """`count` rays and their colours over white; depends on nothing but its arguments. Not to be changed."""
+        wanted = (seed, step, count)
+        if self._last is None or self._last[0] != wanted:
+            # kept for the other methods, which are at the same step
+            self._last = (wanted, self._drawn(*wanted))
+        return self._last[1]
+
+    def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
         generator = generator_for(seed, step, "batch")
-        index = torch.randint(len(self.colours), (count,), generator=generator).to(self.colours.device)
+        index = torch.randint(math.prod(self.rgba.shape[:3]), (count,), generator=generator)
+        colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy())))
+        device = self.cameras.camera_to_world.device
+        index = index.to(device)
         width, pixels = self.cameras.width, self.cameras.width * self.cameras.height
         rays = self.cameras.rays(index // pixels, index % width, index % pixels // width)
-        return rays, self.colours[index]
+        return rays, colours.to(device)

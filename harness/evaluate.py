@@ -1,5 +1,6 @@
 """A trained method against the views: scores of the fixed test set, properties, and pictures for the report."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,11 +60,12 @@ def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> Vi
     return View.of(in_order, cameras.height, cameras.width)
 
 
-def render_split(trainer: Trainer, cameras: Cameras, chunk: int) -> list[View]:
-    return [render_view(trainer, cameras, index, chunk) for index in range(len(cameras))]
+def render_split(trainer: Trainer, cameras: Cameras, chunk: int) -> Iterator[View]:
+    """One view at a time: no more than one need be in memory."""
+    return (render_view(trainer, cameras, index, chunk) for index in range(len(cameras)))
 
 
-def quick_scores(images: list[View], split: Split) -> dict[str, float | None]:
+def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None]:
     """psnr, ssim and rmse_linear, each the mean over all views of the split."""
     rows = []
     for image, rgba in zip(images, split.rgba, strict=True):

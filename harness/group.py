@@ -41,6 +41,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
     from scenes.view_set import read_view_set
 
     try:
+        task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
         use_threads(task.threads)
         device = torch.device(task.device)
         views = read_view_set(
@@ -49,6 +50,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
             splits=("train", "test"),
             train_count=task.views.train,
             test_count=task.views.test,
+            scratch=task.out,
         )
         settings = GroupSettings(task.methods, task.train, task.score, task.budget)
         origin = provenance(device)

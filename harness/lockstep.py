@@ -1,7 +1,7 @@
 """All methods of one scene and one seed, trained in turn on the same batches, each on its own clock."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from harness.settings import ScoreSettings, TrainSettings
 from harness.trainer import Diverged, Trainer
 from scenes.images import write_png
 from scenes.pixels import over_white
-from scenes.view_set import ViewSet
+from scenes.view_set import Split, ViewSet
 
 COLLAPSED_OPACITY = 0.02
 """Mean test opacity below which a method has learnt nothing but the background."""
@@ -52,8 +52,7 @@ def train_group(
     """
     box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
     train_cameras = evaluate.cameras_of(views, views.train, device)
-    colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
-    batches = Batches(train_cameras, colours)
+    batches = Batches(train_cameras, views.train.rgba)
     stream = stream_of(scene, seed)
     floor = evaluate.floor_psnr(views)
     runners = [
@@ -75,6 +74,29 @@ def train_group(
                 yield record
         turn += 1
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+@dataclass
+class _LastViews:
+    """What the record takes from the last rendering of the test views, which are in memory one at a time."""
+
+    test: Split
+    stored_views: int
+    rows: list[ViewScore] = field(default_factory=list)
+    opacities: list[np.floating[Any]] = field(default_factory=list)
+    """Mean of each view."""
+    kept: dict[int, evaluate.View] = field(default_factory=dict)
+    """The few that become pictures, by index."""
+
+    def passing(self, images: Iterable[evaluate.View]) -> Iterator[evaluate.View]:
+        """The views themselves, each noted on its way."""
+        chosen = np.linspace(0, len(self.test.names) - 1, self.stored_views + 2).round().astype(int)[1:-1].tolist()
+        for index, image in enumerate(images):
+            self.rows.append(evaluate.view_scores(image, self.test, index))
+            self.opacities.append(image.opacity.mean())
+            if index in chosen:
+                self.kept[index] = image
+            yield image
 
 
 class _Runner:
@@ -121,8 +143,12 @@ class _Runner:
             while self.due and self.trainer.progress >= self.due[0]:
                 self.due.pop(0)
             images = evaluate.render_split(self.trainer, self.test, self.settings.score.chunk)
-            self.curve.append(self._checkpoint(images))
-            return None if self.due else self._finished(images)
+            if self.due:
+                self.curve.append(self._checkpoint(images))
+                return None
+            last = _LastViews(self.views.test, self.settings.score.stored_views)
+            self.curve.append(self._checkpoint(last.passing(images)))
+            return self._finished(last)
         except Diverged as stop:
             return self._stopped("diverged", str(stop))
         except OSError:
@@ -135,7 +161,7 @@ class _Runner:
         self.ended = True
         return self._record(status, reason, {}, [], {}, [])
 
-    def _checkpoint(self, images: list[evaluate.View]) -> Checkpoint:
+    def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
         trainer = self.trainer
         scores = evaluate.quick_scores(images, self.views.test)
         return Checkpoint(
@@ -149,19 +175,17 @@ class _Runner:
             **trainer.amplifier_scalars(),
         )
 
-    def _finished(self, images: list[evaluate.View]) -> CellRecord:
+    def _finished(self, last: _LastViews) -> CellRecord:
         trainer, score = self.trainer, self.settings.score
-        rows = [evaluate.view_scores(image, self.views.test, index) for index, image in enumerate(images)]
-        kept = np.linspace(0, len(images) - 1, score.stored_views + 2).round().astype(int)[1:-1].tolist()
-        scores = evaluate.mean_scores(rows)
+        scores = evaluate.mean_scores(last.rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
         self._save_weights()
         properties = evaluate.measured_properties(trainer, self.test)
         self.ended = True
-        opacity = float(np.mean([image.opacity.mean() for image in images]))
-        stored = [self._store(images[index], index) for index in sorted(set(kept))]
-        return self._record("done", None, scores, rows, properties, stored, opacity)
+        stored = [self._store(view, index) for index, view in last.kept.items()]
+        opacity = float(np.mean(last.opacities))
+        return self._record("done", None, scores, last.rows, properties, stored, opacity)
 
     def _record(
         self,

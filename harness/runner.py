@@ -45,7 +45,7 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
     origin = provenance(torch.device(machine.device))
     with _timed(phases, "render"):
         folders = view_set_folders(plan, view_sets, show)
-        scenes = [_scene_record(plan, name, folders[name]) for name in plan.scenes]
+        scenes = [_scene_record(plan, name, folders[name], out) for name in plan.scenes]
 
     def write(finished: bool) -> None:
         phases["total"] = time.monotonic() - began
@@ -102,7 +102,7 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
     return folders
 
 
-def _scene_record(plan: Plan, name: str, folder: Path) -> SceneRecord:
+def _scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord:
     """Reads the view set once, so that whatever is wrong with it is said before any training."""
     import numpy as np
 
@@ -116,6 +116,7 @@ def _scene_record(plan: Plan, name: str, folder: Path) -> SceneRecord:
         splits=("train", "test"),
         train_count=plan.views.train,
         test_count=plan.views.test,
+        scratch=out,
     )
     noise = views.test.noise_mse
     ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(one)) for one in noise])))

@@ -16,7 +16,6 @@ from harness.lockstep import needs_view_direction, stream_of
 from harness.plan import Plan
 from harness.trainer import Diverged, Trainer
 from scenes.errors import InputError
-from scenes.pixels import over_white
 from scenes.view_set import ViewSet, read_view_set
 
 SEED = 1_000
@@ -35,8 +34,8 @@ class SweepRow:
     psnr_val: float | None
 
 
-def sweep(plan: Plan, folders: dict[str, Path], device: torch.device) -> Iterator[SweepRow]:
-    """Every method at every learning rate on every scene."""
+def sweep(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[SweepRow]:
+    """Every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk."""
     view_sets = {
         scene: read_view_set(
             folder,
@@ -44,6 +43,7 @@ def sweep(plan: Plan, folders: dict[str, Path], device: torch.device) -> Iterato
             splits=("train", "val"),
             train_count=plan.views.train,
             val_count=plan.views.val,
+            scratch=scratch,
         )
         for scene, folder in folders.items()
     }
@@ -77,8 +77,7 @@ def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, dev
     rates = (plan.train.learning_rate * factor, plan.train.last_learning_rate * factor)
     settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
     box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
-    colours = torch.as_tensor(over_white(views.train.rgba), dtype=torch.float32, device=device)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), colours)
+    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
     trainer = Trainer(method, box, settings, plan.budget, stream_of(scene, SEED), device, needs_view_direction(views))
     try:
         while trainer.progress < 1.0:

@@ -1,4 +1,4 @@
-"""A view set in memory and how it is read: posed images in the Blender format, ours or anyone's.
+"""A view set and how it is read: posed images in the Blender format, ours or anyone's.
 
     FOLDER/transforms_{train,val,test}.json   poses (OpenGL axes), horizontal field of view
     FOLDER/train/r_0.png                      display colour, straight alpha, 8 bit
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from scenes.errors import InputError
+from scenes.image_stack import ImageStack, require_room
 from scenes.images import read_channels, read_image
 from scenes.manifest import checked, read_manifest
 from scenes.pixels import (
@@ -31,22 +32,21 @@ from scenes.viewpoints import SPLITS, evenly_spread
 
 FOREIGN_BOUNDS = ((-1.5, -1.5, -1.5), (1.5, 1.5, 1.5))
 FOREIGN_NEAR, FOREIGN_FAR = 2.0, 6.0
-LARGEST_BYTES = 64 << 30
 
 
 @dataclass(frozen=True)
 class Split:
-    """The views of one split; n may be 0."""
+    """The views of one split; n may be 0. Images are in a file and read one at a time or by pixels."""
 
     names: tuple[str, ...]
     """Path inside the folder without suffix, such as `test/r_0`."""
     camera_to_world: np.ndarray
     """float64 [n, 4, 4], OpenGL axes."""
-    rgba: np.ndarray
+    rgba: ImageStack
     """float32 [n, h, w, 4]: straight alpha, display colour, 0 … 1."""
-    depth: np.ndarray | None = None
+    depth: ImageStack | None = None
     """float32 [n, h, w]: distance along the unit ray, mean over the pixel's hits, 0 where nothing was hit."""
-    normal: np.ndarray | None = None
+    normal: ImageStack | None = None
     """float32 [n, h, w, 3]: world frame, unit, 0 where nothing was hit."""
     noise_mse: np.ndarray | None = None
     """float64 [n]: expected mean square error of the image over white that rendering noise causes, at this size."""
@@ -54,7 +54,7 @@ class Split:
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Posed images of one scene, in memory, at one size."""
+    """Posed images of one scene at one size."""
 
     path: Path
     name: str
@@ -87,13 +87,16 @@ def read_view_set(
     test_count: int | None = None,
     bounds: np.ndarray | None = None,
     geometry: Sequence[str] = ("test",),
+    scratch: Path | None = None,
 ) -> ViewSet:
     """Reads a folder at `resolution` pixels of width (default: as stored), averaging areas.
 
     `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread
     subsets and never exceed what there is. Depth and normals are read for the splits in `geometry`. `bounds`
-    [2, 3] overrules the manifest, or ±1.5 where there is none.
-    Raises `InputError`, which says what to do, for anything missing, malformed, damaged or not supported.
+    [2, 3] overrules the manifest, or ±1.5 where there is none. The decoded images, 16 bytes a pixel and as much again
+    for its geometry, go to files without a name in `scratch`, which should be on a disk (`scenes.image_stack`).
+    Raises `InputError`, which says what to do, for anything missing, malformed, damaged or not supported, and where
+    `scratch` has no room.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -112,7 +115,7 @@ def read_view_set(
     fov = next(iter(angles.values()))
     if any(abs(angle - fov) > 1e-6 for angle in angles.values()):
         raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
-    reader = _Reader(folder, resolution, manifest)
+    reader = _Reader(folder, resolution, manifest, scratch)
     read = {split: reader.split(found[split], split in geometry) if split in found else None for split in SPLITS}
     low, high = np.array(manifest["bounds"] if manifest else FOREIGN_BOUNDS, dtype=np.float64)
     box = np.array([low, high]) if bounds is None else _checked_bounds(bounds)
@@ -166,50 +169,42 @@ def _checked_bounds(bounds: np.ndarray) -> np.ndarray:
 
 
 def _empty(size: tuple[int, int]) -> Split:
-    return Split((), np.zeros((0, 4, 4)), np.zeros((0, *size, 4), np.float32))
+    return Split((), np.zeros((0, 4, 4)), ImageStack((*size, 4)))
 
 
 class _Reader:
     """Reads views of one folder one after another and holds them to one size."""
 
-    def __init__(self, folder: Path, resolution: int | None, manifest: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, resolution: int | None, manifest: dict[str, Any], scratch: Path | None) -> None:
         if resolution is not None and resolution < 1:
             raise InputError(f"resolution {resolution}: choose 1 pixel or more")
-        self.folder, self.resolution, self.manifest = folder, resolution, manifest
+        self.folder, self.resolution, self.manifest, self.scratch = folder, resolution, manifest, scratch
         self.stored: tuple[int, int] | None = None
         self.size: tuple[int, int] | None = None
         """Height and width after resizing."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         names: list[str] = []
-        rgba: list[np.ndarray] = []
-        depth: list[np.ndarray] = []
-        normal: list[np.ndarray] = []
+        stacks: list[ImageStack] = []
         noise: list[float] = []
         for file in frames.files:
             name = file.relative_to(self.folder.resolve()).with_suffix("").as_posix()
             names.append(name)
-            if not self.manifest:
-                rgba.append(self._foreign(file, len(frames.files)))
-                continue
-            view = self._own(file, geometry, len(frames.files))
-            rgba.append(view[0])
-            if geometry:
-                depth.append(view[1])
-                normal.append(view[2])
-            shrink = (self.size[1] / self.stored[1]) ** 2 if self.size and self.stored else 1.0
-            noise.append(self.manifest["views"][name]["noise_mse"] * shrink)
-        size = self.size or (1, 1)
-        return Split(
-            tuple(names),
-            frames.camera_to_world,
-            np.stack(rgba) if rgba else np.zeros((0, *size, 4), np.float32),
-            np.stack(depth) if depth else None,
-            np.stack(normal) if normal else None,
-            np.array(noise) if noise else None,
-        )
+            images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
+            if not stacks:
+                require_room([image.shape for image in images], len(frames.files), self.scratch)
+                stacks = [ImageStack(image.shape, self.scratch) for image in images]
+            for stack, image in zip(stacks, images, strict=True):
+                stack.append(image)
+            if self.manifest:
+                shrink = (self.size[1] / self.stored[1]) ** 2 if self.size and self.stored else 1.0
+                noise.append(self.manifest["views"][name]["noise_mse"] * shrink)
+        if not stacks:
+            stacks = [ImageStack((*(self.size or (1, 1)), 4))]
+        depth, normal = stacks[1:] or (None, None)
+        return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
 
-    def _foreign(self, file: Path, views: int) -> np.ndarray:
+    def _foreign(self, file: Path) -> np.ndarray:
         pixels = read_image(file)
         if pixels.shape[2] == 2:
             pixels = pixels[..., [0, 0, 0, 1]]
@@ -218,32 +213,35 @@ class _Reader:
                 f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, "
                 "because what is not covered is not to be learnt: save them as PNG with an alpha channel"
             )
-        self._fits(file, pixels.shape[:2], views)
+        self._fits(file, pixels.shape[:2])
         width = self._width()
         return pixels if width == pixels.shape[1] else area_average_straight(pixels, width)
 
-    def _own(self, file: Path, geometry: bool, views: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
+        """Colour, then depth and normals where `geometry` is wanted."""
         exr = file.with_suffix(".exr")
         channels = read_channels(checked(self.folder, exr, self.manifest))
         linear = np.stack([channels[name] for name in "RGBA"], axis=-1)
-        self._fits(exr, linear.shape[:2], views)
+        self._fits(exr, linear.shape[:2])
         resized = self._width() != linear.shape[1]
         rgba = display_from_linear(area_average(linear, self._width()) if resized else linear)
+        if not geometry:
+            return [rgba]
         depth = channels["Z"]
         normal = np.stack([channels[name] for name in ("N.X", "N.Y", "N.Z")], axis=-1)
-        if resized and geometry:
+        if resized:
             hits = np.where(depth > 0, np.maximum(linear[..., 3], 1e-3), 0.0)
             depth = area_average_hits(depth[..., None], hits, self._width())[..., 0]
             normal = area_average_hits(normal, hits, self._width())
             length = np.linalg.norm(normal, axis=-1, keepdims=True)
             normal = normal / np.where(length > 1e-6, length, 1.0)
-        return rgba, depth, normal
+        return [rgba, depth, normal]
 
     def _width(self) -> int:
         assert self.stored is not None
         return self.resolution or self.stored[1]
 
-    def _fits(self, file: Path, size: tuple[int, ...], views: int) -> None:
+    def _fits(self, file: Path, size: tuple[int, ...]) -> None:
         height, width = size
         if self.stored is None:
             if self.resolution is not None and self.resolution > width:
@@ -258,11 +256,4 @@ class _Reader:
             raise InputError(
                 f"{file}: {width} × {height} pixels, but views before it have {self.stored[1]} × {self.stored[0]}; "
                 "all images of a view set must have one size"
-            )
-        assert self.size is not None
-        needed = views * self.size[0] * self.size[1] * 16
-        if needed > LARGEST_BYTES:
-            raise InputError(
-                f"{self.folder}: {views} views of {self.size[1]} × {self.size[0]} pixels need {needed >> 30} GiB of "
-                "memory; choose a smaller --resolution or fewer views"
             )

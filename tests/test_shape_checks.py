@@ -14,6 +14,7 @@ from baselines.numerics.quadrature import midpoint
 from harness.batches import Batches
 from harness.rays import Cameras
 from reports.wording import number
+from scenes.image_stack import ImageStack
 from scenes.pixels import decode_srgb
 
 
@@ -49,9 +50,9 @@ def test_harness_dataclass_refuses_a_wrong_shape() -> None:
 
 
 def test_harness_function_refuses_a_wrong_shape() -> None:
-    Batches(cameras(), torch.zeros(2, 8, 8, 3))
+    Batches(cameras(), ImageStack.of(np.zeros((2, 8, 8, 4), np.float32)))
     with pytest.raises(TypeCheckError):
-        Batches(cameras(), torch.zeros(2, 8, 8, 4))
+        Batches(cameras(), torch.zeros(2, 8, 8, 4))  # type: ignore[arg-type]
     index = torch.zeros(5, dtype=torch.long)
     with pytest.raises(TypeCheckError):
         cameras().rays(index, index, index[:4])

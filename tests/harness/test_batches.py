@@ -1,23 +1,30 @@
 """(seed, step) → batch, and nothing else."""
 
 import numpy as np
+import pytest
 import torch
 from scipy.stats import chi2_contingency, chisquare
 
 from harness.batches import Batches
 from harness.rays import Cameras
+from harness.seeds import generator_for
+from scenes.image_stack import ImageStack
+from scenes.pixels import over_white
 from tests.harness.ball import pose
 
 VIEWS, HEIGHT, WIDTH = 3, 4, 5
 PIXELS = VIEWS * HEIGHT * WIDTH
 
 
+def cameras() -> Cameras:
+    return Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), WIDTH, HEIGHT, 5.0, 2.0, 6.0)
+
+
 def batches() -> Batches:
-    """The first channel of a pixel's colour is its number."""
-    cameras = Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), WIDTH, HEIGHT, 5.0, 2.0, 6.0)
-    colours = torch.zeros(VIEWS, HEIGHT, WIDTH, 3)
-    colours[..., 0] = torch.arange(PIXELS).reshape(VIEWS, HEIGHT, WIDTH)
-    return Batches(cameras, colours)
+    """The first channel of a pixel's colour is its number; nothing shows through."""
+    rgba = np.ones((VIEWS, HEIGHT, WIDTH, 4), np.float32)
+    rgba[..., 0] = np.arange(PIXELS).reshape(VIEWS, HEIGHT, WIDTH)
+    return Batches(cameras(), ImageStack.of(rgba))
 
 
 def numbers(some: Batches, seed: int, step: int, count: int = 40) -> list[int]:
@@ -31,6 +38,29 @@ def test_the_same_seed_and_step_give_the_same_batch_whatever_came_before() -> No
     for step in (17, 2, 18, 5):
         numbers(other, 3, step)
     assert numbers(other, 3, 17) == first
+
+
+def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> None:
+    size = 50
+    rgba = np.random.default_rng(0).uniform(size=(VIEWS, size, size, 4)).astype(np.float32)
+    rgba[..., 3] = np.where(rgba[..., 3] < 0.3, 0.0, np.minimum(1.2 * rgba[..., 3], 1.0))
+    views = Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), size, size, 60.0, 2.0, 6.0)
+    some = Batches(views, ImageStack.of(rgba))
+    whole = torch.as_tensor(over_white(rgba), dtype=torch.float32).reshape(-1, 3)
+    for seed, step, count in ((0, 0, 512), ("lego/2", 31, 1024), (3, 1199, 1)):
+        index = torch.randint(len(whole), (count,), generator=generator_for(seed, step, "batch"))
+        rays, colours = some.batch(seed, step, count)
+        assert colours.dtype == torch.float32
+        assert torch.equal(colours, whole[index])
+        direct = views.rays(index // size**2, index % size, index % size**2 // size)
+        assert torch.equal(rays.directions, direct.directions)
+        assert torch.equal(rays.origins, direct.origins)
+
+
+def test_images_that_the_cameras_did_not_take_are_refused() -> None:
+    for shape in ((VIEWS + 1, HEIGHT, WIDTH, 4), (VIEWS, WIDTH, HEIGHT, 4), (VIEWS, HEIGHT, WIDTH, 3)):
+        with pytest.raises(ValueError, match="the cameras need"):
+            Batches(cameras(), ImageStack.of(np.zeros(shape, np.float32)))
 
 
 def test_another_step_or_another_seed_gives_another_batch() -> None:

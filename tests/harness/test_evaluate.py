@@ -10,6 +10,7 @@ import torch
 from harness import evaluate
 from harness.records import ViewScore
 from harness.trainer import Diverged
+from scenes.image_stack import ImageStack
 from scenes.pixels import over_white
 from scenes.view_set import ViewSet
 from tests.harness.tiny import CPU, trainer
@@ -37,7 +38,7 @@ def test_a_view_gets_every_score_that_its_truth_allows(ball: ViewSet) -> None:
     assert plain.opacity_iou == 1.0
     assert (plain.depth_rmse, plain.psnr_ceiling) == (None, None)
     depth = np.full(ball.test.rgba.shape[:3], 3.5, dtype=np.float32)
-    rich = replace(ball.test, depth=depth, noise_mse=np.array([1e-2, 1e-4, 1e-6]))
+    rich = replace(ball.test, depth=ImageStack.of(depth), noise_mse=np.array([1e-2, 1e-4, 1e-6]))
     whole = evaluate.view_scores(image, rich, 1)
     assert whole.depth_rmse == pytest.approx(0.5)
     assert whole.psnr_ceiling == pytest.approx(40.0)

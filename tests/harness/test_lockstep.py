@@ -135,7 +135,7 @@ def test_all_methods_get_the_same_batches_and_take_turns(
 
 def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
     cameras = evaluate.cameras_of(ball, ball.train, CPU)
-    some = Batches(cameras, torch.rand(len(cameras), 24, 24, 3))
+    some = Batches(cameras, ball.train.rgba)
     assert not torch.equal(some.batch(0, 0, 8)[0].directions, some.batch(1, 0, 8)[0].directions)
 
 

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_round_trip(stored_once: Path) -> None:
         views = getattr(found, split)
         poses = camera_to_world(split, count=len(views.names))  # type: ignore[arg-type]
         assert np.array_equal(views.camera_to_world, poses)
-        assert views.rgba.dtype == np.float32
+        assert views.rgba[0].dtype == np.float32
         assert views.rgba.shape == (len(poses), 16, 16, 4)
         assert views.depth.shape == views.rgba.shape[:3]
         assert views.normal.shape == (*views.rgba.shape[:3], 3)
@@ -233,13 +234,16 @@ def test_nothing_left_to_read(foreign: Path) -> None:
         read_view_set(foreign / "nothing")
 
 
-def test_more_memory_than_there_can_be_is_refused(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from scenes import view_set as module
+def test_more_than_the_disk_has_room_for_is_refused(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=100_000))
+    with pytest.raises(InputError, match=r"0 MiB are free.*make room"):
+        read_view_set(foreign, scratch=foreign)
+    assert read_view_set(foreign, resolution=10, scratch=foreign).width == 10
 
-    monkeypatch.setattr(module, "LARGEST_BYTES", 100_000)
-    with pytest.raises(InputError, match="memory"):
-        read_view_set(foreign)
-    assert read_view_set(foreign, resolution=10).width == 10
+
+def test_a_scratch_folder_that_cannot_be_written_is_named(foreign: Path) -> None:
+    with pytest.raises(InputError, match=r"r_0\.png: the decoded images cannot be put there \(Not a directory\)"):
+        read_view_set(foreign, scratch=foreign / "train" / "r_0.png")
 
 
 # --- our own, damaged
