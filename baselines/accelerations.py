@@ -31,4 +31,5 @@ class Accelerations:
         return replace(self, **dict.fromkeys(names, False))
 
 
+EVERY_ACCELERATION = Accelerations()
 NO_ACCELERATION = Accelerations(*(False for _ in fields(Accelerations)))

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
 from baselines import fused_network
-from baselines.accelerations import Accelerations
+from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
@@ -39,7 +39,7 @@ class NetworkField(nn.Module):
         precision: Precision,
         seed: int | str,
         view_dependent: bool = True,
-        accelerations: Accelerations = Accelerations(),
+        accelerations: Accelerations = EVERY_ACCELERATION,
     ) -> None:
         super().__init__()
         self.accelerations = accelerations

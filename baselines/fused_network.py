@@ -39,8 +39,9 @@ def evaluate(
     ray: Int[Tensor, " points"] | None,
     weights: list[Tensor],
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
-    """Raw density and colour logits in float32 or better, differentiable once with respect to `weights`; density alone, and no
-    gradient, where `view` is None. `ray` tells which row of `view` belongs to a point.
+    """Raw density and colour logits in float32 or better, differentiable once with respect to `weights`.
+
+    Density alone, and no gradient, where `view` is None. `ray` tells which row of `view` belongs to a point.
     """
     count = len(position)
     if layout.dtype.itemsize < 4 and position.device.type == "cpu":

@@ -20,7 +20,6 @@ from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import inverse_cdf_edges, points_in_bins, uniform_edges
 from baselines.occupancy import OccupancyGrid
 
-
 OPAQUE = 1e-4
 """Transmittance behind which nothing is evaluated: a colour changes by less than this, 1/39 of an 8-bit step."""
 SEGMENTS = 4

@@ -1,4 +1,4 @@
-"""python -m harness run: parse, call, exit code."""
+"""python -m harness COMMAND: parse, call, exit code."""
 
 import argparse
 import errno
@@ -34,6 +34,10 @@ def parser() -> argparse.ArgumentParser:
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
     _add_plan_options(rates)
     rates.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    pairs = commands.add_parser("equivalence", help="what empty-space skipping and precision change in scores, as JSON")
+    _add_plan_options(pairs)
+    pairs.add_argument("--changes", nargs="+", default=["grid", "precision"], choices=("grid", "precision"))
+    pairs.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     return top
@@ -56,6 +60,7 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
         choices=("auto", "float32", "bfloat16"),
         help="of matrix products alone (default: the profile's, where the processor has such products)",
     )
+    add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
     add("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
@@ -68,11 +73,13 @@ def main(arguments: list[str]) -> int:
     from harness.records import DamagedRecord
     from scenes.errors import InputError
 
-    silent = options.command != "sweep" and (options.quiet or getattr(options, "dry_run", False))
+    silent = getattr(options, "quiet", False) or getattr(options, "dry_run", False)
     show = chosen_progress(silent)
     try:
         if options.command == "sweep":
             return _sweep(options, show)
+        if options.command == "equivalence":
+            return _equivalence(options, show)
         if options.command == "speed":
             return speed_options.run_speed(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
@@ -113,6 +120,7 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
         resolution=options.resolution,
         view_set=options.view_set,
         precision=precision,
+        without=options.without,
     )
     return plan, device
 
@@ -157,11 +165,9 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
     from harness.records import write_json
     from harness.runner import view_set_folders
     from harness.sweep import as_json, sweep
-    from scenes.errors import InputError
 
     plan, device = _planned(options)
-    if not options.out.parent.is_dir() or options.out.is_dir():
-        raise InputError(f"--out {options.out}: name a file in a folder that exists")
+    _check_file(options.out)
     use_threads(1)  # small products: a second thread costs more than it gains
     rows = []
     for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
@@ -172,6 +178,34 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
     write_json(options.out, result)
     show.line(f"best: {result['best']}")
     return 0
+
+
+def _equivalence(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.device import available_cores
+    from harness.equivalence import as_json, pairs
+    from harness.records import write_json
+    from harness.runner import view_set_folders
+
+    plan, _ = _planned(options)
+    _check_file(options.out)
+    folders = view_set_folders(plan, options.view_sets, show)
+    found = []
+    for pair in pairs(plan, options.changes, folders, options.out.parent, available_cores()):
+        found.append(pair)
+        scores = ["diverged" if value is None else f"{value:.2f} dB" for value in (pair.psnr, pair.psnr_changed)]
+        show.line(f"{pair.scene} {pair.method} seed {pair.seed}, {pair.change}: {scores[0]} → {scores[1]}")
+    result = as_json(found, plan)
+    write_json(options.out, result)
+    for row in result["summary"]:
+        show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {row['verdict']}")
+    return 0
+
+
+def _check_file(path: Path) -> None:
+    from scenes.errors import InputError
+
+    if not path.parent.is_dir() or path.is_dir():
+        raise InputError(f"--out {path}: name a file in a folder that exists")
 
 
 if __name__ == "__main__":

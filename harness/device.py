@@ -29,7 +29,7 @@ def use_threads(count: int) -> None:
     # the same as use_deterministic_algorithms, which would also import the compiler: seconds in each process
     torch.set_deterministic_debug_mode("warn")
     # deterministic mode would fill every new tensor with NaN first, which is a second pass over all memory
-    torch.utils.deterministic.fill_uninitialized_memory = False
+    torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
     torch.backends.cuda.matmul.allow_tf32 = False
     torch.backends.cudnn.allow_tf32 = False
 

@@ -35,7 +35,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
     """
     import torch
 
-    from harness.device import use_threads
+    from harness.device import keep_freed_memory, use_threads
     from harness.lockstep import GroupSettings, train_group
     from harness.provenance import provenance
     from scenes.view_set import read_view_set
@@ -43,6 +43,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
     try:
         task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
         use_threads(task.threads)
+        keep_freed_memory()
         device = torch.device(task.device)
         views = read_view_set(
             task.view_set,

@@ -50,7 +50,7 @@ def train_group(
 
     `on_progress` gets the share of the group's training that is done.
     """
-    box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+    box = box_of(views, device)
     train_cameras = evaluate.cameras_of(views, views.train, device)
     batches = Batches(train_cameras, views.train.rgba)
     stream = stream_of(scene, seed)
@@ -243,6 +243,11 @@ class _Runner:
         if self.trainer.grid is not None:
             tensors["occupied"] = self.trainer.grid.occupied.cpu()
         save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.seed}.safetensors")
+
+
+def box_of(views: ViewSet, device: torch.device) -> Box:
+    """The box that everything seen lies in."""
+    return Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
 
 
 def stream_of(scene: str, seed: int) -> str:

@@ -61,14 +61,14 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
     rays=512,
-    bins=64,
-    first_bins=32,
+    bins=32,
+    first_bins=16,
     fine_bins=0,
     learning_rate=2e-2,
     last_learning_rate=1e-3,
     warm_up_steps=50,
     precision="bfloat16",
-    grid=GridSettings(cells=32, first_step=100, every=25),
+    grid=GridSettings(cells=48, first_step=100, every=25),
 )
 
 PROFILES: dict[str, Plan] = {
@@ -78,7 +78,7 @@ PROFILES: dict[str, Plan] = {
         methods=COMPARED,
         seeds=(0, 1),
         budget=Budget(steps=60, seconds=None),
-        train=replace(REDUCED_TRAINING, bins=48, grid=GridSettings(cells=24, first_step=30, every=10)),
+        train=replace(REDUCED_TRAINING, grid=GridSettings(cells=24, first_step=30, every=10)),
         score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=1024, train_views=2, stored_views=1),
         views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
     ),

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from baselines.accelerations import Accelerations
+from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.contract import NetworkSize, Precision
 
 
@@ -31,7 +31,7 @@ class TrainSettings:
     rays: int = 1024
     bins: int = 64
     first_bins: int = 64
-    """Bins a ray before the occupancy grid is in use."""
+    """Bins a ray before the step from which the occupancy grid is in use."""
     fine_bins: int = 128
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5
@@ -39,7 +39,7 @@ class TrainSettings:
     clip_norm: float = 1.0
     precision: Precision = "float32"
     grid: GridSettings = field(default_factory=GridSettings)
-    accelerations: Accelerations = Accelerations()
+    accelerations: Accelerations = EVERY_ACCELERATION
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import torch
 
-from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
-from harness.lockstep import needs_view_direction, stream_of
+from harness.lockstep import box_of, needs_view_direction, stream_of
 from harness.plan import Plan
 from harness.trainer import Diverged, Trainer
 from scenes.errors import InputError
@@ -76,7 +75,7 @@ def as_json(rows: list[SweepRow], plan: Plan) -> dict[str, object]:
 def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, device: torch.device) -> SweepRow:
     rates = (plan.train.learning_rate * factor, plan.train.last_learning_rate * factor)
     settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
-    box = Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+    box = box_of(views, device)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
     trainer = Trainer(method, box, settings, plan.budget, stream_of(scene, SEED), device, needs_view_direction(views))
     try:

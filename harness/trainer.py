@@ -138,9 +138,11 @@ class Trainer:
         }
 
     def _sampling(self) -> Sampling:
-        grid_in_use = self.grid is not None and self.step > self.settings.grid.first_step
+        grid = self.settings.grid
+        # also without the grid, so that switching it off changes nothing but what is left out
+        settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
         return Sampling(
-            bins=self.settings.bins if grid_in_use or self.grid is None else self.settings.first_bins,
+            bins=self.settings.bins if settled else self.settings.first_bins,
             fine_bins=self.settings.fine_bins,
             quadrature=self.quadrature,
             clip_to_box=self.settings.accelerations.clipping and not self.whole_rays,

@@ -6,7 +6,8 @@ from functools import partial
 
 from baselines.accelerations import NO_ACCELERATION
 from harness.evaluate import cameras_of, render_view
-from harness.speed.situation import Situation, box_of, paper_settings, reduced_plan, views_of
+from harness.lockstep import box_of
+from harness.speed.situation import Situation, paper_settings, reduced_plan, views_of
 from harness.speed.timing import interleaved, measured, quotients
 from harness.speed.trained import new_trainer, trained_reduced, variant_of
 from harness.speed_record import Measurement

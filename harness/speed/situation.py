@@ -103,10 +103,6 @@ def reduced_plan(situation: Situation, scene: str = "lego") -> Plan:
     return replace(plan, train=small, score=replace(plan.score, chunk=256), views=views)
 
 
-def box_of(views: ViewSet, device: torch.device) -> Box:
-    return Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
-
-
 def batches_of(views: ViewSet, device: torch.device) -> Batches:
     return Batches(cameras_of(views, views.train, device), views.train.rgba)
 

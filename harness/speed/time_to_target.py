@@ -17,13 +17,13 @@ from baselines.contract import Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step
 from harness.batches import Batches
 from harness.evaluate import cameras_of, floor_psnr
-from harness.lockstep import needs_view_direction
+from harness.lockstep import box_of, needs_view_direction
 from harness.plan import Plan
 from harness.schedule import Budget
 from harness.seeds import generator_for
 from harness.settings import TrainSettings
 from harness.speed.crossing import Curve, Target, evaluation_times, even_times, reached, targets_of
-from harness.speed.situation import SCENES, Situation, batches_of, box_of, paper_settings, reduced_plan, views_of
+from harness.speed.situation import SCENES, Situation, batches_of, paper_settings, reduced_plan, views_of
 from harness.speed.timing import measured, not_measured
 from harness.speed.trained import STREAM
 from harness.speed_record import Measurement, Series

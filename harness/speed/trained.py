@@ -6,10 +6,10 @@ import torch
 
 from baselines.accelerations import Accelerations
 from baselines.contract import Box
-from harness.lockstep import needs_view_direction
+from harness.lockstep import box_of, needs_view_direction
 from harness.schedule import Budget
 from harness.settings import TrainSettings
-from harness.speed.situation import Situation, batches_of, box_of, reduced_plan, views_of
+from harness.speed.situation import Situation, batches_of, reduced_plan, views_of
 from harness.trainer import Trainer
 
 STREAM = "speed/0"

@@ -7,12 +7,12 @@ import torch
 
 from baselines.contract import Rays
 from baselines.plain import PlainField, plain_step
+from harness.lockstep import box_of
 from harness.seeds import generator_for
 from harness.settings import GridSettings, TrainSettings
 from harness.speed.situation import (
     Situation,
     batches_of,
-    box_of,
     paper_settings,
     synthetic_batch,
     unit_box,

@@ -1,7 +1,5 @@
 """The hand-written network against the same network composed for autograd, in double precision."""
 
-from collections.abc import Iterator
-
 import pytest
 import torch
 from torch import Tensor, nn
@@ -49,11 +47,10 @@ def inputs(points: int, rays: int = 7, directions: int = DIRECTIONS) -> tuple[Te
 
 
 @pytest.fixture(params=[1 << 20, 1])
-def _block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _block(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """All points in one block, and in blocks of the smallest size."""
     monkeypatch.setattr(fused_network, "BLOCK_BYTES", request.param)
     monkeypatch.setattr(fused_network, "ROWS_MULTIPLE", 1024 if request.param > 1 else 64)
-    yield
 
 
 @pytest.mark.usefixtures("_block")

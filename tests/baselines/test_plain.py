@@ -45,6 +45,18 @@ def rays_inside() -> tuple[Rays, Tensor]:
     return Rays(origins, directions, 0.25, 1.75), torch.rand(RAYS, 3, generator=generator)
 
 
+def rays_through() -> tuple[Rays, Tensor]:
+    """Rays that begin and end far outside of the box; some miss it."""
+    generator = torch.Generator().manual_seed(18)
+    origins = 8.0 * nn.functional.normalize(torch.randn(RAYS, 3, generator=generator), dim=-1)
+    aims = 3.0 * torch.randn(RAYS, 3, generator=generator)
+    directions = nn.functional.normalize(aims - origins, dim=-1)
+    return Rays(origins, directions, 2.0, 14.0), torch.rand(RAYS, 3, generator=generator)
+
+
+Batch = tuple[Rays, Tensor]
+
+
 def in_double(rays: Rays) -> Rays:
     return Rays(rays.origins.double(), rays.directions.double(), rays.near, rays.far)
 
@@ -68,38 +80,38 @@ def oracle(one: Trainer, view_dependent: bool = True) -> PlainField:
     return field.double()
 
 
-def step_of(one: Trainer) -> tuple[float, dict[str, Tensor]]:
+def step_of(one: Trainer, batch: Batch) -> tuple[float, dict[str, Tensor]]:
     """Loss and gradients of one training step, caught before the optimiser gets them."""
-    rays, colours = rays_inside()
     caught: dict[str, Tensor] = {}
 
     def catch(*_: object, **__: object) -> None:
         caught.update({name: weight.grad.clone() for name, weight in one.field.named_parameters()})
 
     one.optimiser.step = catch  # type: ignore[method-assign]
-    one.train_on(rays, colours)
+    one.train_on(*batch)
     loss = one.trace["loss"][0]
     assert loss is not None
     return loss, caught
 
 
-def expected_step(field: PlainField) -> tuple[float, dict[str, Tensor]]:
-    rays, colours = rays_inside()
+def expected_step(field: PlainField, batch: Batch) -> tuple[float, dict[str, Tensor]]:
+    rays, colours = batch
     loss = plain_loss(field, in_double(rays), colours.double(), SAMPLES, generator_for(SEED, 0, "jitter"))
     loss.backward()
     return loss.item(), {name: weight.grad for name, weight in field.named_parameters() if weight.grad is not None}
 
 
-def loss_gap(one: Trainer, field: PlainField) -> tuple[float, float]:
+def loss_gap(one: Trainer, field: PlainField, batch: Batch | None = None) -> tuple[float, float]:
     """Relative difference of the losses, and the largest of the gradients relative to their largest entries."""
-    (loss, gradients), (expected, truth) = step_of(one), expected_step(field)
+    batch = batch or rays_inside()
+    (loss, gradients), (expected, truth) = step_of(one, batch), expected_step(field, batch)
     assert set(gradients) == set(truth)
     gaps = [float((gradients[name] - truth[name]).abs().max() / truth[name].abs().max()) for name in truth]
     return abs(loss - expected) / expected, max(gaps)
 
 
-def colour_gap(one: Trainer, field: PlainField) -> float:
-    rays, _ = rays_inside()
+def colour_gap(one: Trainer, field: PlainField, batch: Batch | None = None) -> float:
+    rays, _ = batch or rays_inside()
     with torch.no_grad():
         expected = plain_render(field, in_double(rays), SAMPLES, torch.ones(3, dtype=torch.float64), None)
     return float((one.render(rays, RAYS).colour - expected).abs().max())
@@ -114,6 +126,21 @@ def test_trainer_agrees_with_the_plain_step(view_dependent: bool, fused: bool) -
     loss, gradient = loss_gap(one, field)
     assert loss < LOSS_BOUND
     assert gradient < GRADIENT_BOUND
+
+
+def test_trainer_agrees_with_the_plain_step_outside_of_the_box() -> None:
+    """Positions up to three times as large as the encoding is made for, and so are their rounding errors."""
+    one, batch = trainer(), rays_through()
+    field = oracle(one)
+    assert colour_gap(one, field, batch) < 5 * COLOUR_BOUND
+    loss, gradient = loss_gap(one, field, batch)
+    assert loss < 5 * LOSS_BOUND
+    assert gradient < 5 * GRADIENT_BOUND
+
+
+def test_rays_cut_to_the_box_are_another_rendering() -> None:
+    one, batch = trainer(replace(SETTINGS, accelerations=replace(DENSE, clipping=True))), rays_through()
+    assert colour_gap(one, oracle(one), batch) > 25 * COLOUR_BOUND
 
 
 def _fewer_bands(field: PlainField) -> None:

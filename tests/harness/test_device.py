@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from harness.device import available_cores, chosen_device, multiplies_bfloat16, use_threads
+from harness.device import available_cores, chosen_device, keep_freed_memory, multiplies_bfloat16, use_threads
 from scenes.errors import InputError
 
 
@@ -51,3 +51,15 @@ def test_a_process_that_trains_does_not_import_the_compiler() -> None:
 def test_the_machine_is_looked_at() -> None:
     assert available_cores() >= 1
     assert multiplies_bfloat16(torch.device("cpu")) in (True, False)
+
+
+def test_new_tensors_are_not_written_twice() -> None:
+    """Deterministic mode would fill each with NaN, in training nothing but time."""
+    use_threads(1)
+    assert not torch.utils.deterministic.fill_uninitialized_memory  # type: ignore[attr-defined]
+
+
+def test_memory_is_kept_where_the_c_library_can_and_nothing_fails_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_freed_memory()
+    monkeypatch.setattr("ctypes.CDLL", lambda name: object())
+    keep_freed_memory()
