@@ -44,7 +44,7 @@ MEASURES: dict[int, Callable[[Situation], Iterator[Finding]]] = {
     10: processes.measure,
     11: accelerations.measure,
 }
-SECONDS = {1: 60, 2: 40, 4: 45, 5: 15, 6: 15, 7: 90, 8: 110, 9: 110, 10: 75, 11: 60}
+SECONDS = {1: 50, 2: 60, 4: 60, 5: 25, 6: 15, 7: 80, 8: 130, 9: 110, 10: 80, 11: 60}
 """Estimated, on two cores; question 3 depends on its option."""
 QUICK_SECONDS = 4
 VIEW_SET_SECONDS = 120
@@ -158,7 +158,7 @@ def estimated_seconds(item: int, situation: Situation) -> float:
         return QUICK_SECONDS
     if item == 3:
         # each scene: plain, then the others on their own clocks, and evaluation off the clock
-        return len(time_to_target.SCENES) * (1.15 * situation.plain_seconds + 120)
+        return len(time_to_target.SCENES) * (1.15 * situation.plain_seconds + 100)
     return SECONDS[item]
 
 
