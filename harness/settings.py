@@ -17,7 +17,7 @@ class GridSettings:
     every: int = 25
     share: float = 0.25
     """Share of the cells measured at each refresh; the first one measures all."""
-    opacity_threshold: float = 0.06
+    opacity_threshold: float = 0.02
     """A cell is occupied where a ray through it loses more than this share of what it loses in the densest cell."""
     exploration: float = 0.01
     """Share of the unoccupied points that training evaluates all the same."""
