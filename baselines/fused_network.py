@@ -6,15 +6,20 @@ add up in place. It computes what `baselines.field` composes from single operati
 over points run in another order and nothing else differs. No gradient is formed for the encoded position.
 """
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-BLOCK_BYTES = 1 << 20
+_Result = TypeVar("_Result")
+
+BLOCK_BYTES = 1 << 21
 """Of one layer's activations in a block: a few of them fit a core's second-level cache."""
 ROWS_MULTIPLE = 1024
 """In reduced precision the CPU library builds and keeps a kernel for each new shape, which takes longer than the
@@ -124,6 +129,21 @@ def _blocks(points: int, width: int, like: Tensor) -> list[slice]:
     return [slice(start, min(start + rows, points)) for start in range(0, points, rows)]
 
 
+def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]) -> list[_Result]:
+    """`through` on the blocks, dealt out to one thread a core: blocks have nothing to wait for each other, while a
+    single product that is shared between cores ends with the slower one. Few blocks stay on this thread.
+    """
+    threads = torch.get_num_threads() if blocks else 0
+    if threads < 2 or len(blocks) < 4 * threads:
+        return [through(blocks)] if blocks else []
+    torch.set_num_threads(1)
+    try:
+        with ThreadPoolExecutor(threads) as pool:
+            return list(pool.map(through, [blocks[first::threads] for first in range(threads)]))
+    finally:
+        torch.set_num_threads(threads)
+
+
 def _apply(stage: _Stage, x: Tensor, position: Tensor, out: Tensor) -> Tensor:
     torch.addmm(stage.bias, x, stage.hidden.t(), out=out)
     if stage.again is not None:
@@ -138,36 +158,40 @@ def _forward(
     count, points = len(position), position.to(net.dtype)
     width, colour_width = net.density[0].hidden.shape[0], net.heads.hidden.shape[0] - 1
     blocks = _blocks(count, width, points)
-    rows = count if keep else (blocks[0].stop if blocks else 0)
-
-    def empty(number: int, columns: int) -> list[Tensor]:
-        return [points.new_empty((rows, columns)) for _ in range(number)]
-
-    density = empty(len(net.density), width) if keep else empty(2, width) * len(net.density)
-    colour = [points.new_empty((rows, stage.hidden.shape[1])) for stage in net.colour]
-    heads_of_block = points.new_empty((blocks[0].stop if blocks else 0, colour_width + 1))
+    kept = _Kept(
+        [points.new_empty((count, width)) for _ in net.density] if keep else [],
+        [points.new_empty((count, stage.hidden.shape[1])) for stage in net.colour] if keep else [],
+    )
     raw = points.new_empty(count, dtype=net.sums)
     logits = None if view is None else points.new_empty((count, 3), dtype=net.sums)
     of_view = None
     if view is not None:
         of_view = torch.addmm(net.direction.bias, view.to(net.dtype), net.direction.hidden.t())
-    for block in blocks:
-        size = block.stop - block.start
-        where = block if keep else slice(0, size)
-        here = h = points[block]
-        for stage, buffer in zip(net.density, density, strict=False):
-            h = _apply(stage, h, here, buffer[where]).clamp_min_(0.0)
-        if of_view is None or logits is None or ray is None:
-            density_head = _Stage(net.heads.hidden[:1], net.heads.bias[:1], _first_row(net.heads.again))
-            raw[block] = _apply(density_head, h, here, heads_of_block[:size, :1])[:, 0]
-            continue
-        heads = _apply(net.heads, h, here, heads_of_block[:size])
-        raw[block] = heads[:, 0]
-        c = of_view.index_select(0, ray[block]).add_(heads[:, 1:])
-        for stage, buffer in zip(net.colour, colour, strict=True):
-            c = torch.addmm(stage.bias, torch.clamp_min(c, 0.0, out=buffer[where]), stage.hidden.t())
-        logits[block] = c
-    return raw, logits, _Kept(density, colour)
+
+    def through(mine: list[slice]) -> None:
+        largest = mine[0].stop - mine[0].start
+        heads_of_block = points.new_empty((largest, colour_width + 1))
+        spare = [points.new_empty((0 if keep else largest, width)) for _ in range(2)]
+        for block in mine:
+            size = block.stop - block.start
+            here = h = points[block]
+            for index, stage in enumerate(net.density):
+                out = kept.density[index][block] if keep else spare[index % 2][:size]
+                h = _apply(stage, h, here, out).clamp_min_(0.0)
+            if of_view is None or logits is None or ray is None:
+                density_head = _Stage(net.heads.hidden[:1], net.heads.bias[:1], _first_row(net.heads.again))
+                raw[block] = _apply(density_head, h, here, heads_of_block[:size, :1])[:, 0]
+                continue
+            heads = _apply(net.heads, h, here, heads_of_block[:size])
+            raw[block] = heads[:, 0]
+            c = of_view.index_select(0, ray[block]).add_(heads[:, 1:])
+            for index, stage in enumerate(net.colour):
+                c = torch.clamp_min(c, 0.0, out=kept.colour[index][block]) if keep else c.clamp_min_(0.0)
+                c = torch.addmm(stage.bias, c, stage.hidden.t())
+            logits[block] = c
+
+    _side_by_side(through, blocks)
+    return raw, logits, kept
 
 
 def _first_row(weight: Tensor | None) -> Tensor | None:
@@ -202,6 +226,12 @@ class _StageGradient:
             self.again.add(gradient, position)
         self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
 
+    def merge(self, other: "_StageGradient") -> None:
+        self.hidden.total.add_(other.hidden.total)
+        if self.again is not None and other.again is not None:
+            self.again.total.add_(other.again.total)
+        self.bias.add_(other.bias)
+
     def weight(self) -> Tensor:
         return self.hidden.total if self.again is None else torch.cat([self.hidden.total, self.again.total], dim=1)
 
@@ -231,47 +261,72 @@ def _backward(
     net: _Prepared, kept: _Kept, position: Tensor, view: Tensor, ray: Tensor, g_raw: Tensor, g_logits: Tensor
 ) -> list[Tensor]:
     """Gradients in the order of the flat weights."""
+    blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
+    shares = _side_by_side(partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits), blocks)
+    total = shares[0] if shares else _Gradients(net, len(view))
+    for share in shares[1:]:
+        total.add(share)
+    return total.flat(view.to(net.sums))
+
+
+class _Gradients:
+    """What adds up over blocks."""
+
+    def __init__(self, net: _Prepared, rays: int) -> None:
+        self.density = [_StageGradient(stage) for stage in net.density]
+        self.heads = _StageGradient(net.heads)
+        self.colour = [_StageGradient(stage) for stage in net.colour]
+        self.of_view = net.heads.hidden.new_zeros((rays, net.direction.hidden.shape[0]), dtype=net.sums)
+
+    def add(self, other: "_Gradients") -> None:
+        for mine, theirs in zip(self._stages(), other._stages(), strict=True):
+            mine.merge(theirs)
+        self.of_view.add_(other.of_view)
+
+    def _stages(self) -> list[_StageGradient]:
+        return [*self.density, self.heads, *self.colour]
+
+    def flat(self, view: Tensor) -> list[Tensor]:
+        """In the order of the flat weights."""
+        heads, bias = self.heads.weight(), self.heads.bias
+        direction = torch.mm(self.of_view.t(), view)
+        found = [part for one in self.density for part in (one.weight(), one.bias)]
+        found += [heads[:1], bias[:1], torch.cat([heads[1:], direction], dim=1), self.of_view.sum(dim=0)]
+        return found + [part for one in self.colour for part in (one.weight(), one.bias)]
+
+
+def _way_back(
+    net: _Prepared,
+    kept: _Kept,
+    points: Tensor,
+    view: Tensor,
+    ray: Tensor,
+    g_raw: Tensor,
+    g_logits: Tensor,
+    blocks: list[slice],
+) -> _Gradients:
     rectified = torch.ops.aten.threshold_backward.grad_input
-    points = position.to(net.dtype)
-    density = [_StageGradient(stage) for stage in net.density]
-    heads = _StageGradient(net.heads)
-    colour = [_StageGradient(stage) for stage in net.colour]
-    of_view = view.new_zeros((len(view), net.direction.hidden.shape[0]), dtype=net.sums)
-    width = net.density[0].hidden.shape[0]
-    blocks = _blocks(len(points), width, points)
-    largest = blocks[0].stop if blocks else 0
+    sums = _Gradients(net, len(view))
+    largest = blocks[0].stop - blocks[0].start
     to_heads = points.new_empty((largest, net.heads.hidden.shape[0]))
-    buffers = [points.new_empty((largest, width)) for _ in range(2)]
+    buffers = [points.new_empty((largest, kept.density[0].shape[1])) for _ in range(2)]
     for block in blocks:
         size, here = block.stop - block.start, points[block]
         g = g_logits[block].to(net.dtype)
-        for stage, gradient, activation in zip(
-            reversed(net.colour), reversed(colour), reversed(kept.colour), strict=True
-        ):
-            x = activation[block]
-            gradient.add(g, x, here)
-            g = torch.mm(g, stage.hidden)
+        for index in reversed(range(len(net.colour))):
+            x = kept.colour[index][block]
+            sums.colour[index].add(g, x, here)
+            g = torch.mm(g, net.colour[index].hidden)
             rectified(g, x, 0.0, grad_input=g)
-        of_view.index_add_(0, ray[block], g.to(net.sums))
+        sums.of_view.index_add_(0, ray[block], g.to(net.sums))
         into = to_heads[:size]
         into[:, 0] = g_raw[block]
         into[:, 1:] = g
-        heads.add(into, kept.density[-1][block], here)
+        sums.heads.add(into, kept.density[-1][block], here)
         g = torch.mm(into, net.heads.hidden, out=buffers[0][:size])
-        for index in reversed(range(len(density))):
+        for index in reversed(range(len(net.density))):
             rectified(g, kept.density[index][block], 0.0, grad_input=g)
-            density[index].add(g, kept.density[index - 1][block] if index else here, here)
+            sums.density[index].add(g, kept.density[index - 1][block] if index else here, here)
             if index:
-                g = torch.mm(g, net.density[index].hidden, out=buffers[(len(density) - index) % 2][:size])
-    found: list[Tensor] = []
-    for one in density:
-        found += [one.weight(), one.bias]
-    both = heads.weight()
-    found += [both[:1], heads.bias[:1]]
-    found += [
-        torch.cat([both[1:], torch.mm(of_view.t(), view.to(net.sums))], dim=1),
-        of_view.sum(dim=0),
-    ]
-    for one in colour:
-        found += [one.weight(), one.bias]
-    return found
+                g = torch.mm(g, net.density[index].hidden, out=buffers[(len(net.density) - index) % 2][:size])
+    return sums

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import torch
@@ -35,16 +36,25 @@ def use_threads(count: int) -> None:
 
 
 def keep_freed_memory() -> None:
-    """Let this process keep what it frees below 64 MB a block: training asks for the same sizes at every step, and each
+    """Let this process keep what it frees below 1 GB a block: training asks for the same sizes at every step, and each
     page that is handed back has to be zeroed anew. Does nothing where the C library has no such setting.
     """
+    _set_thresholds(1 << 30, 1 << 30)
+
+
+def return_freed_memory() -> None:
+    """What a process does in its steady state that sets nothing, for comparisons with one; returns what is free now."""
+    _set_thresholds(32 << 20, 64 << 20)
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _set_thresholds(mmap: int, trim: int) -> None:
     trim_threshold, mmap_threshold = -1, -3
-    try:
+    with suppress(OSError, AttributeError):
         mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, AttributeError):
-        return
-    mallopt(mmap_threshold, 64 << 20)
-    mallopt(trim_threshold, 512 << 20)
+        mallopt(mmap_threshold, mmap)
+        mallopt(trim_threshold, trim)
 
 
 def available_cores() -> int:

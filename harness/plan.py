@@ -87,9 +87,9 @@ PROFILES: dict[str, Plan] = {
         scenes=tuple(CLASSICS),
         methods=COMPARED,
         seeds=(0, 1, 2),
-        budget=Budget(steps=1200, seconds=None),
+        budget=Budget(steps=1000, seconds=None),
         train=REDUCED_TRAINING,
-        score=ScoreSettings(checkpoints=5, earliest=0.1, chunk=1024),
+        score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
         views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
     ),
     "full": Plan(

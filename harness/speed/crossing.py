@@ -12,6 +12,8 @@ class Curve:
     seconds: list[float] = field(default_factory=list)
     psnr: list[float] = field(default_factory=list)
     """dB."""
+    before: float = -math.inf
+    """dB of the first weights: a target below it says nothing about training."""
     ended: str = ""
     """Why it went no further, where that was not its budget."""
 

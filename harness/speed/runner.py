@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from harness.device import available_cores, use_threads
+from harness.device import available_cores, keep_freed_memory, use_threads
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.speed import (
@@ -72,6 +72,7 @@ def run(
     # sizes of `quick` gain nothing from threads, which wait for each other on a machine that does something else
     threads = 1 if quick else available_cores()
     use_threads(threads)
+    keep_freed_memory()
     record = _claimed(out, resume)
     with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
         situation = Situation(device, threads, quick, plain_seconds, view_sets, Path(scratch), show)

