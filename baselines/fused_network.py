@@ -139,7 +139,8 @@ def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]
     torch.set_num_threads(1)
     try:
         with ThreadPoolExecutor(threads) as pool:
-            return list(pool.map(through, [blocks[first::threads] for first in range(threads)]))
+            # whether gradients are recorded is each thread's own affair
+            return list(pool.map(torch.no_grad()(through), [blocks[first::threads] for first in range(threads)]))
     finally:
         torch.set_num_threads(threads)
 

@@ -90,6 +90,28 @@ def test_without_gradients_the_same_numbers_and_nothing_kept() -> None:
     torch.testing.assert_close(density, raw.detach(), rtol=1e-12, atol=1e-12)
 
 
+def test_blocks_side_by_side_give_the_same_and_leave_the_threads_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fused_network, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(fused_network, "ROWS_MULTIPLE", 64)
+    layers, before = network(6, 3, 2), torch.get_num_threads()
+    position, view, ray = inputs(1500)
+    weight = torch.linspace(-1.0, 2.0, 4 * 1500, dtype=torch.float64).reshape(1500, 4)
+    found = []
+    try:
+        for threads in (1, 2, 3, 2):
+            torch.set_num_threads(threads)
+            raw, logits = evaluate(Layout(6, 3, torch.float64), position, view, ray, flat(layers))
+            assert logits is not None
+            outputs = torch.cat([raw.unsqueeze(-1), logits], dim=-1)
+            found.append([outputs.detach(), *torch.autograd.grad((outputs * weight).sum(), flat(layers))])
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    for other in found[1:]:
+        torch.testing.assert_close(other, found[0], rtol=1e-11, atol=1e-11)
+    assert all(torch.equal(one, again) for one, again in zip(found[1], found[3], strict=True)), "repeatable to the bit"
+
+
 @pytest.mark.parametrize("points", [1, 1000, 1024, 1025, 3000])
 def test_reduced_precision_errs_by_its_own_rounding(points: int) -> None:
     """bfloat16 has 8 bits: 2^-8 a product, a few of them in a row; sums and outputs are float32."""
