@@ -3,7 +3,7 @@
 import gc
 import resource
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -92,21 +92,25 @@ def test_a_file_that_lost_its_end_is_an_error_and_never_a_number(tmp_path: Path)
         stack.pixels(np.array([0, 5 * 6 * 7 - 1]))
 
 
-@pytest.fixture
+@contextmanager
 def disk_of_4000_bytes() -> Iterator[None]:
-    """A write past that is refused by the system, after what still fits has been taken: as on a full disk."""
+    """A write past that is refused by the system, after what still fits has been taken: as on a full disk.
+
+    Not a fixture: pytest's own output may go to a file, and is written before a fixture is torn down.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.usefixtures("disk_of_4000_bytes")
 def test_a_disk_that_fills_up_is_named_and_what_was_whole_stays(tmp_path: Path) -> None:
     stack = ImageStack((6, 7, 4), tmp_path)  # 672 bytes an image
     for image in images(9)[:5]:
         stack.append(image)
-    with pytest.raises(InputError) as caught:
+    with disk_of_4000_bytes(), pytest.raises(InputError) as caught:
         stack.append(images(9)[5])
     assert str(caught.value).startswith(f"{tmp_path}: the decoded images cannot be put there (File too large)")
     assert "--out" in str(caught.value)
