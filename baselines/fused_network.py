@@ -180,7 +180,8 @@ def _forward(
                 out = kept.density[index][block] if keep else spare[index % 2][:size]
                 h = _apply(stage, h, here, out).clamp_min_(0.0)
             if of_view is None or logits is None or ray is None:
-                density_head = _Stage(net.heads.hidden[:1], net.heads.bias[:1], _first_row(net.heads.again))
+                again = None if net.heads.again is None else net.heads.again[:1]
+                density_head = _Stage(net.heads.hidden[:1], net.heads.bias[:1], again)
                 raw[block] = _apply(density_head, h, here, heads_of_block[:size, :1])[:, 0]
                 continue
             heads = _apply(net.heads, h, here, heads_of_block[:size])
@@ -193,10 +194,6 @@ def _forward(
 
     _side_by_side(through, blocks)
     return raw, logits, kept
-
-
-def _first_row(weight: Tensor | None) -> Tensor | None:
-    return None if weight is None else weight[:1]
 
 
 class _Sum:
