@@ -74,21 +74,14 @@ def trained_pair(task: PairTask) -> Pair:
     from harness import evaluate
     from harness.batches import Batches
     from harness.device import keep_freed_memory, use_threads
+    from harness.ground_truth import read_views
     from harness.lockstep import box_of, needs_view_direction, stream_of
     from harness.trainer import Diverged, Trainer
-    from scenes.view_set import read_view_set
 
     use_threads(1)
     keep_freed_memory()
     plan, device = task.plan, torch.device("cpu")
-    views = read_view_set(
-        task.view_set,
-        resolution=plan.views.resolution,
-        splits=("train", "test"),
-        train_count=plan.views.train,
-        test_count=plan.views.test,
-        scratch=task.scratch,
-    )
+    views = read_views(task.view_set, plan.views, task.scratch)
     stream = stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
     test = evaluate.cameras_of(views, views.test, device)

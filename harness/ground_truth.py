@@ -10,9 +10,13 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from harness.settings import ViewSettings
 from scenes.errors import InputError
+
+if TYPE_CHECKING:
+    from scenes.view_set import ViewSet
 
 
 @dataclass(frozen=True)
@@ -23,6 +27,26 @@ class Rendered:
     done: int
     total: int
     path: Path | None = None
+
+
+def read_views(
+    folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test"
+) -> "ViewSet":
+    """What a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a folder on a disk.
+
+    Raises `InputError` for whatever is wrong with the folder.
+    """
+    from scenes.view_set import read_view_set
+
+    return read_view_set(
+        folder,
+        resolution=views.resolution,
+        splits=("train", scored_on),
+        train_count=views.train,
+        val_count=views.val,
+        test_count=views.test,
+        scratch=scratch,
+    )
 
 
 def render_view_sets(scenes: tuple[str, ...], views: ViewSettings, cache: Path) -> Iterator[Rendered]:

@@ -36,23 +36,16 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
     import torch
 
     from harness.device import keep_freed_memory, use_threads
+    from harness.ground_truth import read_views
     from harness.lockstep import GroupSettings, train_group
     from harness.provenance import provenance
-    from scenes.view_set import read_view_set
 
     try:
         task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
         use_threads(task.threads)
         keep_freed_memory()
         device = torch.device(task.device)
-        views = read_view_set(
-            task.view_set,
-            resolution=task.views.resolution,
-            splits=("train", "test"),
-            train_count=task.views.train,
-            test_count=task.views.test,
-            scratch=task.out,
-        )
+        views = read_views(task.view_set, task.views, task.out)
         settings = GroupSettings(task.methods, task.train, task.score, task.budget)
         origin = provenance(device)
         for cell in train_group(views, task.scene, task.seed, settings, device, task.out, origin, on_progress):

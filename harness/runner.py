@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.caveats import deviations, not_tested
 from harness.comparisons import compare
-from harness.ground_truth import render_view_sets
+from harness.ground_truth import read_views, render_view_sets
 from harness.group import GroupTask
 from harness.local_executor import run_locally
 from harness.paper import printed
@@ -25,7 +25,6 @@ from harness.records import (
     write_comparisons,
     write_run,
 )
-from scenes.view_set import ViewSet
 
 
 def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress) -> int:
@@ -108,16 +107,8 @@ def _scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord
 
     from harness.evaluate import floor_psnr
     from harness.metrics import psnr_from_mse
-    from scenes.view_set import read_view_set
 
-    views: ViewSet = read_view_set(
-        folder,
-        resolution=plan.views.resolution,
-        splits=("train", "test"),
-        train_count=plan.views.train,
-        test_count=plan.views.test,
-        scratch=out,
-    )
+    views = read_views(folder, plan.views, out)
     noise = views.test.noise_mse
     ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(one)) for one in noise])))
     manifest = views.rendered

@@ -11,11 +11,12 @@ import torch
 
 from harness import evaluate
 from harness.batches import Batches
+from harness.ground_truth import read_views
 from harness.lockstep import box_of, needs_view_direction, stream_of
 from harness.plan import Plan
 from harness.trainer import Diverged, Trainer
 from scenes.errors import InputError
-from scenes.view_set import ViewSet, read_view_set
+from scenes.view_set import ViewSet
 
 SEED = 1_000
 """Outside of the seeds that verdicts use."""
@@ -35,17 +36,7 @@ class SweepRow:
 
 def sweep(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[SweepRow]:
     """Every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk."""
-    view_sets = {
-        scene: read_view_set(
-            folder,
-            resolution=plan.views.resolution,
-            splits=("train", "val"),
-            train_count=plan.views.train,
-            val_count=plan.views.val,
-            scratch=scratch,
-        )
-        for scene, folder in folders.items()
-    }
+    view_sets = {scene: read_views(folder, plan.views, scratch, scored_on="val") for scene, folder in folders.items()}
     for views in view_sets.values():
         if not views.val.names:
             raise InputError(f"{views.path}: has no validation views (transforms_val.json), which a sweep scores on")

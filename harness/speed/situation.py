@@ -13,13 +13,14 @@ from baselines.contract import Box, NetworkSize, Precision, Rays
 from harness.batches import Batches
 from harness.device import multiplies_bfloat16
 from harness.evaluate import cameras_of
+from harness.ground_truth import read_views
 from harness.plan import Plan, planned
 from harness.progress import Progress
 from harness.runner import view_set_folders
 from harness.seeds import generator_for
 from harness.settings import GridSettings, TrainSettings, ViewSettings
 from harness.speed.drawn_views import write_disc
-from scenes.view_set import ViewSet, read_view_set
+from scenes.view_set import ViewSet
 
 SCENES = ("lego", "hotdog", "drums")
 DENSE = replace(Accelerations(), grid=False, clipping=False)
@@ -117,14 +118,7 @@ def views_of(situation: Situation, scene: str) -> ViewSet:
         write_disc(folder, views.resolution, views.train, views.test, seed=SCENES.index(scene))
     else:
         folder = view_set_folders(plan, situation.view_sets, situation.show)[scene]
-    return read_view_set(
-        folder,
-        resolution=views.resolution,
-        splits=("train", "test"),
-        train_count=views.train,
-        test_count=views.test,
-        scratch=situation.scratch,
-    )
+    return read_views(folder, views, situation.scratch)
 
 
 def synthetic_batch(situation: Situation, count: int) -> tuple[Rays, Tensor]:
