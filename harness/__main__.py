@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.speed import options as speed_options
+from harness.stability import options as stability_options
 
 if TYPE_CHECKING:
     import torch
@@ -40,6 +41,8 @@ def parser() -> argparse.ArgumentParser:
     pairs.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
+    stability = commands.add_parser("stability", help="try the catalogue of stiff and extreme cases")
+    stability_options.add_options(stability)
     return top
 
 
@@ -82,6 +85,8 @@ def main(arguments: list[str]) -> int:
             return _equivalence(options, show)
         if options.command == "speed":
             return speed_options.run_speed(options, show)
+        if options.command == "stability":
+            return stability_options.run_stability(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except (InputError, DamagedRecord) as mistake:
         show.close()

@@ -139,11 +139,11 @@ def planned(
     if scenes is not None and view_set is not None:
         raise InputError("--scenes and --view-set exclude each other: a view set is one scene of its own")
     if scenes is not None:
-        plan = replace(plan, scenes=_known("--scenes", scenes, list(SCENES)))
+        plan = replace(plan, scenes=known_names("--scenes", scenes, list(SCENES)))
     if view_set is not None:
         plan = replace(plan, scenes=(scene_name_of(view_set),), view_set=str(view_set))
     if methods is not None:
-        plan = replace(plan, methods=_known("--methods", methods, list(METHODS)))
+        plan = replace(plan, methods=known_names("--methods", methods, list(METHODS)))
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))
     if budget_steps is not None or budget_seconds is not None:
@@ -153,7 +153,7 @@ def planned(
     if precision is not None:
         plan = replace(plan, train=replace(plan.train, precision=precision))
     if without is not None:
-        off = _known("--without", without, [one.name for one in fields(Accelerations)])
+        off = known_names("--without", without, [one.name for one in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))
     return plan
 
@@ -163,7 +163,8 @@ def scene_name_of(view_set: Path) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", view_set.resolve().name).strip("-") or "view-set"
 
 
-def _known(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:
+def known_names(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:
+    """`names` as they are; raises `InputError` for one that is not known or named twice."""
     unknown = [name for name in names if name not in known]
     if unknown:
         raise InputError(f"{option}: unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")

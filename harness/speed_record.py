@@ -1,6 +1,6 @@
 """What `nox -s speed` leaves behind: `speed.json`, every figure with its spread and, where there is one, its target.
 
-This module imports the standard library and `harness.records` alone, as reports read it.
+This module imports the standard library, `harness.records` and `harness.chart_record` alone, as reports read it.
 """
 
 import json
@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.chart_record import Series, Table
 from harness.records import DamagedRecord, write_json
 
 SPEED_SCHEMA = 1
@@ -40,34 +41,6 @@ class Measurement:
         if self.target is None or self.value is None:
             return None
         return self.value >= self.target if self.sense == "at_least" else self.value <= self.target
-
-
-@dataclass(frozen=True)
-class Series:
-    """One line of a chart; lines with the same `panel` share their axes."""
-
-    panel: str
-    item: int
-    name: str
-    x_label: str
-    y_label: str
-    x: list[float]
-    y: list[float]
-    low: list[float] | None = None
-    high: list[float] | None = None
-    log_x: bool = True
-    log_y: bool = True
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows that are no ratio: where the remaining time goes, for instance."""
-
-    id: str
-    item: int
-    title: str
-    columns: list[str]
-    rows: list[list[str | float | None]]
 
 
 QUESTIONS: dict[int, str] = {

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from harness.speed_record import Series
+from harness.chart_record import Series
 from reports import palette
 from reports.figure import Panel, Trace, padded, svg
 from reports.speed_wording import figure

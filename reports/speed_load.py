@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from harness.chart_record import Series, Table
 from harness.records import DamagedRecord
-from harness.speed_record import Series, SpeedRecord, Table, read_speed
+from harness.speed_record import SpeedRecord, read_speed
 from reports.load import first_mismatch
 
 FILE = "speed.json"

@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from harness.speed_record import Measurement, Series, SpeedRecord, write_speed
+from harness.chart_record import Series
+from harness.speed_record import Measurement, SpeedRecord, write_speed
 from reports.figure import STYLE, padded, subdivisions, tick
 from reports.palette import INK, MUTED
 from reports.publish import save

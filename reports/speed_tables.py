@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from harness.speed_record import QUESTIONS, Measurement, SpeedRecord, Table
+from harness.chart_record import Table
+from harness.speed_record import QUESTIONS, Measurement, SpeedRecord
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.speed_wording import figure, in_repetitions, outcome, spread, target, with_unit
 from reports.wording import NOTHING, counted

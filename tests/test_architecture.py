@@ -19,7 +19,13 @@ ALLOWED = {
     "scenes": {"scenes"},
     "baselines": {"baselines"},
     "harness": {"harness", "scenes", "baselines"},
-    "reports": {"reports", "harness.records", "harness.speed_record"},
+    "reports": {
+        "reports",
+        "harness.records",
+        "harness.speed_record",
+        "harness.chart_record",
+        "harness.stability_record",
+    },
 }
 """What a package may import of ours: whole packages, or single modules."""
 DRAWERS = {"utils", "util", "helpers", "helper", "common", "misc"}

@@ -9,12 +9,13 @@ import torch
 
 from baselines.accelerations import NO_ACCELERATION, Accelerations
 from harness.batches import Batches
+from harness.chart_record import Table
 from harness.evaluate import cameras_of, render_view
 from harness.rays import Cameras
 from harness.speed.situation import Situation, batches_of, reduced_plan, views_of
 from harness.speed.timing import Seconds, measured, quotients
 from harness.speed.trained import STREAM, trained_reduced, variant_of
-from harness.speed_record import Measurement, Table
+from harness.speed_record import Measurement
 from harness.stopwatch import Stopwatch
 from harness.trainer import Trainer
 

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from harness.chart_record import Series
 from harness.evaluate import render_view
 from harness.group import GroupTask
 from harness.local_executor import run_locally
@@ -20,7 +21,7 @@ from harness.speed.situation import DENSE, Situation, reduced_plan, synthetic_ba
 from harness.speed.timing import Seconds, interleaved, measured
 from harness.speed.trained import trained_reduced
 from harness.speed.training import dense_side
-from harness.speed_record import Measurement, Series
+from harness.speed_record import Measurement
 
 ITEM = 9
 RAYS, SAMPLES, WIDTHS = (128, 256, 512, 1024, 2048), (16, 32, 64, 128), (32, 64, 128, 256, 512)

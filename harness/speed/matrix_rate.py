@@ -11,11 +11,12 @@ from baselines.composition import skip_layer
 from baselines.contract import NetworkSize
 from baselines.field import DTYPES
 from baselines.numerics.encoding import feature_count
+from harness.chart_record import Table
 from harness.settings import GridSettings, TrainSettings
 from harness.speed.situation import DENSE, Situation, paper_settings, reduced_plan, synthetic_batch
 from harness.speed.timing import interleaved, measured
 from harness.speed.training import dense_side
-from harness.speed_record import Measurement, Table
+from harness.speed_record import Measurement
 
 ITEM = 2
 CHUNKS = (1024, 2048, 4096, 8192, 16384)

@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from harness.chart_record import Series, Table
 from harness.speed.drawn_views import write_noise
 from harness.speed.memory_worker import Request
 from harness.speed.situation import Situation, reduced_plan, views_of
 from harness.speed.timing import measured, not_measured
-from harness.speed_record import Measurement, Series, Table
+from harness.speed_record import Measurement
 
 ITEM = 8
 MEBIBYTE = 1 << 20

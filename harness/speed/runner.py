@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 
+from harness.chart_record import Series, Table
 from harness.device import available_cores, keep_freed_memory, use_threads
 from harness.progress import Progress
 from harness.provenance import provenance
@@ -27,7 +28,7 @@ from harness.speed import (
     training,
 )
 from harness.speed.situation import Situation, paper_settings, reduced_plan
-from harness.speed_record import QUESTIONS, Measurement, Series, SpeedRecord, Table, read_speed, write_speed
+from harness.speed_record import QUESTIONS, Measurement, SpeedRecord, read_speed, write_speed
 from scenes.errors import InputError
 
 Finding = Measurement | Series | Table

@@ -16,6 +16,7 @@ from baselines.accelerations import Accelerations
 from baselines.contract import Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step
 from harness.batches import Batches
+from harness.chart_record import Series
 from harness.device import keep_freed_memory, return_freed_memory
 from harness.evaluate import cameras_of, floor_psnr
 from harness.lockstep import box_of, needs_view_direction
@@ -27,7 +28,7 @@ from harness.speed.crossing import Curve, Target, evaluation_times, even_times, 
 from harness.speed.situation import SCENES, Situation, batches_of, paper_settings, reduced_plan, views_of
 from harness.speed.timing import measured, not_measured
 from harness.speed.trained import STREAM
-from harness.speed_record import Measurement, Series
+from harness.speed_record import Measurement
 from harness.stopwatch import Stopwatch
 from harness.trainer import Diverged, Trainer
 from scenes.pixels import over_white

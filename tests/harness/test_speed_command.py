@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
+from harness.chart_record import Series, Table
 from harness.speed import runner
 from harness.speed.situation import Situation
 from harness.speed.timing import measured
-from harness.speed_record import QUESTIONS, Measurement, Series, Table, read_speed
+from harness.speed_record import QUESTIONS, Measurement, read_speed
 from tests.test_architecture import heavy_imports_of, run_module
 
 

@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from harness.speed_record import Series, read_speed
+from harness.chart_record import Series
+from harness.speed_record import read_speed
 from reports.__main__ import main
 from reports.speed_publish import short
 from tests.reports.fake_run import write_fake_run

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from harness.chart_record import Series, Table
 from harness.records import DamagedRecord
-from harness.speed_record import QUESTIONS, Measurement, Series, SpeedRecord, Table
+from harness.speed_record import QUESTIONS, Measurement, SpeedRecord
 from reports.figure import Panel, svg
 from reports.speed_charts import charts, panel, pens_of
 from reports.speed_load import find_speed

@@ -1,0 +1,132 @@
+"""The one table of cases. A new case is a function that yields findings and one entry here."""
+
+import importlib
+from dataclasses import dataclass
+
+from harness.stability.situation import Measure
+from harness.stability_record import CaseInfo
+
+
+@dataclass(frozen=True)
+class Case:
+    info: CaseInfo
+    measure: str
+    """`module:function`, imported when it is measured."""
+    seconds: float
+    """Estimated, on two cores."""
+
+
+def measure_of(case: Case) -> Measure:
+    module, _, name = case.measure.partition(":")
+    found: Measure = getattr(importlib.import_module(module), name)
+    return found
+
+
+def _case(id: str, title: str, given: str, danger: str, reference: str, bar: str, measure: str, seconds: float) -> Case:
+    return Case(CaseInfo(id, title, given, danger, reference, bar), f"harness.stability.{measure}", seconds)
+
+
+# fmt: off
+_ALL = [
+    _case("Q1", "Homogeneous ray", "τ from 1e-8 to 1e8 over 1, 64 and 10^6 bins",
+          "1 − exp(−τ) cancels: every digit is lost below 3e-8 a bin; a running product drifts by 2.7e-3 over 10^6 "
+          "bins", "c (1 − e^−τ) in 40 digits",
+          "relative error of colour, opacity and transmittance ≤ 1e-6; half precision refused",
+          "quadrature_rounding:homogeneous", 15),
+    _case("Q2", "Order of convergence", "linear ramp, exponential and Gaussian density, 8 to 4096 bins, float64",
+          "order is lost", "closed forms and mpmath", "fitted order within ±0.15 of the one that the rule declares",
+          "quadrature_orders:orders", 20),
+    _case("Q3", "Gradients of a ray", "Q1 and Q2, τ of a bin from 1e-8 to 100",
+          "the gradient of expm1 loses every digit; log space gives NaN where σ = 0",
+          "∂C/∂σ_i = δ_i (T_{i+1} c_i − Σ_{j>i} w_j c_j)",
+          "≤ 5e-6 of the largest gradient; gradcheck in float64 to 1e-9", "quadrature_rounding:gradients", 15),
+    _case("Q4", "Stiff rays", "τ of a bin from 15 to 1000, colour varying",
+          "order reduction: the colour of the first bin's middle is returned", "mpmath",
+          "≤ 1.1 · h/2 · max|c′|; linear in τ ≤ 1e-4", "quadrature_orders:stiff", 10),
+    _case("Q5", "A shell thinner than a bin", "width δ/3 at a random offset", "missed altogether: error 0.9",
+          "clipped integral", "share of rays missed is 1 − width/δ and said; with importance samples ≤ 1e-2",
+          "quadrature_orders:shell", 10),
+    _case("Q6", "Almost nothing", "σ = 1e-8 everywhere", "an interval of 1e10 makes it opaque, with a gradient of 1e9",
+          "opacity 4e-8", "relative error ≤ 1e-6", "quadrature_edges:almost_nothing", 3),
+    _case("Q7", "Nothing at all", "near = far, no samples, an empty ray",
+          "a false opaque hit; 0/0 in depth and disparity", "opacity 0, colour = background, depth = far",
+          "exact and finite", "quadrature_edges:nothing", 3),
+    _case("Q8", "Intervals that are none", "far < near, far = ∞, unsorted distances",
+          "opacity −53.6, or 1 where an interval of 1e10 hides it", "–", "refused, with the ray named",
+          "quadrature_edges:no_interval", 3),
+    _case("Q9", "One bad sample", "σ = NaN, +∞ or negative in one sample", "nan_to_num hides it, or it spreads",
+          "the other rays alone", "refused, with ray and sample named; other rays keep every bit",
+          "quadrature_edges:bad_sample", 3),
+    _case("Q10", "Importance sampling at its edges", "all weights zero, one spike, NaN; u = 0, 1 − ulp, 1",
+          "0/0, an index out of range", "uniform, or inside the spike's bin",
+          "sorted, inside [near, far]; NaN refused", "sampling_edges:inverse_cdf", 3),
+    _case("E1", "Top frequency of an encoding", "x in [−1, 1], k = 9 and 13", "the product f_k π x is rounded",
+          "mpmath", "≤ 1.2e-4 for 2^k, ≤ 1.2e-5 for φ^k at L = 10", "encoding_cases:top_frequency", 5),
+    _case("E2", "Positions that are none", "x = 0, denormal, 1e-4, 1e2, 1e4, 1e38, ∞, NaN",
+          "an error of 0.79 at 1e4; NaN", "mpmath", "outside the box refused; inside finite and accurate",
+          "encoding_cases:positions", 3),
+    _case("E3", "Ghosts and neutral gratings",
+          "a burst with a gap at 2φ/√5, 0.894 and 1; gratings up to and over Nyquist",
+          "distant points alias: 0.235 of the burst appears in the gap", "closed-form kernel; ratio 1.65 as control",
+          "control ≤ 0.03; no grating within 1 % of a frequency of a ladder", "encoding_cases:ghosts", 60),
+    _case("A1", "Amplifier at its start", "α = 1/φ, β as printed", "not the identity", "identity", "≤ 1.2e-7",
+          "amplifier_cases:identity", 3),
+    _case("A2", "One view, many calls",
+          "rays in calls of 1, 16, 256, all; shuffled, padded, coarse and fine, training and scoring, after a reload",
+          "the mean of the call: up to 0.3–0.77 of a pixel", "one call", "≤ 2e-6", "calls:chunks", 40),
+    _case("A3", "One NaN among 4096 rays", "one sample NaN", "every ray of the call is NaN", "the other rays",
+          "refused, with the ray named", "amplifier_cases:one_nan", 3),
+    _case("A4", "A solid slab", "one unit of matter at scene scale 0.1, 1 and 10",
+          "opacity ends at 0.63, and depends on the unit", "1 − e^−τ",
+          "reachable opacity ≥ 0.999, else it says that it cannot be opaque, with the PSNR that this allows",
+          "amplifier_cases:slab", 5),
+    _case("A5", "Extreme inputs of an amplifier", "raw ±1e4, all equal; α −1, 0, 10, 1e3, ∞; σ′ = 0.5 ± ulp",
+          "dead gradients, inversion, 0 · ∞, a jump of β", "–",
+          "outputs and gradients finite; dead share and sign recorded", "amplifier_cases:extremes", 40),
+    _case("O1", "Half precision", "float16 and bfloat16 products; gradients 0 and 1e-5",
+          "NaN, −∞, frozen weights; an encoding error of 1", "float32",
+          "weights, encoding, amplifier and quadrature stay float32", "optimiser_cases:half_precision", 10),
+    _case("O2", "One spike", "a gradient × 1e6, × 1e9, a NaN gradient; a resumed run",
+          "Adam frozen for 2e4 to 3.3e4 steps; poisoned moments", "the same run without the spike",
+          "back within 10 % in 200 steps; NaN ends the cell at a named step and tensor", "optimiser_cases:spike", 60),
+    _case("O3", "Digits lost by layer", "a trained network in bfloat16 and float16, fed the same inputs",
+          "digits vanish layer by layer", "its float64 twin", "recorded", "half_precision:digits_by_layer", 30),
+    _case("S1", "Nothing to see", "an empty scene, a black one, a constant white one", "no signal; PSNR ∞, SSIM 0/0",
+          "analytic", "finite metrics; MSE ≤ 1e-5, opacity outside ≤ 1e-2", "scene_cases:nothing_to_see", 30),
+    _case("S2", "Too close", "an opaque wall that fills the view; a camera inside the object",
+          "the near plane saturates: training views 22 dB, test views 8 dB", "analytic depth",
+          "depth within 2 bins; a gap of train and test above 3 dB is named", "scene_cases:too_close", 30),
+    _case("S3", "Fog", "dense (τ = 50) and thin (τ = 1e-3)", "stiff; cancels", "closed form, and Mitsuba",
+          "≤ 1e-4; |z| < 4", "scene_cases:fog", 30),
+    _case("S4", "Wires thinner than a pixel", "1e-2 to 1e-4 of a pixel",
+          "rays through pixel centres miss; noisy truth", "covered area", "mean of the image within 3 standard errors",
+          "scene_cases:wires", 20),
+    _case("S5", "Mirror and glass", "a mirror; glass of index 1.5 and 1.0", "virtual depth; looks depend on the side",
+          "rendered; index 1 must vanish", "index 1 within noise of nothing", "scene_cases:mirror_and_glass", 30),
+    _case("S6", "Extreme light", "an emitter of 1e6 : 1, a checker at the Nyquist limit, light at 89.9°",
+          "one pixel owns the loss; aliasing; long chords", "linear truth, box-filtered checker, analytic chord",
+          "median changes ≤ 10 %; checker equals its box mean; chord ≤ 1e-4", "scene_cases:extreme_light", 30),
+    _case("S7", "Far too small, large or far away", "scale 1e-4 to 1e4, offset 1e3 to 1e5",
+          "Mitsuba's ray epsilon brightens by 9 %", "the scene at unit scale",
+          "normalised: within noise; as it is: refused", "scene_cases:scales", 30),
+    _case("C1", "Cameras that are none",
+          "NaN, singular, origin on target, up along the view, field of view 0 or 180°; axis-parallel rays, "
+          "directions of other length, the same view twice",
+          "Mitsuba renders a clean background in silence; 0/0 in the slab test", "–",
+          "refused before rendering; opacity does not depend on the length of d", "camera_cases:cameras", 5),
+    _case("C2", "Odd sizes", "images of 1 × 1, 1 × N, 3 × 5; one ray; a last, partial call",
+          "squeezed axes, SSIM windows, a mean of the call", "a loop over rays", "≤ 2e-6", "calls:odd_sizes", 10),
+    _case("R1", "An independent reference", "a random 16³ grid, τ of a voxel up to 5", "any of the above",
+          "Mitsuba's volpath, lit along the camera ray; Dr.Jit on Mitsuba's gridvolume",
+          "|z| < 4; values and σ-gradients ≤ 5e-6, colour gradients ≤ 1e-4", "reference_cases:independent", 40),
+    _case("L1", "Ladders", "scenes that get harder rung by rung: frequency, thinness, density, dynamic range, scale",
+          "every method breaks somewhere", "rendered truth",
+          "recorded: the first rung on which a method explains less than half of what there is to see",
+          "ladder_cases:ladders", 240),
+    _case("N1", "What a scene does not need", "cells trained with and without each omission",
+          "an omission that costs more than it saves", "the same cell with nothing left out",
+          "change in error within its bound", "omission_cases:omissions", 120),
+]
+# fmt: on
+
+CASES: dict[str, Case] = {case.info.id: case for case in _ALL}

@@ -1,0 +1,106 @@
+"""Case after case → `stability.json`, written whenever one is whole."""
+
+import json
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from harness.chart_record import Series, Table
+from harness.device import available_cores, keep_freed_memory, use_threads
+from harness.progress import Progress
+from harness.provenance import provenance
+from harness.stability.catalog import CASES, Case, measure_of
+from harness.stability.situation import Situation
+from harness.stability_record import (
+    STABILITY_FILE,
+    CaseRecord,
+    Outcome,
+    Picture,
+    StabilityRecord,
+    broken,
+    read_stability,
+    write_stability,
+)
+from scenes.errors import InputError
+
+
+def run(
+    cases: list[str], methods: tuple[str, ...], out: Path, view_sets: Path, quick: bool, resume: bool, show: Progress
+) -> int:
+    """Tries `cases` into `out`; with `resume` only those that are not whole there. 0, or 3 where what must pass failed.
+
+    Raises `InputError` before anything is tried where `out` cannot be used.
+    """
+    workers = available_cores()
+    use_threads(workers)
+    keep_freed_memory()
+    settings: dict[str, Any] = {"methods": list(methods), "quick": quick, "precision": "float32"}
+    record = _claimed(out, resume, settings)
+    missing = [name for name in cases if name not in {one.info.id for one in record.cases}]
+    show.line(f"stability: {len(missing)} cases, about {sum(CASES[name].seconds for name in missing) / 60:.0f} min")
+    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
+        situation = Situation(methods, out, view_sets, Path(scratch), workers, quick, show)
+        for place, name in enumerate(missing):
+            show.line(f"[{place + 1}/{len(missing)}] {name} {CASES[name].info.title}")
+            record = _with_case(record, measured(CASES[name], situation))
+            write_stability(out / STABILITY_FILE, record)
+    record = replace(record, finished=True)
+    write_stability(out / STABILITY_FILE, record)
+    return 3 if broken(record) else 0
+
+
+def measured(case: Case, situation: Situation) -> CaseRecord:
+    """Everything that one case yields, said as it comes."""
+    began = time.monotonic()
+    kinds: dict[type, list[Any]] = {Outcome: [], Series: [], Table: [], Picture: []}
+    for finding in measure_of(case)(situation):
+        kinds[type(finding)].append(finding)
+        if isinstance(finding, Outcome):
+            if finding.case != case.info.id:
+                raise ValueError(f"case {case.info.id} gave an outcome of case {finding.case}")
+            situation.show.line(f"  {line_of(finding)}")
+    return CaseRecord(case.info, kinds[Outcome], kinds[Series], kinds[Table], kinds[Picture], time.monotonic() - began)
+
+
+def line_of(one: Outcome) -> str:
+    """`midpoint  pass  2.1e-07 (at most 1e-06): largest relative error`"""
+    words = {"pass": "pass", "not_applicable": "not applicable", "not_available": "not available"}
+    outcome = words.get(one.status) or ("FAIL" if one.must_pass else "fails, a property of it")
+    figure = "" if one.figure is None else f"  {one.figure:.3g}{one.unit and ' ' + one.unit}"
+    bar = "" if one.bar is None else f" ({one.sense.replace('_', ' ')} {one.bar:.3g})"
+    note = "; ".join(filter(None, (one.what, one.why)))
+    return f"{one.subject}  {outcome}{figure}{bar}{note and ': ' + note}"
+
+
+def _with_case(record: StabilityRecord, case: CaseRecord) -> StabilityRecord:
+    order = list(CASES)
+    cases = sorted([*record.cases, case], key=lambda one: order.index(one.info.id))
+    return replace(record, cases=cases, finished=False)
+
+
+def _claimed(out: Path, resume: bool, settings: dict[str, Any]) -> StabilityRecord:
+    """The record to go on with, or a fresh one."""
+    file = out / STABILITY_FILE
+    if file.exists() and not resume:
+        raise InputError(f"--out {out}: holds {STABILITY_FILE} already; name another folder, or go on with --resume")
+    if resume:
+        if not file.exists():
+            raise InputError(f"--resume: {file} is not there; leave --resume out, or name its folder with --out")
+        record = read_stability(file)
+        if record.settings != json.loads(json.dumps(settings)):
+            raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
+        known = [one for one in record.cases if one.info.id in CASES]
+        return replace(record, cases=known, finished=False)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        record = StabilityRecord(provenance(torch.device("cpu")), settings)
+        write_stability(file, record)
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
+        ) from error
+    return record
