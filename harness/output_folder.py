@@ -44,6 +44,26 @@ def latest_folder() -> Path | None:
     return latest.resolve() if latest.exists() else None
 
 
+def claim_for(out: Path, file: str, resume: bool) -> bool:
+    """Make the folder ours for a measurement that keeps everything in `file`; whether there is one to go on with.
+
+    Raises `InputError` for a folder that is in use, and with `resume` for one without that file.
+    """
+    if resume:
+        if not (out / file).exists():
+            raise InputError(f"--resume: {out} holds no {file} to go on with; name its folder with --out")
+        return True
+    try:
+        if out.exists() and not out.is_dir():
+            raise InputError(f"--out {out}: is a file; name a folder")
+        if out.exists() and any(out.iterdir()):
+            raise InputError(f"--out {out}: the folder is in use; name another one, or go on with --resume")
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}); name another folder") from error
+    return False
+
+
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
     """Make the folder ours, or refuse it. A run is gone on with by the same plan on the same kind of machine alone."""
     try:

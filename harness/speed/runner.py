@@ -12,6 +12,7 @@ import torch
 
 from harness.chart_record import Series, Table
 from harness.device import available_cores, keep_freed_memory, use_threads
+from harness.output_folder import claim_for
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.speed import (
@@ -52,8 +53,11 @@ VIEW_SET_SECONDS = 120
 """Rendering the three scenes, where they are not in the cache."""
 
 
+SPEED_FILE = "speed.json"
+
+
 def speed_file(out: Path) -> Path:
-    return out / "speed.json"
+    return out / SPEED_FILE
 
 
 def run(
@@ -74,7 +78,7 @@ def run(
     threads = 1 if quick else available_cores()
     use_threads(threads)
     keep_freed_memory()
-    record = _claimed(out, resume)
+    record = read_speed(speed_file(out)) if claim_for(out, SPEED_FILE, resume) else None
     with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
         situation = Situation(device, threads, quick, plain_seconds, view_sets, Path(scratch), show)
         fresh = SpeedRecord(provenance(device), settings_of(situation))
@@ -172,21 +176,3 @@ def line_of(one: Measurement) -> str:
     sense = "≥" if one.sense == "at_least" else "≤"
     goal = f"; target {sense} {one.target:g}: {'met' if one.met else 'MISSED'}" if one.target is not None else ""
     return f"{one.title}: {one.value:.3g} {one.unit}{spread}{goal}"
-
-
-def _claimed(out: Path, resume: bool) -> SpeedRecord | None:
-    """The record to go on with, or None for a folder that is ours now. Raises `InputError`, `DamagedRecord`."""
-    file = speed_file(out)
-    if resume:
-        if not file.exists():
-            raise InputError(f"--resume: {out} holds no speed.json to go on with; name its folder with --out")
-        return read_speed(file)
-    try:
-        if out.exists() and not out.is_dir():
-            raise InputError(f"--out {out}: is a file; name a folder")
-        if out.exists() and any(out.iterdir()):
-            raise InputError(f"--out {out}: the folder is in use; name another one, or go on with --resume")
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written ({error.strerror}); name another folder") from error
-    return None

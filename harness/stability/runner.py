@@ -11,6 +11,7 @@ import torch
 
 from harness.chart_record import Series, Table
 from harness.device import available_cores, keep_freed_memory, use_threads
+from harness.output_folder import claim_for
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.stability.catalog import CASES, Case, measure_of
@@ -83,24 +84,12 @@ def _with_case(record: StabilityRecord, case: CaseRecord) -> StabilityRecord:
 
 
 def _claimed(out: Path, resume: bool, settings: dict[str, Any]) -> StabilityRecord:
-    """The record to go on with, or a fresh one."""
-    file = out / STABILITY_FILE
-    if file.exists() and not resume:
-        raise InputError(f"--out {out}: holds {STABILITY_FILE} already; name another folder, or go on with --resume")
-    if resume:
-        if not file.exists():
-            raise InputError(f"--resume: {file} is not there; leave --resume out, or name its folder with --out")
-        record = read_stability(file)
-        if record.settings != json.loads(json.dumps(settings)):
-            raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
-        known = [one for one in record.cases if one.info.id in CASES]
-        return replace(record, cases=known, finished=False)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        record = StabilityRecord(provenance(torch.device("cpu")), settings)
-        write_stability(file, record)
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
-        ) from error
-    return record
+    """The record to go on with, or a fresh one. Raises `InputError`, `DamagedRecord`."""
+    fresh = StabilityRecord(provenance(torch.device("cpu")), settings)
+    if not claim_for(out, STABILITY_FILE, resume):
+        write_stability(out / STABILITY_FILE, fresh)
+        return fresh
+    record = read_stability(out / STABILITY_FILE)
+    if record.settings != json.loads(json.dumps(settings)):
+        raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
+    return replace(record, cases=[one for one in record.cases if one.info.id in CASES], finished=False)
