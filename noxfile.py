@@ -1,4 +1,4 @@
-"""nox -s benchmark · stability · speed · tests · lint. Environments are made by uv and reused."""
+"""nox -s benchmark · stability · speed · tests · tests_slow · lint. Environments are made by uv and reused."""
 
 import time
 
@@ -54,9 +54,16 @@ def measured(session: nox.Session, command: str, not_for_a_report: set[str] | No
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """The test suite."""
+    """The test suite without its slow part."""
     install(session, "test")
-    session.run("pytest", *session.posargs)
+    session.run("pytest", *(session.posargs or ["-m", "not slow"]))
+
+
+@nox.session
+def tests_slow(session: nox.Session) -> None:
+    """The slow part of the test suite: whole runs, browsers, measurements from end to end."""
+    install(session, "test")
+    session.run("pytest", "-m", "slow", *session.posargs)
 
 
 @nox.session
