@@ -24,6 +24,18 @@ class Rays:
     def part(self, start: int, stop: int) -> "Rays":
         return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
 
+    def require_finite(self) -> None:
+        """Raises `ValueError` naming the first ray with a NaN or an infinity: the test against a box, which compares,
+        would call it a miss, and a renderer background.
+        """
+        finite = torch.isfinite(self.origins).all(dim=-1) & torch.isfinite(self.directions).all(dim=-1)
+        if not bool(finite.all()):
+            ray = int(finite.int().argmin())
+            raise ValueError(
+                f"ray {ray} is not finite: origin {self.origins[ray].tolist()}, "
+                f"direction {self.directions[ray].tolist()}"
+            )
+
     def chosen(self, index: Int[Tensor, " chosen"]) -> "Rays":
         return Rays(self.origins[index], self.directions[index], self.near, self.far)
 
@@ -73,7 +85,8 @@ class NetworkSize:
     direction_bands: int = 4
 
 
-Precision = Literal["float32", "bfloat16"]
+Precision = Literal["float32", "bfloat16", "float16"]
+"""Of matrix products alone: weights, encoding, amplifier and quadrature are float32 in each of them."""
 
 
 @runtime_checkable

@@ -18,7 +18,11 @@ from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_lay
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
 from baselines.numerics.encoding import encode, feature_count
 
-DTYPES: dict[Precision, torch.dtype] = {"float32": torch.float32, "bfloat16": torch.bfloat16}
+DTYPES: dict[Precision, torch.dtype] = {
+    "float32": torch.float32,
+    "bfloat16": torch.bfloat16,
+    "float16": torch.float16,
+}
 
 
 class NetworkField(nn.Module):
@@ -78,6 +82,11 @@ class NetworkField(nn.Module):
     @property
     def pointwise(self) -> bool:
         return self.amplifier.pointwise
+
+    @property
+    def bounded(self) -> bool:
+        """Whether density stays within [0, 1]."""
+        return self.amplifier.bounded
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
         on = self.accelerations.recurrence

@@ -60,7 +60,7 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
     add(
         "--precision",
         default="auto",
-        choices=("auto", "float32", "bfloat16"),
+        choices=("auto", "float32", "bfloat16", "float16"),
         help="of matrix products alone (default: the profile's, where the processor has such products)",
     )
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")

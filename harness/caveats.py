@@ -37,10 +37,11 @@ def deviations(plan: Plan) -> list[str]:
             f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
             "docs/learning_rates.json holds the sweep of every method on validation views and a seed of its own."
         )
-    if train.precision == "bfloat16":
+    if train.precision != "float32":
         rows.append(
-            "Matrix products run in bfloat16 on float32 weights; encoding, amplifier and quadrature in float32. "
-            "docs/precision.json holds four cells of a shorter run in both precisions: they differ by less than 0.1 dB."
+            f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
+            "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16: they differ by "
+            "less than 0.1 dB."
         )
     if train.grid.cells and train.accelerations.grid:
         rows.append(

@@ -53,7 +53,7 @@ def changed(train: TrainSettings, change: Change) -> TrainSettings:
     """`train` without the grid, or in the other precision."""
     if change == "grid":
         return replace(train, accelerations=replace(train.accelerations, grid=False))
-    return replace(train, precision="float32" if train.precision == "bfloat16" else "bfloat16")
+    return replace(train, precision="bfloat16" if train.precision == "float32" else "float32")
 
 
 def pairs(plan: Plan, changes: list[Change], folders: dict[str, Path], scratch: Path, workers: int) -> Iterator[Pair]:
@@ -75,8 +75,9 @@ def trained_pair(task: PairTask) -> Pair:
     from harness.batches import Batches
     from harness.device import keep_freed_memory, use_threads
     from harness.ground_truth import read_views
+    from harness.learner import Learner, learner_for
     from harness.lockstep import box_of, needs_view_direction, stream_of
-    from harness.trainer import Diverged, Trainer
+    from harness.trainer import Diverged
 
     use_threads(1)
     keep_freed_memory()
@@ -86,11 +87,11 @@ def trained_pair(task: PairTask) -> Pair:
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
     test = evaluate.cameras_of(views, views.test, device)
 
-    def score(trainer: Trainer) -> float | None:
+    def score(trainer: Learner) -> float | None:
         return evaluate.quick_scores(evaluate.render_split(trainer, test, plan.score.chunk), views.test)["psnr"]
 
-    def trained(settings: TrainSettings) -> Trainer | None:
-        trainer = Trainer(
+    def trained(settings: TrainSettings) -> Learner | None:
+        trainer = learner_for(
             task.method, box_of(views, device), settings, plan.budget, stream, device, needs_view_direction(views)
         )
         try:

@@ -102,7 +102,8 @@ class CellRecord:
     curve: list[Checkpoint]
     views: list[ViewScore]
     trace: dict[str, list[float | None]]
-    """Equally long lists over training: step, loss, gradient_norm, alpha, beta, samples_per_ray."""
+    """Equally long lists over training: step, loss, gradient_norm (before clipping), clipped_norm (of what the
+    optimiser got; runs recorded before it was noted have none), alpha, beta, samples_per_ray."""
     parameters: dict[str, int]
     """Weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, float | str | None]

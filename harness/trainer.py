@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from baselines.catalog import CATALOG
-from baselines.contract import Box, Rays, Rendering
+from baselines.contract import Box, Precision, Rays, Rendering
 from baselines.field import NetworkField
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
@@ -41,6 +41,8 @@ class Trainer:
         view_dependent: bool = True,
     ) -> None:
         parts = CATALOG[method].parts
+        if parts is None:
+            raise ValueError(f"{method} is not made of parts; it has a trainer of its own")
         self.method = method
         self.settings = settings
         self.budget = budget
@@ -70,6 +72,8 @@ class Trainer:
         self.clock = Stopwatch(device)
         self.step = 0
         self.network_evaluations = 0
+        self.last_loss: float | None = None
+        """Of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
 
     @property
@@ -87,7 +91,11 @@ class Trainer:
         self.optimiser.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """One step on one batch, on the clock. Raises `Diverged`; the weights are then those before the step."""
+        """One step on one batch, on the clock.
+
+        Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
+        """
+        noted = (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
         with self.clock.running():
             self._refresh_grid()
             rate = learning_rate(
@@ -102,18 +110,16 @@ class Trainer:
             loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
             if not math.isfinite(loss_value := loss.item()):
                 raise Diverged(self.step, "loss" if _all_finite(self._weights()) else self._first_not_finite("weight"))
-            loss.backward()
-            total = nn.utils.get_total_norm([w.grad for w in self.fields.parameters() if w.grad is not None])
-            if not math.isfinite(norm := float(total)):
-                # before anything is scaled by it, which would make every gradient NaN
-                raise Diverged(self.step, self._first_not_finite("gradient"))
-            nn.utils.clip_grads_with_norm_(self.fields.parameters(), self.settings.clip_norm, total)
+            norms = self._clipped_gradient(loss, noted)
             self.optimiser.step()
             self.optimiser.zero_grad(set_to_none=True)
+            if not _all_finite(self._weights()):
+                raise Diverged(self.step, self._first_not_finite("weight"))
         self.step += 1
+        self.last_loss = loss_value
         self.network_evaluations += rendering.network_evaluations
-        if self.step % TRACE_EVERY == 0 or self.step == 1:
-            self._note(loss_value, norm, rendering.network_evaluations / len(rays))
+        if noted:
+            self._note(loss_value, norms, rendering.network_evaluations / len(rays))
 
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int) -> Rendering:
@@ -126,8 +132,9 @@ class Trainer:
             network_evaluations=sum(part.network_evaluations for part in parts),
         )
         for name in ("colour", "opacity", "depth"):
-            if not bool(torch.isfinite(getattr(whole, name)).all()):
-                raise Diverged(self.step, f"rendered {name}")
+            finite = torch.isfinite(getattr(whole, name)).reshape(len(rays), -1).all(dim=-1)
+            if not bool(finite.all()):
+                raise Diverged(self.step, f"rendered {name} of ray {int(finite.int().argmin())}")
         return whole
 
     def amplifier_scalars(self) -> dict[str, float | None]:
@@ -151,6 +158,7 @@ class Trainer:
         )
 
     def _rendered(self, rays: Rays, generator: torch.Generator | None) -> Rendering:
+        rays.require_finite()
         try:
             return render_rays(
                 self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
@@ -166,6 +174,23 @@ class Trainer:
             loss = loss + torch.mean((rendering.coarse_colour - colours) ** 2)
         return loss, rendering
 
+    def _clipped_gradient(self, loss: Tensor, measured: bool) -> tuple[float, float]:
+        """Leaves the gradient of all weights, clipped; its norm before and, if it is to be `measured`, after that.
+
+        Raises `Diverged`.
+        """
+        scale = LOSS_SCALE[self.settings.precision]
+        (loss * scale).backward()
+        gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
+        if scale != 1.0:
+            torch._foreach_div_(gradients, scale)
+        total = nn.utils.get_total_norm(gradients)
+        if not math.isfinite(norm := float(total)):
+            # before anything is scaled by it, which would make every gradient NaN
+            raise Diverged(self.step, self._first_not_finite("gradient"))
+        nn.utils.clip_grads_with_norm_(self.fields.parameters(), self.settings.clip_norm, total)
+        return norm, float(nn.utils.get_total_norm(gradients)) if measured else math.nan
+
     def _refresh_grid(self) -> None:
         settings = self.settings.grid
         since = self.step - settings.first_step
@@ -178,11 +203,12 @@ class Trainer:
             # a NaN is not above any threshold: the cell would count as empty for good, and never be seen again
             raise Diverged(self.step, "density in the occupancy grid")
 
-    def _note(self, loss: float, norm: float, samples_per_ray: float) -> None:
+    def _note(self, loss: float, norms: tuple[float, float], samples_per_ray: float) -> None:
         values = {
             "step": float(self.step),
             "loss": loss,
-            "gradient_norm": norm,
+            "gradient_norm": norms[0],
+            "clipped_norm": norms[1],
             "samples_per_ray": samples_per_ray,
             **self.amplifier_scalars(),
         }
@@ -200,9 +226,14 @@ class Trainer:
         return f"norm of all {what}s"
 
 
-TRACED = ("step", "loss", "gradient_norm", "alpha", "beta", "samples_per_ray")
+LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
+"""What the loss is multiplied by on the way back alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
+512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32."""
+TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
 TRACE_EVERY = 20
 
 
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
-    return all(bool(torch.isfinite(tensor).all()) for tensor in tensors)
+    """Asks the device once, where every norm is finite, as it nearly always is."""
+    some = list(tensors)
+    return bool(torch.isfinite(nn.utils.get_total_norm(some))) or all(bool(torch.isfinite(one).all()) for one in some)
