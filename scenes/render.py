@@ -57,11 +57,12 @@ class LoadedScene:
 
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
-        fov_x_radians: float = FOV_X_RADIANS,
+        fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None,
     ) -> None:  # fmt: skip
+        """`integrator` is `path` or `volpath`, whatever the scene needs."""
         mi = use(variant)
         self.needs: Needs = needs(description)
-        self.integrator_name = "volpath" if self.needs.participating_media else "path"
+        self.integrator_name = integrator or ("volpath" if self.needs["participating_media"].needed else "path")
         self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
         self._variant = variant
         self._vectorised = not variant.name.startswith("scalar")

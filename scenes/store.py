@@ -25,7 +25,7 @@ from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.images import write_channels, write_png
 from scenes.manifest import SCHEMA, check_all, write_manifest
-from scenes.needs import left_out
+from scenes.needs import as_rows, left_out, needs
 from scenes.pixels import display_from_linear
 from scenes.scene import Description, Scene
 from scenes.transforms import transforms_file, write_transforms
@@ -69,6 +69,7 @@ class Order:
                 "versions": _versions(),
                 "variant": variant,
                 "description": self.description,
+                "needs": {name: need.needed for name, need in needs(self.description).items()},
                 "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
                 "resolution": self.resolution,
                 "fov": FOV_X_RADIANS,
@@ -186,6 +187,7 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
         files.append(listing)
     bounds = loaded.bounds()
+    found = needs(order.description, bounds, _pixel_length(order, bounds))
     facts = {
         "scene": scene.name,
         "title": scene.title,
@@ -204,13 +206,8 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         "integrator": loaded.integrator_name,
         "versions": {**_versions(), "python": platform.python_version()},
         "seconds": time.perf_counter() - started,
-        "needs": {
-            "view_direction": loaded.needs.view_direction,
-            "participating_media": loaded.needs.participating_media,
-            "background_model": loaded.needs.background_model,
-            "reasons": loaded.needs.reasons,
-        },
-        "left_out": left_out(loaded.needs, bounds),
+        "needs": as_rows(found),
+        "left_out": left_out(found),
         "views": views,
     }
     write_manifest(folder, facts, files)
@@ -267,6 +264,13 @@ def _disk(cache: Path) -> Iterator[None]:
         if error.errno in (errno.ENOTDIR, errno.EEXIST):
             raise InputError(f"{where}: a file is in the way of a folder; choose another --view-sets folder") from error
         raise InputError(f"{where}: cannot be written ({error.strerror}); choose another --view-sets folder") from error
+
+
+def _pixel_length(order: Order, bounds: np.ndarray) -> float:
+    """Of a pixel in the middle of the box, scene units, from the nearest camera."""
+    eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
+    focal = 0.5 * order.resolution / np.tan(0.5 * FOV_X_RADIANS)
+    return float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
 
 
 def _folder(cache: Path, order: Order, variant: str) -> Path:

@@ -10,7 +10,7 @@ import pytest
 from scenes.catalog import CATALOG, CLASSICS, scene_named
 from scenes.digest import digest_of
 from scenes.errors import InputError
-from scenes.needs import entries, left_out, needs
+from scenes.needs import PARTS, entries, left_out, needs
 from scenes.render import LoadedScene, render_views
 from scenes.scene import Description, Scene
 from scenes.variant import Variant, llvm_libraries, probe
@@ -106,9 +106,12 @@ def test_its_light_comes_from_infinitely_far_away(name: str) -> None:
 
 def test_its_needs_are_known(name: str) -> None:
     _, description = built(name)
-    found = needs(description)
-    assert not found.participating_media
-    assert all(row["reason"] for row in left_out(found, np.array([[-1.0] * 3, [1.0] * 3])))
+    found = needs(description, np.array([[-1.0] * 3, [1.0] * 3]), pixel=0.03)
+    assert list(found) == list(PARTS)
+    assert {row["name"] for row in left_out(found)} == {
+        "background_model", "outside_box", "empty_space", "behind_opaque", "participating_media", "scale_checks",
+        "hdr_metrics",
+    }  # fmt: skip
 
 
 def views_of(name: str, variant: Variant, spp: int) -> tuple[np.ndarray, list[Any]]:

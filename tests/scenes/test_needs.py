@@ -1,14 +1,24 @@
+import json
+import math
+
 import numpy as np
 import pytest
 
-from scenes.needs import left_out, needs
+from scenes.needs import PARTS, as_rows, forced, left_out, needs, needs_from_rows, useful_bands
 from scenes.scene import Description
 
 DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
+BOX = np.array([[-1.0, -1, -1], [1, 1, 1]])
+SKY = {"type": "constant"}
 
 
 def scene_of(bsdf: Description) -> Description:
-    return {"sky": {"type": "constant"}, "thing": {"type": "sphere", "bsdf": bsdf}}
+    return {"sky": SKY, "thing": {"type": "sphere", "bsdf": bsdf}}
+
+
+def fog(sigma_t: object, shape: str = "cube", **others: object) -> Description:
+    medium = {"type": "homogeneous", "albedo": 0.5, "sigma_t": sigma_t, **others}
+    return {"sky": SKY, "fog": {"type": shape, "bsdf": {"type": "null"}, "interior": medium}}
 
 
 @pytest.mark.parametrize(
@@ -22,39 +32,135 @@ def scene_of(bsdf: Description) -> Description:
     ],
 )
 def test_lambertian_scenes_need_no_view_direction(bsdf: Description) -> None:
-    found = needs(scene_of(bsdf))
-    assert not found.view_direction
-    assert "Lambertian" in found.reasons["view_direction"]
+    need = needs(scene_of(bsdf))["view_direction"]
+    assert not need.needed
+    assert "Lambertian" in need.reason
 
 
 @pytest.mark.parametrize("kind", ["plastic", "dielectric", "roughconductor", "principled", "not_invented_yet"])
 def test_one_shiny_part_needs_it(kind: str) -> None:
     wrapped = {"type": "twosided", "bsdf": {"type": "blendbsdf", "a": DIFFUSE, "b": {"type": kind}}}
-    found = needs(scene_of(wrapped))
-    assert found.view_direction
-    assert kind in found.reasons["view_direction"]
+    need = needs(scene_of(wrapped))["view_direction"]
+    assert need.needed
+    assert kind in need.reason
 
 
 def test_a_shape_without_material_is_diffuse() -> None:
-    assert not needs({"sky": {"type": "constant"}, "thing": {"type": "sphere"}}).view_direction
+    assert not needs({"sky": SKY, "thing": {"type": "sphere"}})["view_direction"].needed
 
 
 def test_media_need_the_volumetric_integrator() -> None:
-    description = {
-        "fog": {"type": "sphere", "bsdf": {"type": "null"}, "interior": {"type": "homogeneous", "albedo": 0.5}}
-    }
-    found = needs(description)
-    assert found.participating_media
-    assert found.view_direction
-    assert "homogeneous" in found.reasons["participating_media"]
+    found = needs(fog(1.0))
+    assert found["participating_media"].needed
+    assert found["view_direction"].needed
+    assert "homogeneous" in found["participating_media"].reason
+    assert not needs(scene_of(DIFFUSE))["participating_media"].needed
 
 
-def test_left_out_names_what_and_why() -> None:
-    bounds = np.array([[-1.0, -1, -1], [1, 1, 1]])
-    rows = left_out(needs(scene_of(DIFFUSE)), bounds)
+def test_only_surfaces_have_a_depth() -> None:
+    assert needs(scene_of(DIFFUSE))["depth_metric"].needed
+    assert not needs(fog(1.0))["depth_metric"].needed
+    assert needs(fog(1.0) | scene_of(DIFFUSE))["depth_metric"].needed
+    assert not needs({"sky": SKY})["depth_metric"].needed
+
+
+def test_a_shape_that_glows_is_a_surface_whatever_its_material() -> None:
+    lamp = {"type": "sphere", "bsdf": {"type": "null"}, "emitter": {"type": "area", "radiance": 3.0}}
+    assert needs({"lamp": lamp})["depth_metric"].needed
+
+
+@pytest.mark.parametrize(
+    ("description", "bin_is_stiff", "ray_is_opaque"),
+    [
+        (scene_of(DIFFUSE), True, True),
+        (fog(1e-3), False, False),
+        (fog(5.0), False, True),  # 17 along the diagonal, 0.27 a bin
+        (fog(50.0), True, True),
+        (fog({"type": "rgb", "value": [0.1, 50.0, 1.0]}), True, True),
+        (fog(0.5, scale=100.0), True, True),
+        (fog({"type": "gridvolume", "data": np.full((2, 2, 2, 1), 50.0)}), True, True),
+        ({"sky": SKY}, False, False),
+    ],
+)
+def test_what_follows_from_the_optical_depth(description: Description, bin_is_stiff: bool, ray_is_opaque: bool) -> None:
+    found = needs(description, BOX)
+    assert found["fine_pass"].needed == bin_is_stiff
+    assert found["linear_quadrature"].needed == bin_is_stiff
+    # what lies behind opaque matter is what can be left out
+    assert found["behind_opaque"].needed == (not ray_is_opaque)
+
+
+def test_a_medium_that_fills_the_box_leaves_no_space_empty() -> None:
+    assert needs(fog(1.0), BOX)["empty_space"].needed
+    assert not needs(fog(1.0, "sphere"), BOX)["empty_space"].needed
+    assert not needs(scene_of(DIFFUSE), BOX)["empty_space"].needed
+
+
+@pytest.mark.parametrize(("size", "needed"), [(1.0, False), (0.02, False), (90.0, False), (1e-3, True), (1e4, True)])
+def test_scale(size: float, needed: bool) -> None:
+    assert needs(scene_of(DIFFUSE), size * BOX)["scale_checks"].needed == needed
+    assert needs(scene_of(DIFFUSE), BOX + 1e3)["scale_checks"].needed
+
+
+@pytest.mark.parametrize(
+    ("lights", "needed"),
+    [
+        ([], False),
+        ([{"type": "constant", "radiance": 0.4}], False),
+        ([{"type": "constant"}, {"type": "area", "radiance": {"type": "rgb", "value": [50.0, 50, 50]}}], False),
+        ([{"type": "constant"}, {"type": "area", "radiance": {"type": "rgb", "value": [1e6, 1e6, 1e6]}}], True),
+        ([{"type": "area", "radiance": 7.0}], False),
+        ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[1e3] * 3]], np.float32)}], True),
+        ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[9.0] * 3]], np.float32)}], False),
+        ([{"type": "constant", "radiance": 0.0}, {"type": "area", "radiance": 1.0}], True),
+    ],
+)
+def test_bright_over_median_light(lights: list[Description], needed: bool) -> None:
+    description = {f"light{i}": light for i, light in enumerate(lights)}
+    assert needs(description)["hdr_metrics"].needed == needed
+
+
+@pytest.mark.parametrize(("cycles", "base", "bands"), [(50.0, 2.0, 6), (64.0, 2.0, 6), (65.0, 2.0, 7), (0.2, 2.0, 1)])
+def test_useful_bands(cycles: float, base: float, bands: int) -> None:
+    """The last band of L = ceil(log_b(cycles)) reaches at least half of the cycles, and one less would not."""
+    assert useful_bands(cycles, base) == bands
+    assert useful_bands(76.0, (1 + math.sqrt(5)) / 2) == 9
+
+
+def test_bands_are_named_but_kept_as_they_are_what_is_compared() -> None:
+    found = needs(scene_of(DIFFUSE), BOX, pixel=0.02)
+    assert "50 cycles" in found["high_bands"].reason
+    assert not found["high_bands"].needed
+    assert "high_bands" not in {row["name"] for row in left_out(found)}
+    assert "high_bands" not in needs(scene_of(DIFFUSE), BOX)
+
+
+def test_left_out_names_what_and_why_and_within_what() -> None:
+    rows = left_out(needs(scene_of(DIFFUSE), BOX, 0.02))
     assert {row["what"] for row in rows} == {
-        "samples outside the box", "view-direction branch", "volumetric integrator", "background model",
+        "samples outside the box", "samples in empty space", "view-direction branch", "volumetric integrator",
+        "background model", "samples behind opaque matter", "normalising the scale", "logarithmic error metrics",
     }  # fmt: skip
     assert all(row["reason"] for row in rows)
-    shiny = left_out(needs(scene_of({"type": "conductor"})), bounds)
+    assert all(row["bound"] >= 0 and row["unit"] in ("dB", "colour") for row in rows)
+    shiny = left_out(needs(scene_of({"type": "conductor"}), BOX))
     assert "view-direction branch" not in {row["what"] for row in shiny}
+
+
+def test_a_manifest_keeps_them() -> None:
+    found = needs(fog(50.0), BOX, 0.02)
+    assert needs_from_rows(json.loads(json.dumps(as_rows(found)))) == found
+    assert needs_from_rows({"view_direction": True}) == {}
+    assert needs_from_rows(None) == {}
+
+
+def test_a_user_has_the_last_word() -> None:
+    found = needs(scene_of(DIFFUSE), BOX)
+    changed = forced(found, ("view_direction",), ("fine_pass", "high_bands"))
+    assert changed["view_direction"].needed
+    assert "--need" in changed["view_direction"].reason
+    assert not changed["fine_pass"].needed
+    assert "--no-need" in changed["fine_pass"].reason
+    assert changed["outside_box"] == found["outside_box"]
+    assert list(changed) == list(PARTS)
+    assert forced({}, ("view_direction",), ())["view_direction"].needed
