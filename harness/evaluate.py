@@ -8,10 +8,11 @@ import torch
 
 from baselines.contract import Rays, Rendering
 from harness import metrics
+from harness.learner import Learner
 from harness.rays import Cameras
 from harness.records import ViewScore, finite_or_none
 from harness.seeds import generator_for
-from harness.trainer import Diverged, Trainer
+from harness.trainer import Diverged
 from scenes.pixels import over_white
 from scenes.view_set import Split, ViewSet
 
@@ -43,7 +44,7 @@ def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
     return Cameras.of(split.camera_to_world, views.width, views.height, views.focal, views.near, views.far).to(device)
 
 
-def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> View:
+def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> View:
     """A whole view, its pixels in one fixed random order.
 
     The order matters to a density that depends on the call alone: a call then holds pixels of all parts of the view,
@@ -60,7 +61,7 @@ def render_view(trainer: Trainer, cameras: Cameras, view: int, chunk: int) -> Vi
     return View.of(in_order, cameras.height, cameras.width)
 
 
-def render_split(trainer: Trainer, cameras: Cameras, chunk: int) -> Iterator[View]:
+def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[View]:
     """One view at a time: no more than one need be in memory."""
     return (render_view(trainer, cameras, index, chunk) for index in range(len(cameras)))
 
@@ -110,7 +111,7 @@ def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
     return means
 
 
-def train_psnr(trainer: Trainer, views: ViewSet, count: int, chunk: int) -> float | None:
+def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:
     """Mean PSNR over `count` evenly spread training views: what the method fits, beside what it generalises to."""
     cameras = cameras_of(views, views.train, trainer.device)
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
@@ -132,7 +133,7 @@ def floor_psnr(views: ViewSet) -> float | None:
 
 
 @torch.no_grad()
-def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[float]]:
+def density_histogram(trainer: Learner, points: int = 32) -> dict[str, list[float]]:
     """Shares of a regular grid of points over the box by density, before and after the amplifier.
 
     Bins are linear over [0, 1] where the method's density is bounded to it, else logarithmic from 1e-3 to 1e3.
@@ -142,7 +143,7 @@ def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[floa
     before, after = trainer.field.density_before_and_after(trainer.box.from_unit(unit))
     if not bool(torch.isfinite(after).all()):
         raise Diverged(trainer.step, "density after the amplifier")
-    bounded = trainer.field.amplifier.bounded
+    bounded = trainer.field.bounded
     edges = np.linspace(0.0, 1.0, HISTOGRAM_BINS + 1) if bounded else np.geomspace(1e-3, 1e3, HISTOGRAM_BINS + 1)
 
     def shares(values: torch.Tensor) -> list[float]:
@@ -154,7 +155,7 @@ def density_histogram(trainer: Trainer, points: int = 32) -> dict[str, list[floa
 
 
 @torch.no_grad()
-def measured_properties(trainer: Trainer, test: Cameras) -> dict[str, float | str | None]:
+def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | str | None]:
     """Chunk dependence of one test view, the opacity of one unit of the densest matter found, the grid's share."""
     rays = test.all_rays(0)
     large = trainer.render(rays, LARGE_CHUNK).colour

@@ -8,6 +8,7 @@ from pathlib import Path
 from harness.records import CellRecord, cell_path, write_cell
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings, ViewSettings
+from harness.unscored import unscored
 from scenes.errors import InputError
 
 
@@ -66,28 +67,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
 def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
     """Write a record of status `error` for each method of the group that has none yet."""
     missing = [name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists()]
-    cells = [
-        CellRecord(
-            scene=task.scene,
-            method=method,
-            seed=task.seed,
-            status="error",
-            reason=reason,
-            steps=0,
-            train_seconds=0.0,
-            scores={},
-            curve=[],
-            views=[],
-            trace={},
-            parameters={},
-            properties={},
-            warnings=[],
-            images=[],
-            settings={},
-            provenance={},
-        )
-        for method in missing
-    ]
+    cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing]
     for cell in cells:
         write_cell(task.out, cell)
     return cells

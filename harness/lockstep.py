@@ -12,10 +12,12 @@ from safetensors.torch import save_file
 from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
+from harness.learner import Learner, NotAvailable, learner_for
 from harness.records import CellRecord, Checkpoint, Status, StoredImage, ViewScore, records_folder
 from harness.schedule import Budget, checkpoint_fractions
 from harness.settings import ScoreSettings, TrainSettings
-from harness.trainer import Diverged, Trainer
+from harness.trainer import Diverged
+from harness.unscored import unscored
 from scenes.images import write_png
 from scenes.pixels import over_white
 from scenes.view_set import Split, ViewSet
@@ -24,6 +26,8 @@ COLLAPSED_OPACITY = 0.02
 """Mean test opacity below which a method has learnt nothing but the background."""
 BILLBOARD_GAP_DB = 6.0
 """Training views this much above test views: the images are painted in front of the cameras, not in the scene."""
+FLAGGED_GAP_DB = 3.0
+"""Training views this much above test views: the views are fitted better than what is between them."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,16 @@ def train_group(
     batches = Batches(train_cameras, views.train.rgba)
     stream = stream_of(scene, seed)
     floor = evaluate.floor_psnr(views)
-    runners = [
-        _Runner(method, views, scene, seed, settings, box, device, out, provenance, floor)
-        for method in settings.methods
-    ]
+    runners = []
+    for method in settings.methods:
+        try:
+            learner = learner_for(
+                method, box, settings.train, settings.budget, stream, device, needs_view_direction(views)
+            )
+        except NotAvailable as missing:
+            yield unscored(scene, method, seed, "not_available", str(missing))
+            continue
+        runners.append(_Runner(learner, views, scene, seed, settings, out, provenance, floor))
     for runner in runners:
         runner.trainer.warm_up(*batches.batch(stream, 0, settings.train.rays))
     active = list(runners)
@@ -104,20 +114,16 @@ class _Runner:
 
     def __init__(
         self,
-        method: str,
+        trainer: Learner,
         views: ViewSet,
         scene: str,
         seed: int,
         settings: GroupSettings,
-        box: Box,
-        device: torch.device,
         out: Path,
         provenance: dict[str, Any],
         floor: float | None,
     ) -> None:
-        self.trainer = Trainer(
-            method, box, settings.train, settings.budget, stream_of(scene, seed), device, needs_view_direction(views)
-        )
+        self.trainer = trainer
         self.views = views
         self.scene = scene
         self.seed = seed
@@ -125,7 +131,7 @@ class _Runner:
         self.out = out
         self.provenance = provenance
         self.floor = floor
-        self.test = evaluate.cameras_of(views, views.test, device)
+        self.test = evaluate.cameras_of(views, views.test, trainer.device)
         self.due = checkpoint_fractions(settings.score.checkpoints, settings.score.earliest)
         self.curve: list[Checkpoint] = []
         self.ended = False
@@ -286,6 +292,7 @@ def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, gri
         found.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
     if psnr is not None and floor is not None and psnr < floor:
         found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
-    if psnr is not None and train is not None and train - psnr > BILLBOARD_GAP_DB:
-        found.append(f"billboard: training views {train:.2f} dB, test views {psnr:.2f} dB")
+    if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:
+        name = "billboard" if train - psnr > BILLBOARD_GAP_DB else "gap"
+        found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
     return found

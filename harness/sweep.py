@@ -12,9 +12,10 @@ import torch
 from harness import evaluate
 from harness.batches import Batches
 from harness.ground_truth import read_views
+from harness.learner import learner_for
 from harness.lockstep import box_of, needs_view_direction, stream_of
 from harness.plan import Plan
-from harness.trainer import Diverged, Trainer
+from harness.trainer import Diverged
 from scenes.errors import InputError
 from scenes.view_set import ViewSet
 
@@ -68,10 +69,11 @@ def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, dev
     settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
     box = box_of(views, device)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
-    trainer = Trainer(method, box, settings, plan.budget, stream_of(scene, SEED), device, needs_view_direction(views))
+    seed = stream_of(scene, SEED)
     try:
+        trainer = learner_for(method, box, settings, plan.budget, seed, device, needs_view_direction(views))
         while trainer.progress < 1.0:
-            trainer.train_on(*batches.batch(stream_of(scene, SEED), trainer.step, settings.rays))
+            trainer.train_on(*batches.batch(seed, trainer.step, settings.rays))
         cameras = evaluate.cameras_of(views, views.val, device)
         images = evaluate.render_split(trainer, cameras, plan.score.chunk)
         return SweepRow(scene, method, rates[0], evaluate.quick_scores(images, views.val)["psnr"])

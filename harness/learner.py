@@ -1,0 +1,103 @@
+"""What the harness asks of a method in training, whatever it is made of, and who makes the right one."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.catalog import CATALOG
+from baselines.contract import Box, Rays, Rendering
+from baselines.occupancy import OccupancyGrid
+from harness.schedule import Budget
+from harness.settings import TrainSettings
+from harness.stopwatch import Stopwatch
+from harness.trainer import Trainer
+from scenes.errors import InputError
+
+
+class NotAvailable(InputError):
+    """A method that this machine cannot train. The message says what is missing.
+
+    In a comparison its cells end as `not_available`; a command that is about this method alone ends with the message.
+    """
+
+
+@runtime_checkable
+class LearnedField(Protocol):
+    """The density that scoring looks at, and what it is made of."""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether density stays within [0, 1]."""
+        ...
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        """The density entering the amplifier and the density that is rendered; equal without an amplifier."""
+        ...
+
+    def parameter_counts(self) -> dict[str, int]:
+        """Numbers that are learnt, by component, and their `total`."""
+        ...
+
+
+@runtime_checkable
+class Stored(Protocol):
+    """What a checkpoint keeps."""
+
+    def state_dict(self) -> dict[str, Any]: ...
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """One method on one scene with one seed, trained a batch at a time; `harness.trainer.Trainer` is the usual one.
+
+    `train_on`, `render` and `density` raise `harness.trainer.Diverged` rather than go on with a number that is not
+    finite.
+    """
+
+    method: str
+    box: Box
+    device: torch.device
+    clock: Stopwatch
+    step: int
+    network_evaluations: int
+    """Points at which the method was evaluated for training so far."""
+    trace: dict[str, list[float | None]]
+    grid: OccupancyGrid | None
+    """What leaves empty space out, where the method has one that the harness keeps."""
+
+    @property
+    def field(self) -> LearnedField: ...
+
+    @property
+    def fields(self) -> Stored: ...
+
+    @property
+    def progress(self) -> float: ...
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
+
+    def render(self, rays: Rays, chunk: int) -> Rendering: ...
+
+    def amplifier_scalars(self) -> dict[str, float | None]: ...
+
+
+def learner_for(
+    method: str,
+    box: Box,
+    settings: TrainSettings,
+    budget: Budget,
+    seed: int | str,
+    device: torch.device,
+    view_dependent: bool = True,
+) -> Learner:
+    """The method ready to be trained. Raises `NotAvailable` where this machine lacks what it needs."""
+    assert method in CATALOG
+    return Trainer(method, box, settings, budget, seed, device, view_dependent)
