@@ -13,7 +13,11 @@ from baselines.numerics.encoding import PHI
 
 
 def softplus_density(raw: Float[Tensor, "*points"], bias: float, scale: float) -> Float[Tensor, "*points"]:
-    """σ = scale · log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere."""
+    """σ = scale · log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
+
+    Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and keeps 3 digits.
+    """
+    _require_float32(raw)
     return scale * torch.nn.functional.softplus(raw + bias)
 
 
@@ -21,6 +25,7 @@ def amplify_about_mean(
     sigma: Float[Tensor, "*points"], mean: Float[Tensor, ""], alpha: Float[Tensor, ""]
 ) -> Float[Tensor, "*points"]:
     """σ' = σ̄ + α φ (σ − σ̄), Eq. 4. The identity at α = 1/φ; may be negative."""
+    _require_float32(sigma)
     return mean + alpha * (sigma - mean) * PHI
 
 
@@ -39,3 +44,8 @@ def amplify_listing2(
     amplified = amplify_about_mean(normalised, mean, alpha)
     boost = torch.where(normalised > threshold, beta, torch.ones_like(beta))
     return torch.clamp(amplified * boost, 0.0, 1.0)
+
+
+def _require_float32(values: Tensor) -> None:
+    if values.dtype in (torch.float16, torch.bfloat16):
+        raise TypeError(f"the amplifier needs float32 or better, got {values.dtype}")

@@ -126,7 +126,7 @@ def test_a_pixel_that_is_not_finite_is_never_rendered(method: str) -> None:
     one = train(trainer(method), 1)
     with torch.no_grad():
         one.coarse.colour_net[0].bias[0] = math.nan
-    with pytest.raises(Diverged, match="at step 1: rendered colour"):
+    with pytest.raises(Diverged, match="at step 1: rendered colour of ray 0"):
         one.render(rays_and_colours()[0], 16)
 
 

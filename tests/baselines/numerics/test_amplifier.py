@@ -173,3 +173,32 @@ def test_gradients() -> None:
     assert check(lambda s, a: amplify_about_mean(s, s.mean(), a), (sigma, alpha))
     assert check(lambda s, a, b: amplify_listing2(s, s.mean(), a, b), (sigma, alpha, beta))
     assert check(lambda s: softplus_density(s, DENSITY_BIAS, DENSITY_SCALE), (sigma,))
+
+
+SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("largest", SIXTY_DECADES)
+@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
+def test_sixty_decades_of_raw_density_are_finite_with_finite_gradients(
+    make: type[nn.Module], largest: float, sign: float
+) -> None:
+    amplifier = make()
+    raw = torch.tensor([value for value in SIXTY_DECADES if value <= largest] + [largest] * 500)
+    raw = (sign * raw).requires_grad_()
+    before, after = amplifier.before_and_after(raw)
+    after.sum().backward()
+    assert torch.isfinite(before).all()
+    assert torch.isfinite(after).all()
+    assert (after >= 0).all()
+    assert torch.isfinite(raw.grad).all()  # type: ignore[arg-type]
+    assert all(torch.isfinite(weight.grad) for weight in amplifier.parameters())
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_half_precision_is_refused(dtype: torch.dtype) -> None:
+    raw = torch.zeros(4, dtype=dtype)
+    for make in (NoAmplifier, Listing2Amplifier, Equation4Amplifier):
+        with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
+            make().before_and_after(raw)

@@ -7,7 +7,15 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.numerics.encoding import PHI, feature_count, fourier_features, frequency_ladder, matched_bands
+from baselines.numerics.encoding import (
+    PHI,
+    checked_positions,
+    encode,
+    feature_count,
+    fourier_features,
+    frequency_ladder,
+    matched_bands,
+)
 
 
 class Listing1(nn.Module):
@@ -130,3 +138,28 @@ def test_matched_bands_reach_as_far_and_no_further(base: float, bands: int) -> N
     count = matched_bands(base, bands)
     top = base ** (bands - 1)
     assert 2.0 ** (count - 1) <= top * (1 + 1e-12) < 2.0**count * (1 + 2e-12)
+
+
+SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]
+
+
+@pytest.mark.parametrize("base", [2.0, PHI])
+@pytest.mark.parametrize("x", [*SIXTY_DECADES, *(-x for x in SIXTY_DECADES)])
+def test_sixty_decades_of_positions_are_finite_with_finite_gradients(base: float, x: float) -> None:
+    positions = torch.tensor([[x]], requires_grad=True)
+    fourier_features(positions, frequency_ladder(base, 10)).sum().backward()
+    assert torch.isfinite(positions.grad).all()  # type: ignore[arg-type]
+    for features in (fourier_features(positions, frequency_ladder(base, 10)), encode(positions.detach(), base, 10)):
+        assert torch.isfinite(features).all()
+        assert (features[:, 1:].abs() <= 1.0 + 1e-5).all()
+
+
+def test_positions_in_the_box_are_given_back_and_others_named() -> None:
+    inside = torch.tensor([[1.0, -1.0, 0.0], [1e-45, 1.00009, -1e-10]])
+    assert checked_positions(inside) is inside
+    assert checked_positions(torch.zeros(0, 3)).shape == (0, 3)
+    assert checked_positions(5.0 * inside, reach=6.0).shape == (2, 3)
+    for bad in (1.001, -1e4, 1e38, math.inf, -math.inf, math.nan):
+        points = torch.cat([inside, torch.tensor([[0.0, bad, 0.0]]), inside])
+        with pytest.raises(ValueError, match=r"point 2 at \[0.0, .*\] is not in the box"):
+            checked_positions(points)
