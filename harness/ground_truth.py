@@ -36,9 +36,10 @@ def read_views(
 
     Raises `InputError` for whatever is wrong with the folder.
     """
+    from harness.needed import with_needs
     from scenes.view_set import read_view_set
 
-    return read_view_set(
+    found = read_view_set(
         folder,
         resolution=views.resolution,
         splits=("train", scored_on),
@@ -47,6 +48,7 @@ def read_views(
         test_count=views.test,
         scratch=scratch,
     )
+    return with_needs(found, views.need, views.no_need)
 
 
 def render_view_sets(scenes: tuple[str, ...], views: ViewSettings, cache: Path) -> Iterator[Rendered]:
@@ -79,6 +81,9 @@ def _render(scenes: list[str], views: ViewSettings, cache: Path, options: tuple[
         "spp-test": views.spp_test,
     }.items():
         command += [f"--{option}", str(value)]
+    for integrator, chosen in {"volpath": views.need, "path": views.no_need}.items():
+        if "participating_media" in chosen:
+            command += ["--integrator", integrator]
     with tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
         assert process.stdout is not None

@@ -59,7 +59,7 @@ class ScoreSettings:
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """What is rendered as ground truth."""
+    """What is rendered as ground truth, and what is taken to be needed of it."""
 
     resolution: int = 800
     train: int = 100
@@ -67,3 +67,7 @@ class ViewSettings:
     test: int = 200
     spp_train: int = 256
     spp_test: int = 256
+    need: tuple[str, ...] = ()
+    """Parts that are kept whatever the scene says (`harness.needed.FORCEABLE`)."""
+    no_need: tuple[str, ...] = ()
+    """Parts that are left out whatever the scene says."""

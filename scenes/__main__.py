@@ -1,4 +1,4 @@
-"""`python -m scenes render NAME… | sheet OUT.png`: renders in a process of its own, which Dr.Jit may take down.
+"""`python -m scenes render NAME… | integrators NAME | sheet OUT.png`: in a process of its own, which Dr.Jit may end.
 
 `render` prints one JSON object a line: `{"scene", "done", "total"}` for each view, then
 `{"scene", "path", "variant", "seconds"}`. Exit codes: 0 done, 1 our own error, 2 bad input.
@@ -8,6 +8,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 from scenes.catalog import CATALOG
@@ -19,6 +20,11 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.command == "render":
             _render(options)
+        elif options.command == "integrators":
+            from scenes.integrators import compared
+
+            found = compared(options.name, options.resolution, options.views, options.spp, options.variant)
+            print(json.dumps(asdict(found)))
         else:
             from scenes.sheet import write_sheet
 
@@ -44,7 +50,7 @@ def _render(options: argparse.Namespace) -> None:
 
         path = ensure_view_set(
             name, resolution=options.resolution, counts=counts, spp=spp,
-            cache_folder=options.view_sets, variant=options.variant, progress=say,
+            cache_folder=options.view_sets, variant=options.variant, progress=say, integrator=options.integrator,
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
         variant = read_manifest(path)["variant"]
@@ -61,12 +67,18 @@ def _parser() -> argparse.ArgumentParser:
         render.add_argument(f"--{split}", type=int, default=count, metavar="N", help=f"{split} views")
         render.add_argument(f"--spp-{split}", type=int, default=spp, metavar="N", help="samples a pixel")
     render.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR")
+    render.add_argument("--integrator", choices=("path", "volpath"), help="default: what the scene needs")
+    integrators = commands.add_parser("integrators", help="a scene with and without the volumetric integrator, as JSON")
+    integrators.add_argument("name", metavar="NAME")
+    integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
+    integrators.add_argument("--views", type=int, default=4, metavar="N")
+    integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples a pixel")
     sheet = commands.add_parser("sheet", help="render a labelled contact sheet")
     sheet.add_argument("out", type=Path, metavar="OUT.png")
     sheet.add_argument("names", nargs="*", metavar="NAME", help="default: the eight classics")
     sheet.add_argument("--resolution", type=int, default=400, metavar="PX")
     sheet.add_argument("--spp", type=int, default=256, metavar="N")
-    for command in (render, sheet):
+    for command in (render, integrators, sheet):
         command.add_argument("--variant", help="Mitsuba variant (default: the fastest that works)")
     return parser
 

@@ -99,7 +99,7 @@ def needs(description: Description, bounds: np.ndarray | None = None, pixel: flo
     """
     found = [
         _view_direction(description),
-        Need("background_model", False, "light is not seen directly, so alpha is known"),
+        Need("background_model", False, "no sky is seen, so alpha is known"),
         _participating_media(description),
         _hdr_metrics(description),
         _depth_metric(description),

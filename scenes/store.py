@@ -14,7 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from scenes.errors import InputError
 from scenes.images import write_channels, write_png
 from scenes.manifest import SCHEMA, check_all, write_manifest
 from scenes.needs import as_rows, left_out, needs
+from scenes.normalise import Similarity, normalised
 from scenes.pixels import display_from_linear
 from scenes.scene import Description, Scene
 from scenes.transforms import transforms_file, write_transforms
@@ -47,9 +48,14 @@ class Order:
 
     scene: Scene
     description: Description
+    """As it is rendered: normalised where it had to be."""
+    similarity: Similarity | None
+    """What normalised it."""
     resolution: int
     counts: dict[str, int]
     spp: dict[str, int]
+    integrator: str | None = None
+    """`path` or `volpath`, whatever the scene needs."""
 
     def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
         """Indices [n] of the viewpoints in the whole split, and their cameras [n, 4, 4]."""
@@ -70,7 +76,11 @@ class Order:
                 "variant": variant,
                 "description": self.description,
                 "needs": {name: need.needed for name, need in needs(self.description).items()},
+                **({"integrator": self.integrator} if self.integrator else {}),
                 "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
+                "emitters_seen": scene.emitters_seen,
+                "box": scene.box,
+                "normalised": _similarity(self.similarity),
                 "resolution": self.resolution,
                 "fov": FOV_X_RADIANS,
                 "spp": self.spp,
@@ -89,6 +99,7 @@ def ensure_view_set(
     cache_folder: Path | str,
     variant: str | None = None,
     progress: Progress | None = None,
+    integrator: str | None = None,
 ) -> Path:
     """The folder of the rendered view set, from the cache where it is there and whole, else rendered now.
 
@@ -96,7 +107,7 @@ def ensure_view_set(
     any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
     the same set at once. Raises `InputError` for a bad request or a folder that cannot be written.
     """
-    order = checked_order(scene_name, resolution, counts, spp)
+    order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
     wanted = known_variant(variant)
     cache = Path(cache_folder)
     for name in VARIANTS if wanted is None else (wanted,):
@@ -131,7 +142,7 @@ def checked_order(scene_name: str, resolution: int, counts: dict[str, int], spp:
                 raise InputError(f"{name} of {split} {value}: choose {smallest} to {largest or 'what there is'}")
     order = Order(
         scene,
-        scene.build(),
+        *normalised(scene),
         resolution,
         {split: counts[split] for split in SPLITS},
         {split: spp[split] for split in SPLITS},
@@ -159,7 +170,8 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
     from scenes.render import LoadedScene, render_views, seed_from
 
     scene, started = order.scene, time.perf_counter()
-    loaded = LoadedScene(order.description, variant, scene.max_depth, order.resolution, order.resolution)
+    size = order.resolution
+    loaded = LoadedScene(order.description, variant, scene.max_depth, size, size, integrator=order.integrator)
     files: list[Path] = []
     views: dict[str, Any] = {}
     total = sum(order.counts.values())
@@ -201,6 +213,8 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         "empty_splits": [split for split in SPLITS if not order.counts[split]],
         "spp": {split: loaded.actual_spp(order.spp[split]) for split in SPLITS},
         "max_depth": scene.max_depth,
+        "emitters_seen": scene.emitters_seen,
+        "normalised": _similarity(order.similarity),
         "variant": variant.name,
         "variant_why": variant.why,
         "integrator": loaded.integrator_name,
@@ -275,6 +289,11 @@ def _pixel_length(order: Order, bounds: np.ndarray) -> float:
 
 def _folder(cache: Path, order: Order, variant: str) -> Path:
     return cache / f"{order.scene.name}-{order.resolution}px-{order.digest(variant)[:12]}"
+
+
+def _similarity(change: Similarity | None) -> dict[str, Any] | None:
+    """What the manifest says about it: x in the view set = scale · x in the description + shift."""
+    return None if change is None else {"scale": change.scale, "shift": list(change.shift)}
 
 
 def _versions() -> dict[str, str]:
