@@ -5,34 +5,20 @@ points out (for Listing 2, whose mean runs over the points of the call, this als
 stay), and reduced precision rounds. Whether that matters is a question of scores.
 """
 
-import multiprocessing
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from harness.arms import Arm, CellTask, TrainedCell, trained_cells
 from harness.plan import Plan
-from harness.settings import TrainSettings
 
 Change = Literal["grid", "precision"]
 SMALLEST_OF_INTEREST_DB = 0.2
 """As in every verdict of the harness."""
-
-
-@dataclass(frozen=True)
-class PairTask:
-    """One cell, to be trained as planned and once more with the change."""
-
-    scene: str
-    method: str
-    seed: int
-    change: Change
-    view_set: Path
-    scratch: Path
-    plan: Plan
+PLANNED = "as planned"
 
 
 @dataclass(frozen=True)
@@ -49,73 +35,39 @@ class Pair:
     """The weights that were trained with the grid, rendered without it; None for other changes."""
 
 
-def changed(train: TrainSettings, change: Change) -> TrainSettings:
-    """`train` without the grid, or in the other precision."""
-    if change == "grid":
-        return replace(train, accelerations=replace(train.accelerations, grid=False))
-    return replace(train, precision="bfloat16" if train.precision == "float32" else "float32")
+def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
+    """As planned, and with each change: without the grid, or in the other precision."""
+    other: dict[Change, Arm] = {
+        "grid": Arm(need=("empty_space",)),
+        "precision": Arm(precision="bfloat16" if plan.train.precision == "float32" else "float32"),
+    }
+    planned = Arm(rendered_with=("empty_space",) if "grid" in changes else ())
+    return {PLANNED: planned} | {change: other[change] for change in changes}
 
 
 def pairs(plan: Plan, changes: list[Change], folders: dict[str, Path], scratch: Path, workers: int) -> Iterator[Pair]:
     """All cells of the plan with each change, on `workers` processes of one thread; decoded images go to `scratch`."""
-    tasks = [
-        PairTask(scene, method, seed, change, folders[scene], scratch, plan)
-        for change in changes
-        for scene, method, seed in plan.cells()
-    ]
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(trained_pair, tasks)
+    arms = arms_of(plan, changes)
+    tasks = [CellTask(scene, method, seed, folders[scene], scratch, plan, arms) for scene, method, seed in plan.cells()]
+    for cell in trained_cells(tasks, workers):
+        yield from pairs_of(cell, changes)
 
 
-def trained_pair(task: PairTask) -> Pair:
-    """Trains both cells of a pair."""
-    import torch
-
-    from harness import evaluate
-    from harness.batches import Batches
-    from harness.device import keep_freed_memory, use_threads
-    from harness.ground_truth import read_views
-    from harness.learner import Learner, learner_for
-    from harness.lockstep import box_of, needs_view_direction, stream_of
-    from harness.trainer import Diverged
-
-    use_threads(1)
-    keep_freed_memory()
-    plan, device = task.plan, torch.device("cpu")
-    views = read_views(task.view_set, plan.views, task.scratch)
-    stream = stream_of(task.scene, task.seed)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
-    test = evaluate.cameras_of(views, views.test, device)
-
-    def score(trainer: Learner) -> float | None:
-        return evaluate.quick_scores(evaluate.render_split(trainer, test, plan.score.chunk), views.test)["psnr"]
-
-    def trained(settings: TrainSettings) -> Learner | None:
-        trainer = learner_for(
-            task.method, box_of(views, device), settings, plan.budget, stream, device, needs_view_direction(views)
+def pairs_of(cell: TrainedCell, changes: list[Change]) -> list[Pair]:
+    planned = cell.ended[PLANNED]
+    again = planned.rerendered.get("empty_space")
+    return [
+        Pair(
+            cell.scene,
+            cell.method,
+            cell.seed,
+            change,
+            planned.psnr,
+            cell.ended[change].psnr,
+            again.psnr if again is not None and change == "grid" else None,
         )
-        try:
-            while trainer.progress < 1.0:
-                trainer.train_on(*batches.batch(stream, trainer.step, settings.rays))
-        except Diverged:
-            return None
-        return trainer
-
-    first, second = trained(plan.train), trained(changed(plan.train, task.change))
-    psnr = None if first is None else score(first)
-    same_weights = None
-    if first is not None and task.change == "grid":
-        first.grid = None
-        same_weights = score(first)
-    return Pair(
-        task.scene,
-        task.method,
-        task.seed,
-        task.change,
-        psnr,
-        None if second is None else score(second),
-        same_weights,
-    )
+        for change in changes
+    ]
 
 
 def as_json(found: list[Pair], plan: Plan) -> dict[str, Any]:

@@ -39,6 +39,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
     from harness.device import keep_freed_memory, use_threads
     from harness.ground_truth import read_views
     from harness.lockstep import GroupSettings, train_group
+    from harness.needed import for_scene
     from harness.provenance import provenance
 
     try:
@@ -47,7 +48,7 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
         keep_freed_memory()
         device = torch.device(task.device)
         views = read_views(task.view_set, task.views, task.out)
-        settings = GroupSettings(task.methods, task.train, task.score, task.budget)
+        settings = GroupSettings(task.methods, for_scene(task.train, views), task.score, task.budget)
         origin = provenance(device)
         for cell in train_group(views, task.scene, task.seed, settings, device, task.out, origin, on_progress):
             write_cell(task.out, cell)

@@ -6,11 +6,12 @@ import torch
 
 from harness import evaluate
 from harness.batches import Batches
+from harness.learner import Learner, learner_for
 from harness.lockstep import box_of, needs_view_direction
+from harness.needed import for_scene
 from harness.schedule import Budget
 from harness.settings import TrainSettings
-from harness.trainer import Trainer
-from scenes.view_set import ViewSet
+from scenes.view_set import Split, ViewSet
 
 
 def trained_alone(
@@ -20,14 +21,16 @@ def trained_alone(
     settings: TrainSettings,
     budget: Budget,
     device: torch.device,
-    on_step: Callable[[Trainer], None] | None = None,
-) -> Trainer:
+    on_step: Callable[[Learner], None] | None = None,
+) -> Learner:
     """Trained to the end of its budget on the batches of `stream`; `on_step` is called after each step, off the clock.
 
-    Raises `Diverged`.
+    What the scene does not need is left out. Raises `Diverged`, and `NotAvailable` for a method that cannot run here.
     """
+    settings = for_scene(settings, views)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
-    trainer = Trainer(method, box_of(views, device), settings, budget, stream, device, needs_view_direction(views))
+    box, directed = box_of(views, device), needs_view_direction(views)
+    trainer = learner_for(method, box, settings, budget, stream, device, directed)
     trainer.warm_up(*batches.batch(stream, 0, settings.rays))
     while trainer.progress < 1.0:
         trainer.train_on(*batches.batch(stream, trainer.step, settings.rays))
@@ -36,7 +39,12 @@ def trained_alone(
     return trainer
 
 
-def test_psnr(trainer: Trainer, views: ViewSet, chunk: int) -> float | None:
+def test_psnr(trainer: Learner, views: ViewSet, chunk: int) -> float | None:
     """Mean PSNR over the test views; raises `Diverged` on a pixel that is not finite."""
-    cameras = evaluate.cameras_of(views, views.test, trainer.device)
-    return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), views.test)["psnr"]
+    return psnr_on(trainer, views, views.test, chunk)
+
+
+def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
+    """The same for any split of `views`."""
+    cameras = evaluate.cameras_of(views, split, trainer.device)
+    return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import torch
 
-from harness import evaluate
-from harness.batches import Batches
 from harness.ground_truth import read_views
-from harness.learner import learner_for
-from harness.lockstep import box_of, needs_view_direction, stream_of
+from harness.lockstep import stream_of
 from harness.plan import Plan
+from harness.solo import psnr_on, trained_alone
 from harness.trainer import Diverged
 from scenes.errors import InputError
 from scenes.view_set import ViewSet
@@ -67,15 +65,8 @@ def as_json(rows: list[SweepRow], plan: Plan) -> dict[str, object]:
 def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, device: torch.device) -> SweepRow:
     rates = (plan.train.learning_rate * factor, plan.train.last_learning_rate * factor)
     settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
-    box = box_of(views, device)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
-    seed = stream_of(scene, SEED)
     try:
-        trainer = learner_for(method, box, settings, plan.budget, seed, device, needs_view_direction(views))
-        while trainer.progress < 1.0:
-            trainer.train_on(*batches.batch(seed, trainer.step, settings.rays))
-        cameras = evaluate.cameras_of(views, views.val, device)
-        images = evaluate.render_split(trainer, cameras, plan.score.chunk)
-        return SweepRow(scene, method, rates[0], evaluate.quick_scores(images, views.val)["psnr"])
+        trainer = trained_alone(method, views, stream_of(scene, SEED), settings, plan.budget, device)
+        return SweepRow(scene, method, rates[0], psnr_on(trainer, views, views.val, plan.score.chunk))
     except Diverged:
         return SweepRow(scene, method, rates[0], None)

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from baselines.accelerations import Accelerations
-from harness.equivalence import Change, Pair, PairTask, as_json, changed, trained_pair
+from harness.arms import Arm, CellTask, trained_cell
+from harness.equivalence import Change, Pair, arms_of, as_json, pairs_of
 from harness.plan import Plan, planned
 from harness.schedule import Budget
 from harness.settings import GridSettings, TrainSettings
@@ -92,7 +93,9 @@ def ball_plan() -> Plan:
 def test_final_scores_are_equivalent(change: Change, method: str, tmp_path: Path) -> None:
     """Four paired seeds; the 95 % interval lies within ± 1 dB (docs/equivalence.json has the profile's own scale)."""
     plan, view_set = ball_plan(), write_ball(tmp_path / "ball")
-    found = [trained_pair(PairTask("ball", method, seed, change, view_set, tmp_path, plan)) for seed in range(4)]
+    arms = arms_of(plan, [change])
+    tasks = [CellTask("ball", method, seed, view_set, tmp_path, plan, arms) for seed in range(4)]
+    found = [pair for task in tasks for pair in pairs_of(trained_cell(task), [change])]
     differences = [(one.psnr_changed or 0.0) - (one.psnr or 100.0) for one in found]
     assert min(one.psnr or 0.0 for one in found) > 15.0, "a field that has learnt nothing proves nothing"
     interval = paired_difference(np.array(differences)).interval
@@ -117,6 +120,13 @@ def test_pairs_are_summed_up_by_change_and_method() -> None:
 
 
 def test_a_change_changes_one_thing() -> None:
-    assert changed(TRAIN, "grid") == without("grid")
-    assert changed(TRAIN, "precision") == replace(TRAIN, precision="bfloat16")
-    assert changed(changed(TRAIN, "precision"), "precision") == TRAIN
+    plan = ball_plan()
+    assert plan.train.precision == "float32"
+    arms = arms_of(plan, ["grid", "precision"])
+    assert arms == {
+        "as planned": Arm(rendered_with=("empty_space",)),
+        "grid": Arm(need=("empty_space",)),
+        "precision": Arm(precision="bfloat16"),
+    }
+    other = replace(plan, train=replace(plan.train, precision="bfloat16"))
+    assert arms_of(other, ["precision"]) == {"as planned": Arm(), "precision": Arm(precision="float32")}

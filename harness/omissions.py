@@ -1,0 +1,174 @@
+"""What leaving something out does to scores and clocks: cells trained with and without it, the rest the same.
+
+What concerns rendering alone is judged on one set of weights, rendered both ways.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from harness.arms import Arm, CellTask, TrainedCell
+from harness.needed import needs_of
+from harness.plan import Plan
+from harness.statistics import PairedDifference, paired_difference
+from scenes.needs import PARTS, Unit
+
+if TYPE_CHECKING:
+    from scenes.view_set import ViewSet
+
+Verdict = Literal["within its bound", "costs more", "inconclusive"]
+TRAINED = ("view_direction", "outside_box", "empty_space", "fine_pass")
+"""Needs whose omission changes what is trained."""
+RENDERED = ("behind_opaque",)
+"""Needs whose omission changes how a trained method is rendered, and nothing else."""
+
+
+@dataclass(frozen=True)
+class Omission:
+    """What leaving one thing out on one scene changed, over seeds."""
+
+    scene: str
+    method: str
+    name: str
+    seconds_saved: float | None
+    """Mean over seeds, of the clock that `clock` names; for `participating_media` of rendering the view set."""
+    clock: str
+    difference: float | None
+    """dB: test PSNR without the part less with it, so that less than 0 is a loss. colour: what changed at most."""
+    interval: tuple[float, float] | None
+    """95 %, paired over seeds (over views for `participating_media`)."""
+    pairs: int
+    diverged: int
+    verdict: Verdict
+    train_seconds_saved: float | None = None
+
+    @property
+    def bound(self) -> float:
+        return PARTS[self.name].bound
+
+    @property
+    def unit(self) -> Unit:
+        return PARTS[self.name].unit
+
+
+def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdict:
+    """`costs` says how much worse it became.
+
+    within its bound   the whole interval lies below the bound; the mean, where `exact` says that nothing is random
+    costs more         the mean lies above the bound and the interval above 0
+    inconclusive       anything else, and a difference of scores that has no interval
+    """
+    if exact:
+        return "within its bound" if costs.mean <= bound else "costs more"
+    if costs.interval is None:
+        return "inconclusive"
+    low, high = costs.interval
+    if high <= bound:
+        return "within its bound"
+    return "costs more" if costs.mean > bound and low > 0 else "inconclusive"
+
+
+def verifiable(views: "ViewSet", plan: Plan) -> tuple[str, ...]:
+    """What this scene does not need, the plan would have without that, and training or rendering can try."""
+    train = plan.train
+    has = {
+        "fine_pass": train.fine_bins > 0,
+        "empty_space": train.grid.cells > 0 and train.accelerations.grid,
+        "outside_box": train.accelerations.clipping,
+        "behind_opaque": train.accelerations.early_stop,
+    }
+    found = needs_of(views)
+    return tuple(
+        name for name in (*TRAINED, *RENDERED) if name in found and not found[name].needed and has.get(name, True)
+    )
+
+
+def cell_tasks(plan: Plan, folders: dict[str, Path], scratch: Path, controls: bool = False) -> list[CellTask]:
+    """Each cell of the plan with everything left out that its scene does not need, and once more with each of these.
+
+    With `controls`, also without the view direction where the scene does need it.
+    """
+    from harness.ground_truth import read_views
+
+    tasks = []
+    names: dict[str, tuple[str, ...]] = {}
+    needed: dict[str, bool] = {}
+    for scene, folder in folders.items():
+        views = read_views(folder, plan.views, scratch)
+        names[scene] = verifiable(views, plan)
+        direction = needs_of(views).get("view_direction")
+        needed[scene] = direction is not None and direction.needed
+    for scene, method, seed in plan.cells():
+        again = tuple(name for name in names[scene] if name in RENDERED)
+        arms = {"as planned": Arm(rendered_with=again)}
+        arms |= {name: Arm(need=(name,)) for name in names[scene] if name in TRAINED}
+        if controls and needed[scene]:
+            arms["no view_direction"] = Arm(no_need=("view_direction",))
+        tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms))
+    return tasks
+
+
+def omissions_of(cells: list[TrainedCell]) -> list[Omission]:
+    """One a scene, method and part, in the order in which the cells have them."""
+    found = []
+    for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
+        chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
+        for name in [name for name in chosen[0].ended if name in TRAINED]:
+            found.append(_of_training(chosen, name, "as planned", name))
+        for name in chosen[0].ended["as planned"].rerendered:
+            found.append(_of_rendering(chosen, name))
+    return found
+
+
+def controls_of(cells: list[TrainedCell]) -> list[Omission]:
+    """What leaving out costs where the part is needed."""
+    found = []
+    for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
+        chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
+        if "no view_direction" in chosen[0].ended:
+            found.append(_of_training(chosen, "view_direction", "no view_direction", "as planned"))
+    return found
+
+
+def _of_training(cells: list[TrainedCell], name: str, without: str, with_it: str) -> Omission:
+    """`without` and `with_it` name the arms that lack the part and that have it."""
+    pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
+    whole = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
+    differences = np.array([(a.psnr or 0.0) - (b.psnr or 0.0) for a, b in whole])
+    result = paired_difference(differences) if len(whole) else None
+    training = [b.train_seconds - a.train_seconds for a, b in whole]
+    rendering = [b.render_seconds - a.render_seconds for a, b in whole]
+    return Omission(
+        cells[0].scene,
+        cells[0].method,
+        name,
+        float(np.mean(training) + np.mean(rendering)) if whole else None,
+        "training and rendering the test views",
+        result.mean if result else None,
+        result.interval if result else None,
+        len(whole),
+        len(pairs) - len(whole),
+        judged(paired_difference(-differences), PARTS[name].bound) if result else "inconclusive",
+        float(np.mean(training)) if whole else None,
+    )
+
+
+def _of_rendering(cells: list[TrainedCell], name: str) -> Omission:
+    every = [cell.ended["as planned"] for cell in cells]
+    whole = [one.rerendered[name] for one in every if name in one.rerendered]
+    result = paired_difference(np.array([one.largest_change for one in whole])) if whole else None
+    largest = max(one.largest_change for one in whole) if whole else 0.0
+    return Omission(
+        cells[0].scene,
+        cells[0].method,
+        name,
+        float(np.mean([one.seconds - one.seconds_with for one in whole])) if whole else None,
+        "rendering the test views",
+        largest if whole else None,
+        result.interval if result else None,
+        len(whole),
+        len(every) - len(whole),
+        judged(PairedDifference(largest, None, None, len(whole)), PARTS[name].bound, True) if whole else "inconclusive",
+    )
