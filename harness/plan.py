@@ -7,10 +7,11 @@ from typing import Any
 
 from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
+from harness.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.schedule import Budget
-from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
 from scenes.catalog import CATALOG as SCENES
-from scenes.catalog import CLASSICS
+from scenes.catalog import CLASSICS, RUNGS, STRESS
 from scenes.errors import InputError
 
 LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096}
@@ -69,7 +70,13 @@ REDUCED_TRAINING = TrainSettings(
     warm_up_steps=50,
     precision="bfloat16",
     grid=GridSettings(cells=48, first_step=100, every=25),
+    voxels=VoxelSettings(finest=64, bins=96),
 )
+
+SHORT_TRAINING = replace(
+    REDUCED_TRAINING, warm_up_steps=30, grid=GridSettings(cells=32, first_step=80, every=20), precision="float32"
+)
+"""For scenes that are simple, and hard for one reason: a few hundred steps."""
 
 PROFILES: dict[str, Plan] = {
     "smoke": Plan(
@@ -91,6 +98,26 @@ PROFILES: dict[str, Plan] = {
         train=REDUCED_TRAINING,
         score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
         views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
+    ),
+    "stress": Plan(
+        profile="stress",
+        scenes=tuple(STRESS),
+        methods=COMPARED,
+        seeds=(0,),
+        budget=Budget(steps=300, seconds=None),
+        train=SHORT_TRAINING,
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
+        views=ViewSettings(resolution=48, train=30, val=0, test=6, spp_train=16, spp_test=64),
+    ),
+    "ladder": Plan(
+        profile="ladder",
+        scenes=tuple(RUNGS),
+        methods=COMPARED,
+        seeds=(0,),
+        budget=Budget(steps=250, seconds=None),
+        train=SHORT_TRAINING,
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
+        views=ViewSettings(resolution=40, train=20, val=0, test=4, spp_train=16, spp_test=32),
     ),
     "full": Plan(
         profile="full",
@@ -117,10 +144,13 @@ def planned(
     view_set: Path | None = None,
     precision: Precision | None = None,
     without: list[str] | None = None,
+    need: list[str] | None = None,
+    no_need: list[str] | None = None,
 ) -> Plan:
     """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
 
-    `precision` None keeps the profile's; `without` names accelerations to switch off.
+    `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
+    parts in and out, whatever a scene needs: `need` is also what switching off the acceleration that leaves it out is.
     """
     from baselines.catalog import CATALOG as METHODS
 
@@ -155,7 +185,23 @@ def planned(
     if without is not None:
         off = known_names("--without", without, [one.name for one in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))
-    return plan
+    return _forced(plan, need or [], no_need or [])
+
+
+def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
+    """Whatever `plan` does not leave out already counts as needed."""
+    given, out = known_names("--need", need, list(FORCEABLE)), known_names("--no-need", no_need, list(FORCEABLE))
+    if both := [name for name in given if name in out]:
+        raise InputError(f"--need and --no-need: {' '.join(both)} in both; known: {' '.join(FORCEABLE)}")
+    off = [name for name, acceleration in LEFT_OUT_BY.items() if not getattr(plan.train.accelerations, acceleration)]
+    if both := [name for name in off if name in out]:
+        names = " ".join(LEFT_OUT_BY[name] for name in both)
+        raise InputError(f"--no-need {' '.join(both)}: --without {names} forces just that in; give one of them")
+    everything = tuple(name for name in FORCEABLE if name in given or name in off)
+    train = kept(plan.train, everything)
+    if "fine_pass" in out:
+        train = replace(train, fine_bins=0)
+    return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
 
 
 def scene_name_of(view_set: Path) -> str:

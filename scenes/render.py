@@ -14,12 +14,13 @@ import numpy as np
 
 from scenes.errors import InputError
 from scenes.needs import Needs, needs
+from scenes.normalise import check_scale, normalised
 from scenes.pixels import display_from_linear, over_white
-from scenes.scene import Description
+from scenes.scene import Corners, Description, Scene
 from scenes.variant import Variant
-from scenes.viewpoints import FOV_X_RADIANS, check_poses
+from scenes.viewpoints import FOV_X_RADIANS, check_field_of_view, check_poses
 
-RENDERER_VERSION = 2
+RENDERER_VERSION = 3
 """Counted up with every change that changes images, so that cached view sets are rendered again."""
 NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
@@ -57,9 +58,13 @@ class LoadedScene:
 
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
-        fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None,
+        fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
+        box: Corners | None = None, any_scale: bool = False,
     ) -> None:  # fmt: skip
-        """`integrator` is `path` or `volpath`, whatever the scene needs."""
+        """`integrator` is `path` or `volpath`, whatever the scene needs; `box` is where things may be, for a
+        description without shapes. Raises `InputError` for a field of view that is none and, unless `any_scale`, for
+        a scene so small or so far away that its images would be biased."""
+        check_field_of_view(fov_x_radians, "the camera")
         mi = use(variant)
         self.needs: Needs = needs(description)
         self.integrator_name = integrator or ("volpath" if self.needs["participating_media"].needed else "path")
@@ -71,17 +76,44 @@ class LoadedScene:
         )
         # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
         # variant it takes fifty times as long for a ray as `depth` does.
-        self._colour = mi.load_dict({"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": True})
+        colour = {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": not emitters_seen}
+        if self.integrator_name == "volpath":
+            # by default it ends one path in twenty at every scattering, even in fog that absorbs nothing
+            colour["rr_depth"] = max_depth
+        if emitters_seen and self._scene.environment() is not None:
+            raise RenderError("emitters are to be seen, and there is a sky: every pixel would be covered by it")
+        self._colour = mi.load_dict(colour)
         self._distance = mi.load_dict({"type": "depth"})
         self._normal = mi.load_dict({"type": "aov", "aovs": "normal:sh_normal"})
         self._sensors: dict[int, Any] = {}
+        self._declared = box
+        if not any_scale:
+            check_scale(self.box())
 
-    def bounds(self) -> np.ndarray:
-        """Corners [2, 3] of the box around all shapes, padded by 1 % of its longest side, float64."""
+    @staticmethod
+    def of(
+        scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
+    ) -> "LoadedScene":
+        """A scene of the catalogue as it is rendered: normalised where it must be (`scenes.normalise`)."""
+        description, _ = normalised(scene)
+        return LoadedScene(
+            description, variant, scene.max_depth, width, height or width, integrator=integrator,
+            emitters_seen=scene.emitters_seen, box=scene.box,
+        )  # fmt: skip
+
+    def box(self) -> np.ndarray:
+        """Corners [2, 3] of the box around all shapes, or of the declared one where there is no shape, float64."""
         box = self._scene.bbox()
         corners = np.array([box.min, box.max], dtype=np.float64).reshape(2, 3)
+        if self._declared is not None and not box.valid():
+            corners = np.array(self._declared, dtype=np.float64)
         if not np.isfinite(corners).all() or (corners[1] < corners[0]).any():
             raise RenderError(f"the scene's box is {corners.tolist()}: it holds no shape, or one that is not finite")
+        return corners
+
+    def bounds(self) -> np.ndarray:
+        """`box`, padded by 1 % of its longest side."""
+        corners = self.box()
         padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
         return corners + np.array([[-padding], [padding]])
 

@@ -2,8 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from scenes.errors import InputError
+
+if TYPE_CHECKING:
+    from scenes.truth import Truth
+
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 Description = dict[str, Any]
 """A Mitsuba scene dictionary made of plain data alone, without sensor and integrator.
 
@@ -16,7 +22,8 @@ without Mitsuba; `scenes.render` converts them:
   (linear RGB unless `"raw"`), `{"type": "envmap", "data": float32 [h, w, 3]}`;
 * a transform is a float array [4, 4].
 
-Emitters are infinitely far away (constant, envmap, directional): what has a shape is the object.
+Light comes from infinitely far away (constant, envmap, directional) and is not seen itself, or from shapes that glow
+(area): those are seen where the scene says `emitters_seen`, which excludes a sky, because a sky would then be seen too.
 """
 
 
@@ -34,3 +41,17 @@ class Scene:
     """Longest light path; refraction needs more than diffuse reflection."""
     near: float = 2.0
     far: float = 6.0
+    emitters_seen: bool = False
+    """Whether a camera sees what glows by itself; such a scene has no sky."""
+    box: Corners | None = None
+    """Lower and upper corner of where things may be, for a scene without any shape; else taken from the shapes."""
+    truth: "Truth | None" = None
+    """What a ray sees, in closed form (`scenes.truth`), where there is one."""
+
+    def __post_init__(self) -> None:
+        """Raises `InputError` for an interval of distances that is none."""
+        if not 0 < self.near < self.far < float("inf"):
+            raise InputError(
+                f"scene {self.name}: near {self.near} and far {self.far}: distances must be positive and finite, "
+                "near the smaller one"
+            )

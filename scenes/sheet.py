@@ -39,7 +39,7 @@ def write_sheet(
     for axis in axes.flat:
         axis.axis("off")
     for axis, scene in zip(axes.flat, scenes, strict=False):
-        loaded = LoadedScene(scene.build(), chosen, scene.max_depth, resolution, resolution)
+        loaded = LoadedScene.of(scene, chosen, resolution)
         view = next(render_views(loaded, pose, spp, [seed_from(scene.name, "sheet")], [scene.name]))
         axis.imshow(over_white(display_from_linear(view.rgba)), interpolation="nearest")
         axis.set_title(scene.name, fontsize=14, pad=6)

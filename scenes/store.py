@@ -171,7 +171,10 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
 
     scene, started = order.scene, time.perf_counter()
     size = order.resolution
-    loaded = LoadedScene(order.description, variant, scene.max_depth, size, size, integrator=order.integrator)
+    loaded = LoadedScene(
+        order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
+        emitters_seen=scene.emitters_seen, box=scene.box,
+    )  # fmt: skip
     files: list[Path] = []
     views: dict[str, Any] = {}
     total = sum(order.counts.values())

@@ -4,6 +4,7 @@ Every camera is 4.0311 from the origin, looks at it, and has no roll. Training a
 a fixed seed per split; the test views are one spiral, the same in every scene.
 """
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from scenes.errors import InputError
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
+Z_AXIS = np.array([0.0, 0.0, 1.0])
 FOV_X_RADIANS = 0.6911112070083618
 RADIUS = float(np.hypot(4.0, 0.5))
 TILT = float(np.arctan2(0.5, 4.0))
@@ -66,6 +68,49 @@ def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = 
     poses[:, :3] = np.stack([right, up, backward, radius * backward], axis=-1)
     poses[:, 3, 3] = 1.0
     return poses
+
+
+def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> np.ndarray:
+    """The camera [4, 4], OpenGL axes, that stands at `origin` [3], looks at `target` [3] and keeps `up` [3] upright.
+
+    Raises `InputError` for numbers that are not finite, an origin on the target, and an up without length or along
+    the view: for all of these Mitsuba's own look_at gives a matrix with which it renders a clean background.
+    """
+    o, at, upright = (np.asarray(vector, dtype=np.float64) for vector in (origin, target, up))
+    for name, vector in (("origin", o), ("target", at), ("up", upright)):
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise InputError(f"look_at: {name} is {vector.tolist()}; give three finite numbers")
+    distance = float(np.linalg.norm(o - at))
+    if distance <= 1e-9 * max(1.0, float(np.abs([o, at]).max())):
+        raise InputError(f"look_at: the camera stands on its target, {at.tolist()}; move one of them")
+    backward = (o - at) / distance
+    length = float(np.linalg.norm(upright))
+    right = np.cross(upright, backward)
+    if length == 0 or np.linalg.norm(right) < 1e-6 * length:
+        raise InputError(f"look_at: up {upright.tolist()} lies along the view; choose another direction for up")
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(backward, right), backward, o], axis=-1)
+    return pose
+
+
+def check_field_of_view(radians: float, where: str) -> None:
+    """Raises `InputError` unless it lies strictly between 0 and 180°; `where` names whose it is."""
+    if not 0 < radians < math.pi:
+        raise InputError(
+            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between 0 and 180°, both excluded"
+        )
+
+
+def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs (first, later) of cameras [n, 4, 4] that stand and look alike to within 1e-6."""
+    first: dict[bytes, int] = {}
+    pairs = []
+    for number, pose in enumerate(poses):
+        key = (np.round(pose, 6) + 0.0).tobytes()  # −0 becomes +0
+        if first.setdefault(key, number) != number:
+            pairs.append((first[key], number))
+    return pairs
 
 
 def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What every scene of the catalogue must be. Being in the catalogue is being tested."""
+"""What every classic scene must be. Being in the catalogue is being tested."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.catalog import CATALOG, CLASSICS, scene_named
+from scenes.catalog import CLASSICS, scene_named
 from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.needs import PARTS, entries, left_out, needs
@@ -34,7 +34,7 @@ def built(name: str) -> tuple[Scene, Description]:
     return scene, scene.build()
 
 
-@pytest.fixture(params=CATALOG)
+@pytest.fixture(params=CLASSICS)
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
