@@ -2,7 +2,7 @@
 
     entry and exit of the scene's box → bins → points → (occupied ones only) field → quadrature → compositing
 
-A point that is left out has density 0, so one quadrature serves dense and sparse sampling alike.
+A bin that is left out has optical depth 0, so one quadrature serves dense and sparse sampling alike.
 """
 
 import math
@@ -15,9 +15,10 @@ from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering
 from baselines.numerics.bounds import ray_box
+from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES
-from baselines.numerics.sampling import inverse_cdf_edges, points_in_bins, uniform_edges
+from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from baselines.occupancy import OccupancyGrid
 
 OPAQUE = 1e-4
@@ -55,14 +56,20 @@ def render_rays(
     """Colours of `rays`. With a generator points are random inside their bins (training), without one midpoints.
 
     The result does not depend on which rays share the call, unless a field's density does (Listing 2, Eq. 4).
+    Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field gives
+    a density that is negative or not finite.
     """
+    require_interval(rays.near, rays.far)
     march = _Marcher(rays.far, sampling, grid, background, generator)
     if not sampling.clip_to_box:
         entry = torch.full_like(rays.origins[:, 0], rays.near)
         return _coarse_and_fine(coarse, fine, rays, entry, torch.full_like(entry, rays.far), march)
     entry, leave, hit = ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)
     inside = torch.nonzero(hit)[:, 0]
-    seen = _coarse_and_fine(coarse, fine, rays.chosen(inside), entry[inside], leave[inside], march)
+    try:
+        seen = _coarse_and_fine(coarse, fine, rays.chosen(inside), entry[inside], leave[inside], march)
+    except BadDensity as error:
+        raise error.among(inside) from None
     return _among_all(seen, inside, len(rays), background, rays.far)
 
 
@@ -103,12 +110,12 @@ def _coarse_and_fine(
     march: _Marcher,
 ) -> Rendering:
     t_edges = uniform_edges(entry, leave, march.sampling.bins)
-    first, w = _march(coarse, rays, t_edges, march)
+    first, edges, w = _march(coarse, rays, t_edges, march)
     if fine is None:
         return first
-    drawn = inverse_cdf_edges(t_edges, w.detach(), march.sampling.fine_bins, march.generator)
-    fine_edges, _ = torch.sort(torch.cat([t_edges, drawn], dim=-1), dim=-1)
-    second, _ = _march(fine, rays, fine_edges, march)
+    drawn = inverse_cdf_edges(edges, w.detach(), march.sampling.fine_bins, march.generator)
+    fine_edges, _ = torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1)
+    second, _, _ = _march(fine, rays, fine_edges, march)
     return replace(
         second,
         network_evaluations=first.network_evaluations + second.network_evaluations,
@@ -118,42 +125,54 @@ def _coarse_and_fine(
 
 def _march(
     field: RadianceField, rays: Rays, t_edges: Float[Tensor, "rays edges"], march: _Marcher
-) -> tuple[Rendering, Float[Tensor, "rays bins"]]:
-    """One pass along all rays, and the weights of its bins."""
+) -> tuple[Rendering, Float[Tensor, "rays edges"], Float[Tensor, "rays bins"]]:
+    """One pass along all rays, the fenceposts of its bins and what each of these contributes.
+
+    A bin is evaluated as a whole: where points are shared by two bins, a bin that is left out has no length instead,
+    and every point that has a weight has a colour.
+    """
     sampling, generator = march.sampling, march.generator
-    t = points_in_bins(t_edges, generator)
+    rule = QUADRATURES[sampling.quadrature]
+    t, t_edges = rule.place(t_edges, generator)
     x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
-    delta = torch.diff(t_edges, dim=-1)
-    keep = delta > 0
+    lengths = rule.lengths(t, t_edges)
+    keep = lengths > 0
     if march.grid is not None:
         occupied = march.grid.at(x)
         if generator is not None and sampling.exploration > 0.0:
             lot = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
             occupied = occupied | (lot < sampling.exploration)
-        keep = keep & occupied
+        keep = keep & rule.bins_with(occupied)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)
     found = []
-    for first, last in _segments(t.shape[1], SEGMENTS if may_stop else 1):
+    shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments that are evaluated already
+    for first, last in _segments(keep.shape[1], SEGMENTS if may_stop else 1):
+        chosen = keep[:, first:last]
         if first > 0:
-            lit = (sigma[:, :first] * delta[:, :first]).sum(dim=-1) < -math.log(OPAQUE)
-            ray, bin_ = torch.nonzero(keep[:, first:last] & lit.unsqueeze(-1), as_tuple=True)
-        else:
-            ray, bin_ = torch.nonzero(keep[:, :last], as_tuple=True)
-        bin_ = bin_ + first
-        sigma_kept, colour_kept = field.density_and_colour(x[ray, bin_], view, ray)
-        sigma = sigma.index_put((ray, bin_), sigma_kept)
-        found.append((ray, bin_, colour_kept))
-    ray, bin_, colour = (torch.cat(parts) for parts in zip(*found, strict=True))
-    w, T_end = QUADRATURES[sampling.quadrature](sigma, t, t_edges)
+            before = rule.optical_depth(sigma[:, : first * rule.stride + rule.closed], lengths[:, :first]).sum(dim=-1)
+            chosen = chosen & (before < -math.log(OPAQUE)).unsqueeze(-1)
+        points = rule.points_of(chosen)
+        if rule.closed:
+            lengths[:, first:last] *= chosen
+            points[:, 0] &= ~shared
+            shared = points[:, -1]
+        ray, point = torch.nonzero(points, as_tuple=True)
+        point = point + first * rule.stride
+        sigma_kept, colour_kept = field.density_and_colour(x[ray, point], view, ray)
+        sigma = sigma.index_put((ray, point), sigma_kept)
+        found.append((ray, point, colour_kept))
+    ray, point, colour = (torch.cat(parts) for parts in zip(*found, strict=True))
+    require_density(sigma)
+    w, T_end = rule.weights(sigma, lengths)
     rendering = Rendering(
-        colour=composite(w[ray, bin_], ray, colour, T_end, march.background),
+        colour=composite(w[ray, point], ray, colour, T_end, march.background),
         opacity=w.sum(dim=-1),
         depth=expected_depth(w, t, march.far),
         network_evaluations=len(ray),
     )
-    return rendering, w
+    return rendering, t_edges, rule.bin_weights(w, sigma, lengths)
 
 
 def _segments(bins: int, count: int) -> list[tuple[int, int]]:

@@ -1,18 +1,94 @@
 """Density along a ray → weights: quadrature rules for Eq. 1.
 
-A rule takes `sigma` [rays, bins] at points `t` [rays, bins] inside bins with fenceposts `t_edges` [rays, bins + 1],
-and gives the weights `w` [rays, bins] of Eq. 6 and the transmittance `T_end` [rays] behind the last bin, which is the
-weight of the background. Bins of length zero and bins of density zero contribute exactly nothing.
+A rule puts points `t` [rays, points] into bins with fenceposts `t_edges` [rays, bins + 1]. From the densities `sigma`
+[rays, points] there and the lengths of the bins it makes the weights `w` [rays, points] of the points' colours and the
+transmittance `T_end` [rays] behind the last bin, which is the weight of the background. Bins of length zero and bins
+of density zero contribute exactly nothing; without any bin all is background.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+from baselines.numerics.checks import require_density, require_rising
+from baselines.numerics.linear_in_depth import EndWeights
+from baselines.numerics.sampling import jittered_edges, points_in_bins
+
+
+@dataclass(frozen=True)
+class Orders:
+    """Error ∝ (bin length)^order where density and colour are smooth and no bin is opaque."""
+
+    colour: float
+    opacity: float
+
+
+def bin_lengths(t: Float[Tensor, "rays points"], t_edges: Float[Tensor, "rays edges"]) -> Float[Tensor, "rays bins"]:
+    """Differences of the fenceposts, wherever the points are."""
+    del t
+    return torch.diff(t_edges, dim=-1)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A quadrature rule. `place` and the rest may be used apart, unchecked; calling the rule checks what it is given.
+
+    Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the next one too, which it
+    shares with the bin behind it.
+    """
+
+    place: Callable[[Tensor, torch.Generator | None], tuple[Tensor, Tensor]]
+    """(t_edges, generator) → points, and the fenceposts of the bins that they stand for: moved at random with a
+    generator (training) by a rule whose points are fenceposts, else those given."""
+    optical_depth: Callable[[Tensor, Tensor], Tensor]
+    """(sigma, lengths) → τ of each bin, [rays, bins]."""
+    weights: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+    """(sigma, lengths) → w of each point, and T_end. A length of 0 leaves a bin out."""
+    orders: Orders
+    lengths: Callable[[Tensor, Tensor], Tensor] = bin_lengths
+    """(t, t_edges) → lengths of the bins."""
+    stride: int = 1
+    closed: bool = False
+    of_the_paper: bool = False
+    """As printed, whatever comes of it."""
+
+    def __call__(
+        self,
+        sigma: Float[Tensor, "rays points"],
+        t: Float[Tensor, "rays points"],
+        t_edges: Float[Tensor, "rays edges"],
+    ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, " rays"]]:
+        """Weights and T_end. Raises `BadInterval` or `BadDensity` naming ray and sample, `TypeError` below float32."""
+        if not self.of_the_paper:
+            require_rising(t_edges)
+            require_rising(t)
+            require_density(sigma)
+        return self.weights(sigma, self.lengths(t, t_edges))
+
+    def bins_with(self, points: Bool[Tensor, "rays points"]) -> Bool[Tensor, "rays bins"]:
+        """Bins any of whose points is marked."""
+        if not self.closed:
+            return points
+        own = points[:, :-1].unflatten(-1, (-1, self.stride)).any(dim=-1)
+        return own | points[:, self.stride :: self.stride]
+
+    def points_of(self, bins: Bool[Tensor, "rays bins"]) -> Bool[Tensor, "rays points"]:
+        """All points of the marked bins."""
+        if not self.closed:
+            return bins
+        points = torch.nn.functional.pad(bins.repeat_interleave(self.stride, dim=-1), (0, 1))
+        points[:, self.stride :: self.stride] |= bins
+        return points
+
+    def bin_weights(
+        self, w: Float[Tensor, "rays points"], sigma: Float[Tensor, "rays points"], lengths: Float[Tensor, "rays bins"]
+    ) -> Float[Tensor, "rays bins"]:
+        """What each bin contributes, as importance sampling needs it, where the rule gave its points `w`."""
+        return _of_depth(self.optical_depth(sigma, lengths))[0] if self.closed else w
 
 
 class _WeightsFromOpticalDepth(torch.autograd.Function):
@@ -42,33 +118,100 @@ class _WeightsFromOpticalDepth(torch.autograd.Function):
         return g_w * T_after - behind - (g_end * T_after[:, -1]).unsqueeze(-1)
 
 
-def midpoint(
-    sigma: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], t_edges: Float[Tensor, "rays edges"]
-) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, " rays"]]:
-    """The default: exact where density and colour are constant in each bin, of order 2 at midpoints.
-
-    Raises `TypeError` below float32: thin scenes would vanish (1 − exp(−τ) is 0 in bfloat16 for τ < 2e-3).
+def _of_depth(tau: Tensor, weigh: type[torch.autograd.Function] = _WeightsFromOpticalDepth) -> tuple[Tensor, Tensor]:
+    """w and T_end by `weigh`; raises `TypeError` below float32: thin scenes would vanish (1 − exp(−τ) is 0 in bfloat16
+    for τ < 2e-3).
     """
-    del t
-    if sigma.dtype in (torch.float16, torch.bfloat16):
-        raise TypeError(f"the quadrature needs float32 or better, got {sigma.dtype}")
-    w, T_end = _WeightsFromOpticalDepth.apply(sigma * torch.diff(t_edges, dim=-1))
+    if tau.dtype in (torch.float16, torch.bfloat16):
+        raise TypeError(f"the quadrature needs float32 or better, got {tau.dtype}")
+    if tau.shape[-1] == 0:
+        return tau.new_zeros(len(tau), int(weigh is EndWeights)), tau.new_ones(len(tau))
+    w, T_end = weigh.apply(tau)
     return w, T_end
 
 
-def listing4(
-    sigma: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], t_edges: Float[Tensor, "rays edges"]
-) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, " rays"]]:
-    """Listing 4 of the paper, repaired only so far that it runs (2-D indices where it prints three).
+def _one_density_a_bin(sigma: Tensor, lengths: Tensor) -> Tensor:
+    return sigma * lengths
 
-    Intervals are differences of sample points, the last one is 1e10, 1e-10 is added in the product, and there is no
-    background: every ray with σ > 2e-9 at its last point is opaque. Of order 0 wherever light reaches that point.
-    """
+
+def _mean_of_the_ends(sigma: Tensor, lengths: Tensor) -> Tensor:
+    return 0.5 * (sigma[:, :-1] + sigma[:, 1:]) * lengths
+
+
+def _simpson(sigma: Tensor, lengths: Tensor) -> Tensor:
+    return (sigma[:, :-1:2] + 4.0 * sigma[:, 1::2] + sigma[:, 2::2]) / 6.0 * lengths
+
+
+def _one_colour_a_bin(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+    return _of_depth(_one_density_a_bin(sigma, lengths))
+
+
+def _half_to_each_end(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+    w, T_end = _of_depth(_mean_of_the_ends(sigma, lengths))
+    half = 0.5 * w
+    return torch.nn.functional.pad(half, (0, 1)) + torch.nn.functional.pad(half, (1, 0)), T_end
+
+
+def _colour_linear_in_depth(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+    """The middles give their density alone: their colours have no weight."""
+    w, T_end = _of_depth(_simpson(sigma, lengths), EndWeights)
+    return torch.nn.functional.pad(w.unsqueeze(-1), (0, 1)).flatten(-2)[:, :-1], T_end
+
+
+def _in_bins(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    return points_in_bins(t_edges, generator), t_edges
+
+
+def _on_left_ends(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, generator)
+    return moved[:, :-1], moved
+
+
+def _on_edges(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, generator)
+    return moved, moved
+
+
+def _on_edges_and_middles(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, generator)
+    pairs = torch.stack([moved[:, :-1], points_in_bins(moved, None)], dim=-1)
+    return torch.cat([pairs.flatten(-2), moved[:, -1:]], dim=-1), moved
+
+
+def _between_points(t: Tensor, t_edges: Tensor) -> Tensor:
     del t_edges
-    dists = torch.cat([t[:, 1:] - t[:, :-1], torch.full_like(t[:, :1], 1e10)], dim=-1)
-    alpha = 1.0 - torch.exp(-sigma * dists)
+    return torch.cat([t[:, 1:] - t[:, :-1], torch.full_like(t[:, :1], 1e10)], dim=-1)
+
+
+def _as_printed(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+    alpha = 1.0 - torch.exp(-sigma * lengths)
     transmittance = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
-    return alpha * transmittance[:, :-1], torch.zeros_like(sigma[:, 0])
+    return alpha * transmittance[:, :-1], sigma.new_zeros(len(sigma))
 
 
-QUADRATURES: dict[str, Rule] = {"midpoint": midpoint, "listing4": listing4}
+midpoint = Rule(_in_bins, _one_density_a_bin, _one_colour_a_bin, Orders(2.0, 2.0))
+"""The default: exact where density and colour are constant in each bin."""
+
+left = Rule(_on_left_ends, _one_density_a_bin, _one_colour_a_bin, Orders(1.0, 1.0))
+"""Density and colour of each bin's front end, as the field's codes take them, but over finite intervals."""
+
+trapezoid = Rule(_on_edges, _mean_of_the_ends, _half_to_each_end, Orders(2.0, 2.0), closed=True)
+"""Density linear in a bin, and the mean of the colours at its ends (as PL-NeRF, arXiv 2310.20685)."""
+
+linear = Rule(_on_edges_and_middles, _simpson, _colour_linear_in_depth, Orders(2.0, 4.0), stride=2, closed=True)
+"""For stiff rays: τ of a bin by Simpson's rule, colour linear in τ between its ends. Two points a bin."""
+
+listing4 = Rule(_in_bins, _one_density_a_bin, _as_printed, Orders(0.0, 0.0), lengths=_between_points, of_the_paper=True)
+"""Listing 4 of the paper, repaired only so far that it runs (2-D indices where it prints three).
+
+Intervals are differences of sample points, the last one is 1e10, 1e-10 is added in the product, and there is no
+background: every ray with σ > 2e-9 at its last point is opaque. Of order 0 wherever light reaches that point.
+"""
+
+QUADRATURES: dict[str, Rule] = {
+    "midpoint": midpoint,
+    "left": left,
+    "trapezoid": trapezoid,
+    "linear": linear,
+    "listing4": listing4,
+}

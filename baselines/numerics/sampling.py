@@ -29,6 +29,18 @@ def points_in_bins(
     return torch.lerp(left, right, u.to(left.device))
 
 
+def jittered_edges(
+    t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
+) -> Float[Tensor, "rays edges"]:
+    """The fenceposts, each inner one moved at random between the middles of its two bins; those given without a
+    generator. They still rise, and the ends stay where they are.
+    """
+    if generator is None:
+        return t_edges
+    inner = points_in_bins(points_in_bins(t_edges, None), generator)
+    return torch.cat([t_edges[:, :1], inner, t_edges[:, -1:]], dim=-1) if t_edges.shape[-1] > 1 else t_edges
+
+
 def inverse_cdf_edges(
     t_edges: Float[Tensor, "rays edges"],
     w: Float[Tensor, "rays bins"],
@@ -37,29 +49,54 @@ def inverse_cdf_edges(
 ) -> Float[Tensor, "rays count"]:
     """`count` distances distributed as the step function with mass `w` in each bin, in rising order.
 
-    Stratified with a generator, at the midpoints of the strata without one. A ray without any weight is sampled
-    uniformly. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError`
-    where one is negative.
+    Stratified with a generator, at the midpoints of the strata without one. `inverse_cdf` says the rest.
     """
-    if not bool(torch.isfinite(w).all()):
-        raise FloatingPointError("weights of the inverse distribution must be finite")
-    if bool((w < 0).any()):
-        raise ValueError("weights of the inverse distribution must be >= 0")
-    total = w.sum(dim=-1, keepdim=True)
-    share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
-    cdf = torch.cumsum(share, dim=-1)
-    cdf = torch.cat([torch.zeros_like(total), cdf / cdf[:, -1:]], dim=-1)
     if generator is None:
         u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
     else:
         u = torch.rand((w.shape[0], count), generator=generator, dtype=w.dtype, device=generator.device)
         u = u.to(w.device)
+    return inverse_cdf(t_edges, w, (torch.arange(count, dtype=w.dtype, device=w.device) + u) / count)
+
+
+def inverse_cdf(
+    t_edges: Float[Tensor, "rays edges"], w: Float[Tensor, "rays bins"], u: Float[Tensor, "rays count"]
+) -> Float[Tensor, "rays count"]:
+    """The distances below which the shares `u`, from 0 to 1, of all mass lie, in rising order; within their ray always.
+
+    A ray without any weight is taken as uniform. No gradient reaches `w` or `u`: where to look is no part of what is
+    seen. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError` where
+    one is negative; both name ray and bin.
+    """
+    w, u = w.detach(), u.detach()
+    _require_weights(w)
+    total = w.sum(dim=-1, keepdim=True)
+    if not bool(torch.isfinite(total).all()):  # of finite weights: their sum alone is beyond all numbers
+        w = w / w.amax(dim=-1, keepdim=True).clamp(min=1.0)
+        total = w.sum(dim=-1, keepdim=True)
+    share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
+    cdf = torch.cumsum(share, dim=-1)
+    cdf = torch.cat([torch.zeros_like(total), cdf / cdf[:, -1:]], dim=-1)
     # below 1, to which the last stratum can round: 1 belongs to the last bin, which may have no weight
-    below_one = 1.0 - 0.5 * torch.finfo(w.dtype).eps
-    u = ((torch.arange(count, dtype=w.dtype, device=w.device) + u) / count).clamp(max=below_one)
+    u = u.clamp(min=0.0, max=1.0 - 0.5 * torch.finfo(w.dtype).eps)
     right = torch.searchsorted(cdf, u, right=True).clamp(1, w.shape[-1])
     cdf_left, cdf_right = cdf.gather(-1, right - 1), cdf.gather(-1, right)
     t_left, t_right = t_edges.gather(-1, right - 1), t_edges.gather(-1, right)
     mass = cdf_right - cdf_left
     inside = torch.where(mass > 0, (u - cdf_left) / mass.clamp(min=torch.finfo(w.dtype).tiny), 0.5)
-    return torch.lerp(t_left, t_right, inside.clamp(0.0, 1.0))
+    drawn = torch.lerp(t_left, t_right, inside.clamp(0.0, 1.0))
+    return torch.sort(drawn, dim=-1).values  # lerp may step back by the last bit in the middle of a bin
+
+
+def _require_weights(w: Tensor) -> None:
+    if w.numel() == 0:
+        return
+    least, most = torch.aminmax(w)  # either is NaN where any weight is
+    if bool((least >= 0) & (most < torch.inf)):
+        return
+    finite = torch.isfinite(w)
+    ray, bin_ = (int(index) for index in torch.nonzero(~finite if not bool(finite.all()) else w < 0)[0])
+    where = f"weight {float(w[ray, bin_])} of bin {bin_} on ray {ray}"
+    if not bool(finite.all()):
+        raise FloatingPointError(f"{where}: weights of the inverse distribution must be finite")
+    raise ValueError(f"{where}: weights of the inverse distribution must be >= 0")
