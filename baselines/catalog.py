@@ -1,6 +1,7 @@
 """The one table of methods. A new method is one file and one line here; being listed is being tested."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from baselines.ablations import PARTIAL
 from baselines.composition import Parts
@@ -12,9 +13,12 @@ from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
 class Method:
     """What is trained."""
 
-    parts: Parts
+    parts: Parts | None
+    """Of a network; None for a method that is made of something else."""
     title: str
     """What it is, in one line of the report."""
+    kind: Literal["network", "voxels_drjit"] = "network"
+    """What it is made of, and so who trains it (`harness.learner`)."""
 
 
 CATALOG: dict[str, Method] = {
@@ -27,4 +31,7 @@ CATALOG: dict[str, Method] = {
         name: Method(parts, "NeRF with " + name[5:].replace("phi_", "φ ").replace("_", ", ").replace("φ, ", "φ "))
         for name, parts in PARTIAL.items()
     },
+    "voxels_drjit": Method(
+        None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
+    ),
 }

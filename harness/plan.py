@@ -201,6 +201,8 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
     train = kept(plan.train, everything)
     if "fine_pass" in out:
         train = replace(train, fine_bins=0)
+    if "empty_space" in out and not train.grid.cells:
+        train = replace(train, grid=GridSettings())
     return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
 
 

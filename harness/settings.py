@@ -24,6 +24,27 @@ class GridSettings:
 
 
 @dataclass(frozen=True)
+class VoxelSettings:
+    """The explicit field `voxels_drjit`, which has no network to be sized by `NetworkSize`."""
+
+    finest: int = 128
+    """Voxels along the longest side of the box in the end; a quarter of them at first."""
+    halves: tuple[float, float] = (0.1, 0.3)
+    """Shares of the budget after which the grid has half of them, and all."""
+    bins: int = 192
+    """Points along a ray: one and a half a voxel, as their colour and density are nearly linear between centres."""
+    rate_factor: float = 20.0
+    """Learning rate relative to that of the networks: a voxel is seen by few rays of a batch."""
+    smoothed: int = 8192
+    """Voxels a step that are pulled towards their neighbours, and how much."""
+    smoothing: float = 1e-5
+
+    def stages(self) -> tuple[tuple[float, int], ...]:
+        """(share of the budget from which it holds, voxels along the longest side)."""
+        return (0.0, self.finest // 4), (self.halves[0], self.finest // 2), (self.halves[1], self.finest)
+
+
+@dataclass(frozen=True)
 class TrainSettings:
     """§7.1 of the paper by default: Adam, 5e-4, 1024 rays; the sampling of the original NeRF."""
 
@@ -40,6 +61,7 @@ class TrainSettings:
     precision: Precision = "float32"
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
+    voxels: VoxelSettings = field(default_factory=VoxelSettings)
 
 
 @dataclass(frozen=True)

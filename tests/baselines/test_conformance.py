@@ -13,6 +13,7 @@ from baselines.qnerf import QNERF
 from tests.baselines.small_fields import (
     AMPLIFIED,
     EIGHT,
+    PARTS,
     SMALL,
     UNAMPLIFIED,
     every_depth,
@@ -55,7 +56,7 @@ def test_building_leaves_the_global_generator_alone_in_effect() -> None:
 
 def test_initial_weights_are_equal_between_methods_wherever_name_and_shape_are() -> None:
     reference = dict(field_of("nerf", EIGHT).named_parameters())
-    for method in CATALOG:
+    for method in PARTS:
         shared = [
             (name, weight)
             for name, weight in field_of(method, EIGHT).named_parameters()
@@ -82,7 +83,7 @@ def test_initial_weights_are_glorot_uniform_with_zero_biases() -> None:
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_renders_finite_colours_in_range(method: str, depth: int, view_dependent: bool) -> None:
     field = roughened(field_of(method, replace(SMALL, depth=depth), view_dependent=view_dependent))
-    rendering = render(field, CATALOG[method].parts, some_rays())
+    rendering = render(field, PARTS[method], some_rays())
     for values in (rendering.colour, rendering.opacity, rendering.depth):
         assert torch.isfinite(values).all()
     assert ((rendering.colour >= 0) & (rendering.colour <= 1 + 1e-5)).all()
@@ -96,7 +97,7 @@ def test_rendering_is_deterministic(method: str) -> None:
     for seed in (None, 3):
         one, two = (
             render(
-                field, CATALOG[method].parts, some_rays(), None if seed is None else torch.Generator().manual_seed(seed)
+                field, PARTS[method], some_rays(), None if seed is None else torch.Generator().manual_seed(seed)
             )
             for _ in range(2)
         )
@@ -109,7 +110,7 @@ def test_rendering_is_deterministic(method: str) -> None:
 def test_gradients_reach_every_parameter(method: str, depth: int) -> None:
     """β of Listing 2 among them, as something lies above its threshold here."""
     field = roughened(field_of(method, replace(SMALL, depth=depth)))
-    (render(field, CATALOG[method].parts, some_rays()).colour ** 2).sum().backward()
+    (render(field, PARTS[method], some_rays()).colour ** 2).sum().backward()
     for name, weight in field.named_parameters():
         assert weight.grad is not None, name
         assert torch.isfinite(weight.grad).all(), name
@@ -128,8 +129,8 @@ def test_beta_gets_no_gradient_where_nothing_is_above_the_threshold() -> None:
 @pytest.mark.parametrize("chunk", [1, 16, 50])
 def test_chunks_do_not_matter_without_an_amplifier(method: str, chunk: int) -> None:
     field, some = roughened(field_of(method)), some_rays(100)
-    whole = render(field, CATALOG[method].parts, some)
-    parts = [render(field, CATALOG[method].parts, some.part(i, i + chunk)) for i in range(0, 100, chunk)]
+    whole = render(field, PARTS[method], some)
+    parts = [render(field, PARTS[method], some.part(i, i + chunk)) for i in range(0, 100, chunk)]
     for name in ("colour", "opacity"):
         joined = torch.cat([getattr(part, name) for part in parts])
         torch.testing.assert_close(joined, getattr(whole, name), rtol=0.0, atol=2e-6)
@@ -137,7 +138,7 @@ def test_chunks_do_not_matter_without_an_amplifier(method: str, chunk: int) -> N
 
 @torch.no_grad()
 def chunk_difference(field: NetworkField, method: str, chunk: int = 4) -> float:
-    some, parts = some_rays(100), CATALOG[method].parts
+    some, parts = some_rays(100), PARTS[method]
     pieces = [render(field, parts, some.part(i, i + chunk)).colour for i in range(0, 100, chunk)]
     return float((torch.cat(pieces) - render(field, parts, some).colour).abs().max())
 
@@ -159,6 +160,6 @@ def test_bounded_density_is_bounded(method: str) -> None:
     field = roughened(field_of(method), alpha=2.0)
     sigma = field.density(some_points(500)[0])
     assert (sigma >= 0).all()
-    assert field.amplifier.bounded == (CATALOG[method].parts.amplifier == "listing2")
+    assert field.amplifier.bounded == (PARTS[method].amplifier == "listing2")
     if field.amplifier.bounded:
         assert (sigma <= 1).all()

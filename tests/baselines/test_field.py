@@ -6,13 +6,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.catalog import CATALOG
 from baselines.composition import Parts, skip_layer
 from baselines.contract import Box
 from baselines.field import NetworkField
 from baselines.numerics.encoding import encode
 from tests.baselines.small_fields import (
     BOX,
+    PARTS,
     SMALL,
     UNAMPLIFIED,
     every_depth,
@@ -43,7 +43,7 @@ def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Te
 @every_depth
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, view_dependent: bool) -> None:
-    parts = CATALOG[method].parts
+    parts = PARTS[method]
     alpha = None if parts.amplifier == "none" else 0.9
     field = roughened(field_of(method, replace(SMALL, depth=depth), view_dependent=view_dependent), alpha)
     x, d, ray = some_points(700)
@@ -64,7 +64,7 @@ def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, v
 @pytest.mark.parametrize("count", [1, 5, 1023, 1024, 1025, 2500])
 @pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_theorem"])
 def test_padding_is_not_seen(method: str, count: int) -> None:
-    parts = CATALOG[method].parts
+    parts = PARTS[method]
     field = roughened(field_of(method), None if parts.amplifier == "none" else 0.9)
     x, d, ray = some_points(count)
     sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
@@ -117,7 +117,7 @@ def test_density_before_and_after_the_amplifier(method: str) -> None:
 
 @every_method
 def test_bfloat16_is_near_float32_and_keeps_float32_weights(method: str) -> None:
-    parts = CATALOG[method].parts
+    parts = PARTS[method]
     reduced, full = (roughened(NetworkField(parts, SMALL, BOX, precision, 0)) for precision in ("bfloat16", "float32"))
     x, d, ray = some_points(300)
     results = [field.density_and_colour(x, field.encode_directions(d), ray) for field in (reduced, full)]

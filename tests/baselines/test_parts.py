@@ -8,7 +8,6 @@ import torch
 from torch import nn
 
 from baselines.ablations import PARTS_OF_QNERF, combination
-from baselines.catalog import CATALOG
 from baselines.composition import Parts, encoding_bands, skip_layer
 from baselines.contract import NetworkSize
 from baselines.field import NetworkField
@@ -17,6 +16,7 @@ from baselines.numerics.encoding import PHI
 from baselines.qnerf import QNERF, QNERF_LISTING4
 from tests.baselines.small_fields import (
     BOX,
+    PARTS,
     SMALL,
     every_depth,
     every_method,
@@ -94,10 +94,10 @@ def test_combinations_of_nothing_and_of_everything() -> None:
 
 
 def test_catalogue_holds_every_combination_once() -> None:
-    parts = [method.parts for method in CATALOG.values()]
+    parts = list(PARTS.values())
     assert len(set(parts)) == len(parts) == 8 + 3, "2³ combinations, the control, the theorem, listing 4"
     for part in PARTS_OF_QNERF.values():
-        others = {name for name, method in CATALOG.items() if getattr(method.parts, part) == getattr(QNERF, part)}
+        others = {name for name, one in PARTS.items() if getattr(one, part) == getattr(QNERF, part)}
         assert {"qnerf", "qnerf_listing4"} <= others
 
 

@@ -1,0 +1,269 @@
+"""A radiance field without a network: density and spherical harmonics on a voxel grid, differentiated by Dr.Jit.
+
+The peer of a different kind: Plenoxels (Fridovich-Keil et al. 2022) and DVGO (Sun et al. 2022) without their
+engineering, coarse to fine. Importing this module imports Dr.Jit and nothing of Mitsuba.
+"""
+
+import importlib
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from baselines.contract import Box, Rays, Rendering
+from baselines.numerics.bounds import ray_box
+from baselines.numerics.sampling import points_in_bins, uniform_edges
+from baselines.voxel_grid import corners, interpolated, over_rays, ray_weights, sigmoid, softplus
+
+Backend = Literal["llvm", "cuda"]
+
+DENSITY_SCALE = 25.0
+DENSITY_BIAS = -4.4
+"""As the networks' densities have them (`baselines.amplifiers`): a fresh field is thin fog of 0.3 per scene unit."""
+CHANNELS = ("red", "green", "blue")
+DEGREE = 1
+"""Of the spherical harmonics, where colour depends on the direction."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points along the rays that meet the box, as Dr.Jit arrays."""
+
+    origin: Any
+    direction: Any
+    """Of the rays."""
+    t: Any
+    delta: Any
+    """Of the points, ray after ray."""
+    rays: int
+    bins: int
+
+
+class VoxelField:
+    """What is learnt; torch tensors come in and go out, everything between is Dr.Jit's."""
+
+    bounded = False
+
+    def __init__(self, box: Box, voxels: int, view_dependent: bool, backend: Backend) -> None:
+        """`voxels` along the longest side of the box; thin grey fog everywhere."""
+        self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
+        self.box = box
+        self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
+        self.degree = DEGREE if view_dependent else 0
+        self.shape = shape_of(box, voxels)
+        count = math.prod(self.shape)
+        self.values: dict[str, Any] = {"density": dr.zeros(self.types.Float, count)}
+        for name in CHANNELS:
+            self.values[name] = dr.zeros(self.types.Float, count * self.coefficients)
+        dr.eval(self.values)
+
+    @property
+    def coefficients(self) -> int:
+        """Of a colour channel in a voxel."""
+        return (self.degree + 1) ** 2
+
+    def parameter_counts(self) -> dict[str, int]:
+        density = len(self.values["density"])
+        colour = sum(len(self.values[name]) for name in CHANNELS)
+        return {"density_grid": density, "colour_grid": colour, "total": density + colour}
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """`density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
+        return {name: self._as_grid(name).clone() for name in self.values}
+
+    def refined(self, voxels: int) -> "VoxelField":
+        """The same field on a finer grid, interpolated."""
+        finer = VoxelField(self.box, voxels, self.degree > 0, self._backend)
+        for name in self.values:
+            grid = self._as_grid(name)
+            channels = (grid.unsqueeze(-1) if grid.ndim == 3 else grid).permute(3, 0, 1, 2)
+            resized = torch.nn.functional.interpolate(
+                channels.unsqueeze(0), size=finer.shape[::-1], mode="trilinear", align_corners=False
+            )
+            finer.values[name] = self._flat(resized[0].permute(1, 2, 3, 0))
+        return finer
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+        with dr.suspend_grad():
+            found = self._density(corners(self._in_box(self._triple(x)), self.shape))
+            return self._torch(found, x.device)
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        sigma = self.density(x)
+        return sigma, sigma
+
+    def samples(
+        self, rays: Rays, bins: int, generator: torch.Generator | None
+    ) -> tuple[Samples | None, Int[Tensor, " hits"]]:
+        """Points at which `rays` are evaluated, and which of the rays meet the box; random in their bins (training)
+        with a generator, in the middle without one. None where no ray does.
+        """
+        entry, leave, hit = ray_box(rays.origins, rays.directions, self.box.lower, self.box.upper, rays.near, rays.far)
+        inside = torch.nonzero(hit)[:, 0]
+        if len(inside) == 0:
+            return None, inside
+        edges = uniform_edges(entry[inside], leave[inside], bins)
+        t = points_in_bins(edges, generator)
+        origin, direction = self._triple(rays.origins[inside]), self._triple(rays.directions[inside])
+        flat_t, delta = self._flat(t), self._flat(torch.diff(edges, dim=-1))
+        return Samples(origin, direction, flat_t, delta, len(inside), bins), inside
+
+    def loss_and_gradients(
+        self,
+        samples: Samples,
+        colours: Float[Tensor, "hits 3"],
+        share: float,
+        smooth: Int[Tensor, " voxels"],
+        smoothing: float,
+    ) -> tuple[float, float, dict[str, Any]]:
+        """`share` of the sum of squared errors of the display colours over white; the sum of squares of the gradient;
+        the gradient, which has in it that of `smoothing` times the mean squared difference of the voxels `smooth`
+        from their neighbours.
+        """
+        dr.enable_grad(self.values)
+        shown, _, _ = self._seen(samples)
+        truth = self._triple(colours)
+        error = share * sum(dr.sum(dr.square(one - there)) for one, there in zip(shown, truth, strict=True))
+        rough = self._roughness(self.types.UInt32(self._flat_integers(smooth)))
+        dr.backward(error + smoothing * rough)
+        gradients = {name: dr.grad(value) for name, value in self.values.items()}
+        dr.disable_grad(self.values)
+        square = sum(dr.sum(dr.square(gradient)) for gradient in gradients.values())
+        dr.eval(error, square, gradients)
+        return float(error[0]), float(square[0]), gradients
+
+    def render(self, rays: Rays, bins: int) -> Rendering:
+        """At the midpoints of the bins, over white."""
+        samples, inside = self.samples(rays, bins, None)
+        white = torch.ones_like(rays.origins)
+        nothing, far = torch.zeros_like(white[:, 0]), torch.full_like(white[:, 0], rays.far)
+        if samples is None:
+            return Rendering(white, nothing, far, 0)
+        with dr.suspend_grad():
+            shown, w, opacity = self._seen(samples)
+            hit = opacity > 0.0
+            depth = dr.select(hit, over_rays(w * samples.t, bins) / dr.select(hit, opacity, 1.0), rays.far)
+            device = rays.origins.device
+            colour = torch.stack([self._torch(one, device) for one in shown], dim=-1)
+            white[inside] = colour
+            nothing[inside] = self._torch(opacity, device)
+            far[inside] = self._torch(depth, device)
+        return Rendering(white, nothing, far, samples.rays * bins)
+
+    def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
+        """Display colours of the rays over white, channel by channel, weights of their points, their opacities."""
+        types, bins = self.types, samples.bins
+        ray = dr.arange(types.UInt32, samples.rays * bins) // bins
+        direction = dr.gather(types.Array3f, samples.direction, ray)
+        at = corners(
+            self._in_box(dr.fma(direction, samples.t, dr.gather(types.Array3f, samples.origin, ray))), self.shape
+        )
+        w, T_end = ray_weights(self._density(at) * samples.delta, bins)
+        harmonics = dr.sh_eval(direction, self.degree)
+        shown = []
+        for name in CHANNELS:
+            kind = types.Float if self.degree == 0 else types.Array4f
+            held = interpolated(self.values[name], at, kind)
+            held = [held] if self.degree == 0 else held
+            value = sigmoid(sum(basis * one for basis, one in zip(harmonics, held, strict=True)))
+            shown.append(over_rays(w * value, bins) + T_end)
+        return shown, w, over_rays(w, bins)
+
+    def _density(self, at: Any) -> Any:
+        return DENSITY_SCALE * softplus(interpolated(self.values["density"], at, self.types.Float) + DENSITY_BIAS)
+
+    def _roughness(self, voxel: Any) -> Any:
+        """Mean squared difference of the chosen voxels from the next along each axis, over all that a voxel holds."""
+        nx, ny, nz = self.shape
+        x, y, z = voxel % nx, voxel // nx % ny, voxel // (nx * ny)
+        following = [
+            (z * ny + y) * nx + dr.minimum(x + 1, nx - 1),
+            (z * ny + dr.minimum(y + 1, ny - 1)) * nx + x,
+            (dr.minimum(z + 1, nz - 1) * ny + y) * nx + x,
+        ]
+        total = 0.0
+        for name, values in self.values.items():
+            kind = self.types.Float if name == "density" or self.degree == 0 else self.types.Array4f
+            here = dr.gather(kind, values, voxel)
+            for other in following:
+                square = dr.square(dr.gather(kind, values, other) - here)
+                total = total + dr.mean(square if kind is self.types.Float else dr.sum(square, axis=0))
+        return total
+
+    def _in_box(self, x: Any) -> Any:
+        size = [high - low for low, high in zip(self.lower, self.upper, strict=True)]
+        return self.types.Array3f(*((x[i] - self.lower[i]) / size[i] for i in range(3)))
+
+    @property
+    def _backend(self) -> Backend:
+        return "cuda" if "cuda" in self.types.__name__ else "llvm"
+
+    # the border between torch and Dr.Jit
+
+    def _flat(self, values: Tensor) -> Any:
+        _finished(values.device)
+        return self.types.Float(self.types.TensorXf(values.detach().float().contiguous()).array)
+
+    def _flat_integers(self, values: Tensor) -> Any:
+        _finished(values.device)
+        return self.types.TensorXi(values.to(torch.int32).contiguous()).array
+
+    def _triple(self, x: Float[Tensor, "points 3"]) -> Any:
+        return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
+
+    def _torch(self, values: Any, device: torch.device) -> Tensor:
+        """A copy: Dr.Jit may use the memory of its own again."""
+        held = dr.detach(values)
+        dr.eval(held)
+        dr.sync_thread()
+        return torch.as_tensor(held.numpy()).to(device)
+
+    def _as_grid(self, name: str) -> Tensor:
+        shape = self.shape[::-1] if name == "density" else (*self.shape[::-1], self.coefficients)
+        return self._torch(self.values[name], torch.device("cpu")).reshape(shape)
+
+
+class Adam:
+    """Adam (Kingma & Ba) on the flat arrays of a field, in Dr.Jit."""
+
+    BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
+
+    def __init__(self, field: VoxelField) -> None:
+        zero = {name: dr.zeros(field.types.Float, len(value)) for name, value in field.values.items()}
+        self.first, self.second = zero, {name: type(value)(value) for name, value in zero.items()}
+        self.steps = 0
+
+    def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
+        """`gradients` count `scale` times."""
+        self.steps += 1
+        number = field.types.Float
+        # opaque: what changes from step to step must not be part of the compiled kernel
+        share = dr.opaque(number, scale)
+        ahead = dr.opaque(number, rate / (1.0 - self.BETA_1**self.steps))
+        spread = dr.opaque(number, 1.0 / (1.0 - self.BETA_2**self.steps))
+        for name, gradient in gradients.items():
+            g = dr.detach(gradient) * share
+            first = self.BETA_1 * self.first[name] + (1.0 - self.BETA_1) * g
+            second = self.BETA_2 * self.second[name] + (1.0 - self.BETA_2) * g * g
+            self.first[name], self.second[name] = first, second
+            field.values[name] = field.values[name] - ahead * first / (dr.sqrt(second * spread) + self.EPSILON)
+        dr.eval(field.values, self.first, self.second)
+
+
+def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
+    """Voxels along x, y and z: `voxels` along the longest side, as cubic as that allows."""
+    size = (box.upper - box.lower).tolist()
+    x, y, z = (max(1, round(voxels * side / max(size))) for side in size)
+    return x, y, z
+
+
+def _finished(device: torch.device) -> None:
+    """Dr.Jit works in a queue of its own and does not wait for torch's."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
