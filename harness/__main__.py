@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from harness.plan import Plan
     from harness.progress import Progress
 
-PROFILES = ("smoke", "reduced", "full")
+PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -31,6 +31,11 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
     run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
     run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
+    run.add_argument(
+        "--verify-omissions",
+        action="store_true",
+        help="train with and without everything that is left out (exit code 3)",
+    )
     run.add_argument("--quiet", action="store_true", help="no progress")
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
     _add_plan_options(rates)
@@ -39,6 +44,10 @@ def parser() -> argparse.ArgumentParser:
     _add_plan_options(pairs)
     pairs.add_argument("--changes", nargs="+", default=["grid", "precision"], choices=("grid", "precision"))
     pairs.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    left = commands.add_parser("omissions", help="what leaving out what a scene does not need saves and costs, as JSON")
+    _add_plan_options(left)
+    left.set_defaults(methods=["nerf"], budget_steps=300, seeds=3)
+    left.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     stability = commands.add_parser("stability", help="try the catalogue of stiff and extreme cases")
@@ -64,6 +73,8 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
         help="of matrix products alone (default: the profile's, where the processor has such products)",
     )
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
+    add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
+    add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
     add("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
@@ -83,6 +94,8 @@ def main(arguments: list[str]) -> int:
             return _sweep(options, show)
         if options.command == "equivalence":
             return _equivalence(options, show)
+        if options.command == "omissions":
+            return _omissions(options, show)
         if options.command == "speed":
             return speed_options.run_speed(options, show)
         if options.command == "stability":
@@ -126,6 +139,8 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
         view_set=options.view_set,
         precision=precision,
         without=options.without,
+        need=options.need,
+        no_need=options.no_need,
     )
     return plan, device
 
@@ -155,7 +170,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     claim(out, plan, machine, options.resume)
     point_latest_to(out)
     try:
-        code = run(plan, out, options.view_sets, machine, command, show)
+        code = run(plan, out, options.view_sets, machine, command, show, options.verify_omissions)
     except InputError:
         release(out)
         if before is not None and not out.exists():
@@ -204,6 +219,24 @@ def _equivalence(options: argparse.Namespace, show: "Progress") -> int:
     for row in result["summary"]:
         show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {row['verdict']}")
     return 0
+
+
+def _omissions(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.device import available_cores
+    from harness.records import write_json
+    from harness.runner import view_set_folders
+    from harness.verification import as_json, line_of, too_costly, verified
+
+    plan, _ = _planned(options)
+    _check_file(options.out)
+    folders = view_set_folders(plan, options.view_sets, show)
+    found, controls = verified(plan, folders, options.out.parent, available_cores(), show.line)
+    write_json(options.out, as_json(found, controls, plan))
+    for one in found:
+        show.line(line_of(one))
+    for one in controls:
+        show.line(f"control, needed: {line_of(one)}")
+    return 3 if too_costly(found) else 0
 
 
 def _check_file(path: Path) -> None:

@@ -49,6 +49,7 @@ class CellTask:
     scratch: Path
     plan: Plan
     arms: Mapping[str, Arm]
+    device: str = "cpu"
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ def trained_cell(task: CellTask) -> TrainedCell:
     use_threads(1)
     keep_freed_memory()
     views = read_views(task.view_set, task.plan.views, task.scratch)
-    device = torch.device("cpu")
+    device = torch.device(task.device)
     ended = {name: _ended(task, arm, views, device) for name, arm in task.arms.items()}
     return TrainedCell(task.scene, task.method, task.seed, ended)
 

@@ -3,6 +3,7 @@
 from harness.plan import Plan
 from harness.schedule import Budget
 from harness.settings import TrainSettings
+from scenes.needs import PARTS
 
 ALWAYS = [
     "Eq. 3 prints its last cosine with φ^L, Listing 1 uses φ^(L−1) and keeps the raw coordinates: Listing 1 is used.",
@@ -51,6 +52,10 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/equivalence.json "
             "holds pairs of cells with and without the grid."
         )
+    for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
+        if names:
+            parts = ", ".join(PARTS[name].what for name in names)
+            rows.append(f"Forced by {option}, whatever the scene needs: {words} are {parts}.")
     return rows
 
 

@@ -85,7 +85,9 @@ def verifiable(views: "ViewSet", plan: Plan) -> tuple[str, ...]:
     )
 
 
-def cell_tasks(plan: Plan, folders: dict[str, Path], scratch: Path, controls: bool = False) -> list[CellTask]:
+def cell_tasks(
+    plan: Plan, folders: dict[str, Path], scratch: Path, controls: bool = False, device: str = "cpu"
+) -> list[CellTask]:
     """Each cell of the plan with everything left out that its scene does not need, and once more with each of these.
 
     With `controls`, also without the view direction where the scene does need it.
@@ -106,7 +108,7 @@ def cell_tasks(plan: Plan, folders: dict[str, Path], scratch: Path, controls: bo
         arms |= {name: Arm(need=(name,)) for name in names[scene] if name in TRAINED}
         if controls and needed[scene]:
             arms["no view_direction"] = Arm(no_need=("view_direction",))
-        tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms))
+        tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
 
 
@@ -117,7 +119,7 @@ def omissions_of(cells: list[TrainedCell]) -> list[Omission]:
         chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
         for name in [name for name in chosen[0].ended if name in TRAINED]:
             found.append(_of_training(chosen, name, "as planned", name))
-        for name in chosen[0].ended["as planned"].rerendered:
+        for name in dict.fromkeys(name for cell in chosen for name in cell.ended["as planned"].rerendered):
             found.append(_of_rendering(chosen, name))
     return found
 
@@ -138,6 +140,9 @@ def _of_training(cells: list[TrainedCell], name: str, without: str, with_it: str
     whole = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
     differences = np.array([(a.psnr or 0.0) - (b.psnr or 0.0) for a, b in whole])
     result = paired_difference(differences) if len(whole) else None
+    verdict = judged(paired_difference(-differences), PARTS[name].bound) if result else "inconclusive"
+    if any(a.psnr is None and b.psnr is not None for a, b in pairs):
+        verdict = "costs more"  # a cell that ends for lack of the part is worth less than any score
     training = [b.train_seconds - a.train_seconds for a, b in whole]
     rendering = [b.render_seconds - a.render_seconds for a, b in whole]
     return Omission(
@@ -150,7 +155,7 @@ def _of_training(cells: list[TrainedCell], name: str, without: str, with_it: str
         result.interval if result else None,
         len(whole),
         len(pairs) - len(whole),
-        judged(paired_difference(-differences), PARTS[name].bound) if result else "inconclusive",
+        verdict,
         float(np.mean(training)) if whole else None,
     )
 

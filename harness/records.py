@@ -80,8 +80,23 @@ class LeftOut:
     what: str
     reason: str
     seconds_saved: float | None = None
+    """None where it was not measured (`--verify-omissions`), as below."""
     difference: float | None = None
+    """dB: test PSNR with it left out less with it done, so that less than 0 is a loss. colour: what changed at most."""
     interval: tuple[float, float] | None = None
+    """95 %."""
+    name: str = ""
+    """Of the need in `scenes.needs`."""
+    concerns: str = ""
+    """model, sampling, rendering or metrics."""
+    bound: float | None = None
+    """How much worse the result may get."""
+    unit: str = ""
+    """Of `difference` and `bound`: dB, or colour for a display colour 0 … 1."""
+    clock: str = ""
+    """What `seconds_saved` are seconds of."""
+    verdict: str = ""
+    """within its bound, costs more or inconclusive."""
 
 
 @dataclass(frozen=True)

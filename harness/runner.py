@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,14 @@ from harness.records import (
 )
 
 
-def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress) -> int:
+def run(
+    plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress, verify: bool = False
+) -> int:
     """Do what the plan says into `out`, which is ours already (`harness.output_folder`), leaving out finished cells.
 
-    Gives the exit code: 0, or 3 where a cell diverged or failed. Raises `InputError` before any training
-    where input is wrong.
+    With `verify`, what each scene does not need is then tried with and without. Gives the exit code: 0, or 3 where a
+    cell diverged or failed or something that was left out costs more than its bound. Raises `InputError` before any
+    training where input is wrong.
     """
     import torch
 
@@ -61,10 +65,14 @@ def run(plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, 
                 show.trained(event.task, event.share)
     cells = [cell for cell in read_cells(out) if (cell.scene, cell.method, cell.seed) in set(plan.cells())]
     write_comparisons(out, compare(cells, list(plan.methods)))
+    costly = False
+    if verify:
+        with _timed(phases, "verify"):
+            scenes, costly = _verified(plan, scenes, folders, machine, out, show)
     write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
-    return 0 if ended == len(plan.cells()) else 3
+    return 0 if ended == len(plan.cells()) and not costly else 3
 
 
 def plan_lines(plan: Plan, machine: Machine) -> list[str]:
@@ -128,8 +136,31 @@ def _scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},
-        left_out=[LeftOut(row["what"], row["reason"]) for row in manifest.get("left_out", [])],
+        left_out=[_left_out(row) for row in manifest.get("left_out", [])],
     )
+
+
+def _left_out(row: dict[str, Any]) -> LeftOut:
+    """What a manifest says, as far as it says it: an older one knows no bounds."""
+    known = ("name", "concerns", "bound", "unit")
+    return LeftOut(row["what"], row["reason"], **{key: row[key] for key in known if key in row})
+
+
+def _verified(
+    plan: Plan, scenes: list[SceneRecord], folders: dict[str, Path], machine: Machine, out: Path, show: Progress
+) -> tuple[list[SceneRecord], bool]:
+    """`scenes` with what leaving out saved and changed, by one method; and whether anything costs more than it may."""
+    from harness.verification import filled, line_of, too_costly, verified
+
+    one_method = replace(plan, methods=("nerf",) if "nerf" in plan.methods else plan.methods[:1])
+    found, _ = verified(one_method, folders, out, machine.workers, show.line, machine.device)
+    for one in too_costly(found):
+        show.line(f"left out at too high a price: {line_of(one)}")
+    told = [
+        replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
+        for scene in scenes
+    ]
+    return told, bool(too_costly(found))
 
 
 def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) -> list[GroupTask]:

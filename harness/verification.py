@@ -1,0 +1,146 @@
+"""Every omission verified on the real thing: `python -m harness omissions` and `run --verify-omissions`."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.arms import TrainedCell, trained_cells
+from harness.needed import needs_of
+from harness.omissions import Omission, cell_tasks, controls_of, judged, omissions_of
+from harness.plan import Plan
+from harness.records import LeftOut
+from harness.statistics import paired_difference
+from scenes.errors import InputError
+from scenes.needs import PARTS
+
+INTEGRATOR_VIEWS = 6
+CLOCK_OF_RENDERING = "rendering the view set"
+
+
+def verified(
+    plan: Plan,
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    say: Callable[[str], None],
+    device: str = "cpu",
+) -> tuple[list[Omission], list[Omission]]:
+    """What is left out on each scene of the plan, and controls: what leaving out something needed costs.
+
+    Trains every cell of the plan once as planned and once more for each omission of its scene.
+    """
+    cells = []
+    for cell in trained_cells(cell_tasks(plan, folders, scratch, controls=True, device=device), workers):
+        cells.append(cell)
+        say(_line_of_cell(cell))
+    found = omissions_of(cells)
+    for scene, folder in folders.items():
+        if (one := _of_integrator(plan, scene, folder, scratch)) is not None:
+            found.append(one)
+    order = list(folders)
+    found.sort(key=lambda one: order.index(one.scene))
+    return found, controls_of(cells)
+
+
+def line_of(one: Omission) -> str:
+    """`lego: samples outside the box: +1.2 dB [+0.4, +2.0], 3.1 s saved, within its bound of 0.2 dB`"""
+    between = "" if one.interval is None else f" [{one.interval[0]:+.4g}, {one.interval[1]:+.4g}]"
+    change = "nothing measured" if one.difference is None else f"{one.difference:+.4g}{between} {one.unit}"
+    saved = "" if one.seconds_saved is None else f", {one.seconds_saved:.2f} s saved ({one.clock})"
+    return f"{one.scene}: {PARTS[one.name].what}: {change}{saved}: {one.verdict} ({one.bound:.2g} {one.unit})"
+
+
+def too_costly(found: list[Omission]) -> list[Omission]:
+    return [one for one in found if one.verdict == "costs more"]
+
+
+def filled(rows: list[LeftOut], found: list[Omission]) -> list[LeftOut]:
+    """`rows` of one scene with what was measured on it."""
+    by_name = {one.name: one for one in found}
+    return [_filled(row, by_name[row.name]) if row.name in by_name else row for row in rows]
+
+
+def as_json(found: list[Omission], controls: list[Omission], plan: Plan) -> dict[str, Any]:
+    return {
+        "what": "each scene with everything left out that it does not need, against the same with one of these done; "
+        "controls: the view direction left out where it is needed",
+        "settings": plan.settings(),
+        "omissions": [_as_row(one) for one in found],
+        "controls": [_as_row(one) for one in controls],
+    }
+
+
+def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, Any]:
+    """`scenes.integrators.Comparison` as plain data, from a process of its own. Raises `InputError`."""
+    options = {"resolution": resolution, "views": views, "spp": spp}
+    command = [sys.executable, "-m", "scenes", "integrators", scene]
+    command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode == 2:
+        raise InputError(done.stderr.strip().removeprefix("scenes: "))
+    if done.returncode:
+        raise RuntimeError(f"comparing integrators ended with exit code {done.returncode}: {done.stderr[-2000:]}")
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def omission_of_integrators(found: dict[str, Any], samples: int) -> Omission:
+    """`samples` of a whole view set, to which the seconds are scaled."""
+    seconds = found["seconds"]["volpath"] - found["seconds"]["path"]
+    result = paired_difference(np.array(found["differences"]))
+    sign = 1.0 if result.mean >= 0 else -1.0
+    costs = paired_difference(sign * np.array(found["differences"]))
+    return Omission(
+        scene=found["scene"],
+        method="",
+        name="participating_media",
+        seconds_saved=seconds * samples / found["samples"],
+        clock=CLOCK_OF_RENDERING,
+        difference=result.mean,
+        interval=result.interval,
+        pairs=result.units,
+        diverged=0,
+        verdict=judged(costs, PARTS["participating_media"].bound),
+    )
+
+
+def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omission | None:
+    """None for a view set from elsewhere, and where the medium is needed."""
+    from harness.ground_truth import read_views
+
+    need = needs_of(read_views(folder, plan.views, scratch)).get("participating_media")
+    if plan.view_set or need is None or need.needed:
+        return None
+    views = plan.views
+    samples = ((views.train + views.val) * views.spp_train + views.test * views.spp_test) * views.resolution**2
+    count = min(INTEGRATOR_VIEWS, views.test)
+    return omission_of_integrators(compared_integrators(scene, views.resolution, count, views.spp_test), samples)
+
+
+def _filled(row: LeftOut, one: Omission) -> LeftOut:
+    return replace(
+        row,
+        seconds_saved=one.seconds_saved,
+        difference=one.difference,
+        interval=one.interval,
+        clock=one.clock,
+        verdict=one.verdict,
+    )
+
+
+def _as_row(one: Omission) -> dict[str, Any]:
+    return {**asdict(one), "what": PARTS[one.name].what, "bound": one.bound, "unit": one.unit}
+
+
+def _line_of_cell(cell: TrainedCell) -> str:
+    scores = (
+        f"{name} {'diverged' if one.psnr is None else f'{one.psnr:.2f} dB'} in {one.train_seconds:.1f} s"
+        for name, one in cell.ended.items()
+    )
+    return f"{cell.scene} {cell.method} seed {cell.seed}: {', '.join(scores)}"
