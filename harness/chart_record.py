@@ -5,6 +5,9 @@ This module imports the standard library alone, as reports read it.
 
 from dataclasses import dataclass
 
+Values = list[float] | list[float | None]
+"""None where the figure was not finite: a gap in the line, which a chart marks."""
+
 
 @dataclass(frozen=True)
 class Series:
@@ -17,9 +20,9 @@ class Series:
     x_label: str
     y_label: str
     x: list[float]
-    y: list[float]
-    low: list[float] | None = None
-    high: list[float] | None = None
+    y: Values
+    low: Values | None = None
+    high: Values | None = None
     log_x: bool = True
     log_y: bool = True
 

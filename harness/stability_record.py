@@ -4,13 +4,14 @@ This module imports the standard library, `harness.records` and `harness.chart_r
 """
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from harness.chart_record import Series, Table
-from harness.records import DamagedRecord, write_json
+from harness.records import DamagedRecord, finite_or_none, write_json
 
 STABILITY_SCHEMA = 1
 STABILITY_FILE = "stability.json"
@@ -152,7 +153,20 @@ def broken(record: StabilityRecord) -> list[Outcome]:
 
 
 def write_stability(path: Path, record: StabilityRecord) -> None:
-    write_json(path, asdict(record))
+    """`record` as JSON. A point of a line that is not finite is kept as a gap, a table's as words; raises `ValueError`
+    where a figure of an outcome, or an x, is not finite."""
+    data = asdict(record)
+    for case in data["cases"]:
+        for line in case["series"]:
+            for name in ("y", "low", "high"):
+                line[name] = None if line[name] is None else [finite_or_none(value) for value in line[name]]
+        for table in case["tables"]:
+            table["rows"] = [[_said(value) for value in row] for row in table["rows"]]
+    write_json(path, data)
+
+
+def _said(value: str | float | None) -> str | float | None:
+    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_stability(path: Path) -> StabilityRecord:

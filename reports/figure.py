@@ -18,10 +18,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from reports import palette
-from reports.wording import MINUS, significant
+from reports.wording import MINUS, scientific, significant
 
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "band"]
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "zero", "band"]
 Scale = Literal["linear", "log", "symlog"]
+
+MANY_DECADES = 6.0
+"""Beyond this a logarithmic axis is labelled in powers of ten."""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -50,7 +53,8 @@ STYLE: dict[Any, Any] = {
 class Trace:
     """Points of one kind and colour; `x` and `y` are equally long.
 
-    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`.
+    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`. A `line` may be dashed, a `mark`
+    has a shape (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
     """
 
     label: str
@@ -60,6 +64,10 @@ class Trace:
     y: tuple[float, ...]
     x_high: tuple[float, ...] = ()
     y_high: tuple[float, ...] = ()
+    dash: tuple[float, ...] = ()
+    width: float = 2.0
+    marker: str = "D"
+    hollow: bool = True
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,8 @@ class Panel:
     size: tuple[float, float] = (3.7, 2.6)
     linear_below: float = 1.0
     """Where a `symlog` axis begins to be logarithmic."""
+    zero_at: float | None = None
+    """Where zeros stand on a logarithmic y axis; its tick says 0."""
 
 
 def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
@@ -121,20 +131,33 @@ def draw(panel: Panel) -> Figure:
             (left / width, 0.5 / height, 1 - (left + 0.12) / width, 1 - 0.62 / height), facecolor="none"
         )
         figure.patch.set_visible(False)
-        for trace in panel.traces:
-            _PENS[trace.kind](axes, trace)
-        _axis(axes, panel, "x")
-        _axis(axes, panel, "y")
-        if panel.rows:
-            axes.set_ylim(len(panel.rows) - 0.5, -0.5)
-            axes.yaxis.set_major_locator(FixedLocator(range(len(panel.rows))))
-            axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: panel.rows[round(at)]))
-            axes.yaxis.set_minor_locator(NullLocator())
+        paint(axes, panel)
         return figure
+
+
+def paint(axes: Axes, panel: Panel) -> None:
+    """The panel's traces and axes onto axes that somebody else made."""
+    for trace in panel.traces:
+        _PENS[trace.kind](axes, trace)
+    _axis(axes, panel, "x")
+    _axis(axes, panel, "y")
+    if panel.rows:
+        axes.set_ylim(len(panel.rows) - 0.5, -0.5)
+        axes.yaxis.set_major_locator(FixedLocator(range(len(panel.rows))))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: panel.rows[round(at)]))
+        axes.yaxis.set_minor_locator(NullLocator())
+    if panel.zero_at is not None:
+        foot = panel.zero_at
+        above = [at for at in axes.yaxis.get_majorticklocs() if at > foot * 1.01]
+        axes.yaxis.set_major_locator(FixedLocator([foot, *above]))
+        write = axes.yaxis.get_major_formatter()
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: "0" if at == foot else write(at)))
+        axes.axhline(foot, color=palette.MUTED.light, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
 
 
 def _axis(axes: Axes, panel: Panel, name: str) -> None:
     scale, limits = getattr(panel, f"{name}_scale"), getattr(panel, f"{name}_limits")
+    write = tick
     axis = getattr(axes, f"{name}axis")
     getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
     if scale == "log":
@@ -147,10 +170,12 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
         axis.set_major_locator(MaxNLocator(5))
     elif scale == "log":
         low, high = getattr(axes, f"get_{name}lim")()
-        axis.set_major_locator(LogLocator(subs=subdivisions(math.log10(high / low)), numticks=8))
+        decades = math.log10(high) - math.log10(low)
+        axis.set_major_locator(LogLocator(subs=subdivisions(decades), numticks=8))
+        write = power if decades > MANY_DECADES else tick
     axis.set_minor_formatter(NullFormatter())
     axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda at, _: tick(at)))
+    axis.set_major_formatter(FuncFormatter(lambda at, _: write(at)))
 
 
 def subdivisions(decades: float) -> tuple[float, ...]:
@@ -162,6 +187,8 @@ def subdivisions(decades: float) -> tuple[float, ...]:
 
 def tick(value: float) -> str:
     """A short label: 0.05, 20, 5k, 2M."""
+    if abs(value) >= 1e12:
+        return scientific(value, 1)
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size:
             return f"{value / size:g}{letter}".replace("-", MINUS)
@@ -170,8 +197,14 @@ def tick(value: float) -> str:
     return f"{value:.4g}".replace("-", MINUS)
 
 
+def power(value: float) -> str:
+    """A label where the axis spans many powers of ten: 10⁻⁸, 1, 10⁴."""
+    return "1" if value == 1 else scientific(value, 1) if value > 0 else tick(value)
+
+
 def _line(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=2.0, solid_capstyle="round")
+    style = {"linestyle": (0, trace.dash)} if trace.dash else {"solid_capstyle": "round"}
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=trace.width, **style)
 
 
 def _thin(axes: Axes, trace: Trace) -> None:
@@ -199,8 +232,30 @@ def _range(axes: Axes, trace: Trace) -> None:
 
 
 def _mark(axes: Axes, trace: Trace) -> None:
+    face = palette.PAPER.light if trace.hollow else trace.colour
     axes.plot(
-        trace.x, trace.y, "D", markerfacecolor="none", markeredgecolor=trace.colour, markersize=5, markeredgewidth=1.2
+        trace.x,
+        trace.y,
+        trace.marker,
+        markerfacecolor=face,
+        markeredgecolor=trace.colour,
+        markersize=4.6,
+        markeredgewidth=1.2,
+        zorder=3,
+    )
+
+
+def _zero(axes: Axes, trace: Trace) -> None:
+    axes.plot(
+        trace.x,
+        trace.y,
+        "v",
+        markerfacecolor=palette.PAPER.light,
+        markeredgecolor=trace.colour,
+        markersize=6,
+        markeredgewidth=1.4,
+        clip_on=False,
+        zorder=4,
     )
 
 
@@ -221,6 +276,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "outline": _outline,
     "range": _range,
     "mark": _mark,
+    "zero": _zero,
     "band": _band,
 }
 

@@ -123,6 +123,8 @@ def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control
 def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in ("diverged", "error") for cell in cells)
+    if cells and all(cell.status == "not_available" for cell in cells):
+        return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
         return f"{method} did not finish a single cell: nothing can be said of its quality"
     verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
@@ -140,7 +142,8 @@ def _means(records: Records) -> str:
     scenes = shared_scenes(frame, "psnr")
     if not scenes:
         return ""
-    scored = [f"{method} {number(average_of(frame, method, 'psnr', scenes).mean)} dB" for method in records.methods]
+    means = {method: average_of(frame, method, "psnr", scenes).mean for method in records.methods}
+    scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
     where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
     return f"Mean test PSNR {where}: {listed(scored)}."
 

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from harness.chart_record import Series, Table
 from harness.records import (
     CellRecord,
     Comparison,
@@ -29,6 +30,18 @@ REMEDY = "delete it and run again with --resume"
 
 class NoRecords(ValueError):
     """The folder holds nothing that could be reported."""
+
+
+class NotForPublishing(ValueError):
+    """A record whose figures are too rough to be shown to others."""
+
+
+def refuse_quick(settings: dict[str, Any], path: Path) -> None:
+    """Raises `NotForPublishing` for the record of a quick run."""
+    if settings.get("quick"):
+        raise NotForPublishing(
+            f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
+        )
 
 
 @dataclass(frozen=True)
@@ -58,6 +71,17 @@ class Records:
     def failed(self) -> list[CellRecord]:
         """Cells that diverged or ended in an error."""
         return [cell for cell in self.cells if cell.status in ("diverged", "error")]
+
+    @property
+    def not_available(self) -> dict[str, dict[str, int]]:
+        """Method → reason → number of its cells that could not be trained here; that is no failure."""
+        found: dict[str, dict[str, int]] = {}
+        for cell in self.cells:
+            if cell.status == "not_available":
+                reasons = found.setdefault(cell.method, {})
+                reason = cell.reason or "no reason recorded"
+                reasons[reason] = reasons.get(reason, 0) + 1
+        return found
 
     def scene(self, name: str) -> SceneRecord | None:
         return next((scene for scene in self.run.scenes if scene.name == name), None)
@@ -149,6 +173,25 @@ def _first_in(value: Any, kind: type, items: Callable[[], list[tuple[str, Any, A
         return f"{here} is {type(value).__name__}, not {kind.__name__}"
     found = (first_mismatch(one, hint, where.strip(".")) for where, one, hint in items())
     return next((wrong for wrong in found if wrong), None)
+
+
+def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
+    """The first list of a line or a table that is longer or shorter than its partner."""
+    found = [*map(_uneven_series, series), *map(_uneven_table, tables)]
+    return next(filter(None, found), None)
+
+
+def _uneven_series(one: Series) -> str | None:
+    for name in ("y", "low", "high"):
+        values = getattr(one, name)
+        if values is not None and len(values) != len(one.x):
+            return f"series {one.name!r} has {len(one.x)} x but {len(values)} {name}"
+    return None
+
+
+def _uneven_table(one: Table) -> str | None:
+    wrong = next((row for row in one.rows if len(row) != len(one.columns)), None)
+    return None if wrong is None else f"table {one.id!r} has {len(one.columns)} columns but a row of {len(wrong)}"
 
 
 def _scalar_mismatch(value: Any, hint: type, here: str) -> str | None:

@@ -2,7 +2,7 @@
 
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
-from reports.psnr_table import difference_entry, losses
+from reports.psnr_table import difference_entry, losses, tone_of
 from reports.table import METRICS, average_of, cells_frame, shared_scenes, spread_of
 from reports.wording import number
 
@@ -22,7 +22,7 @@ def metrics_grid(records: Records) -> Grid:
             if not cells:
                 continue
             lost = losses(cells)
-            row = [Entry(scene if place == 0 else ""), Entry(method, lost, "failed" if lost else "")]
+            row = [Entry(scene if place == 0 else ""), Entry(method, lost, tone_of(cells))]
             for metric in shown:
                 mean = spread_of(frame, scene, method, metric.name).mean
                 row.append(Entry(number(mean, metric.digits)) if mean is not None else EMPTY)

@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from harness.stability_record import StabilityRecord
 from reports import claims as paper_claims
 from reports import error_maps, palette, properties, shell, wording
 from reports.claims_table import claims_grid
@@ -22,7 +23,8 @@ from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
 from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale
-from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, flat
+from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
+from reports.stability_view import stability
 from reports.work_precision import error_against
 
 
@@ -32,18 +34,20 @@ class Plot:
     svg: Markup
 
 
-def page(records: Records) -> str:
-    """The whole page as text."""
+def page(records: Records, tried: StabilityRecord | None = None) -> str:
+    """The whole page as text; with `tried`, the stability cases that were tried beside the run, in a section."""
     environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
     environment.filters["signed"] = wording.signed
     environment.filters["interval"] = wording.interval
-    content = _content(records)
+    content = _content(records) | {"stability": stability(tried, records.out) if tried else None}
     return environment.get_template("page.html").render(
         **content,
         policy=CONTENT_POLICY,
-        style=shell.style("page.css"),
+        style=shell.style("page.css", *(["stability.css"] if tried else [])),
+        title=content["headline"].title,
+        stability_page=STABILITY_PAGE if tried else "",
         speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
         colours=colours,
         sections=[(name, title) for name, title in SECTIONS if content[name]],
@@ -57,6 +61,7 @@ SECTIONS = (
     ("pictures", "Pictures"),
     ("metrics", "Other scores"),
     ("amplifier", "Amplifier"),
+    ("stability", "Numerical stability"),
     ("claims", "The paper’s claims"),
     ("failures", "Unfinished cells"),
     ("warnings", "Warnings"),
@@ -177,6 +182,6 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     return Markup("").join(parts)
 
 
-def write_page(records: Records, path: Path) -> None:
+def write_page(records: Records, path: Path, tried: StabilityRecord | None = None) -> None:
     """Beside its place, then renamed: a reader never sees half a page."""
-    shell.write_whole(page(records), path)
+    shell.write_whole(page(records, tried), path)

@@ -98,7 +98,9 @@ def _view(records: Records, scene: str, seed: int, name: str, cells: list[CellRe
 
 
 def _shown(folder: Path, cell: CellRecord, image: StoredImage | None, truth: Picture | None, side: int) -> Shown:
-    if cell.status in ("diverged", "error", "not_available"):
+    if cell.status == "not_available":
+        return Shown(cell.method, f"not available: {cell.reason or 'no reason recorded'}", None)
+    if cell.status in ("diverged", "error"):
         return Shown(cell.method, cell.reason or cell.status, None, failed=True)
     render = read(folder, image.render) if image else None
     if image is None or render is None:

@@ -68,11 +68,24 @@ def score_entry(test: Spread, train: Spread, cells: list[CellRecord]) -> Entry:
     """The mean of the finished seeds; whatever did not finish is named in the same cell."""
     lost = losses(cells)
     if test.mean is None:
-        return Entry(lost or "–", tone="failed" if lost else "muted")
+        return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted")
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
     parts += [lost] if lost else []
-    return Entry(text, lines(*parts), "failed" if lost else "")
+    return Entry(text, lines(*parts), tone_of(cells))
+
+
+def tone_of(cells: list[CellRecord]) -> str:
+    """`failed` where a cell did; what was not available failed nobody."""
+    if any(cell.status in ("diverged", "error") for cell in cells):
+        return "failed"
+    return "muted" if any(cell.status == "not_available" for cell in cells) else ""
+
+
+def reason_of(cells: list[CellRecord]) -> str:
+    """Why a method was not available, where that is the same for all cells."""
+    reasons = {cell.reason or "" for cell in cells if cell.status == "not_available"}
+    return reasons.pop() if len(reasons) == 1 else ""
 
 
 def losses(cells: list[CellRecord]) -> str:

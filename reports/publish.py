@@ -15,7 +15,7 @@ from reports.figure import STYLE, tick
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
 from reports.pictures import read, seed_shown
-from reports.psnr_table import losses
+from reports.psnr_table import tone_of
 from reports.summary import write_summary
 from reports.table import cells_frame, curves_frame
 
@@ -59,7 +59,7 @@ def psnr_dots(records: Records) -> Figure:
             axes.plot([at] * len(scores), scores, "o", color=colours[method].light, markersize=4.5, alpha=0.75, mew=0)
             if len(scores):
                 axes.plot([at - width / 3, at + width / 3], [scores.mean()] * 2, color=colours[method].light, lw=2)
-            if losses(records.cells_of(scene, method)):
+            if tone_of(records.cells_of(scene, method)) == "failed":
                 axes.plot([at], [lowest - 1], "x", color=colours[method].light, markersize=7, mew=2)
     axes.set_xticks(range(len(records.scenes)), records.scenes, color=INK.light)
     axes.set_ylabel("test PSNR (dB)")
@@ -131,9 +131,8 @@ def contact(records: Records) -> Figure | None:
             axes.spines[:].set_visible(False)
             axes.grid(visible=False)
             if picture is None:
-                axes.text(
-                    0.5, 0.5, "did not finish", ha="center", va="center", color=MUTED.light, transform=axes.transAxes
-                )
+                said = "not available" if names[line] in records.not_available else "did not finish"
+                axes.text(0.5, 0.5, said, ha="center", va="center", color=MUTED.light, transform=axes.transAxes)
             else:
                 axes.imshow(picture, interpolation="nearest")
             if line == 0:

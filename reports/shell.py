@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from reports import palette, wording
 
@@ -13,15 +13,23 @@ CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; 
 RUN_PAGE = "report.html"
 SPEED_PAGE = "speed.html"
 SPEED_FILE = "speed.json"
+STABILITY_PAGE = "stability.html"
 
 HERE = Path(__file__).parent
 
 
 def environment() -> Environment:
     """Escapes whatever comes from data, and stops at a name that nobody gave."""
-    return Environment(
+    made = Environment(
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    made.filters["breakable"] = breakable
+    return made
+
+
+def breakable(name: str) -> Markup:
+    """A name that may be broken behind its underscores, where a column is narrow."""
+    return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
 def style(*files: str) -> Markup:

@@ -7,9 +7,10 @@ from typing import Any
 from harness.speed_record import SpeedRecord
 from reports import shell, wording
 from reports.grid import Grid
-from reports.speed_charts import Chart, charts
+from reports.record_tables import tables_grids
+from reports.series_charts import Chart, charts
 from reports.speed_load import is_quick
-from reports.speed_tables import aims, headline, items, measurements_grid, question, tables_grids
+from reports.speed_tables import aims, headline, items, measurements_grid, question
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,11 @@ def speed_page(record: SpeedRecord, beside_report: bool = False) -> str:
 
 def section(record: SpeedRecord, item: int) -> Section:
     return Section(
-        item, question(item), measurements_grid(record, item), charts(record.series, item), tables_grids(record, item)
+        item,
+        question(item),
+        measurements_grid(record, item),
+        charts(record.series, item, "speed"),
+        tables_grids(record.tables, item, wording.figure),
     )
 
 

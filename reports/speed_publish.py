@@ -16,10 +16,11 @@ from harness.chart_record import Series
 from harness.speed_record import Measurement, SpeedRecord, write_speed
 from reports.figure import STYLE, padded, subdivisions, tick
 from reports.palette import INK, MUTED
+from reports.pens import Pen, pens_of
 from reports.publish import save
-from reports.speed_charts import Pen, pens_of
+from reports.series_charts import points
 from reports.speed_load import FILE
-from reports.speed_wording import with_unit
+from reports.wording import with_unit
 
 TIME_TO_TARGET = 3
 DASHED: dict[str, Any] = {"color": MUTED.light, "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 1}
@@ -54,8 +55,9 @@ def time_to_target(record: SpeedRecord) -> Figure | None:
         group = [one for one in drawn if one.panel == panel]
         for one in group:
             _curve(axes, one, pens[one.name])
-        best = max(range(len(group[0].y)), key=group[0].y.__getitem__)
-        axes.axhline(group[0].y[best], **DASHED)
+        reached = [point.y for point in points(group[0]) if point.y is not None]
+        if reached:
+            axes.axhline(max(reached), **DASHED)
         axes.set_title(title, fontsize=9, loc="left", color=INK.light)
     low, high = padded([x for one in drawn for x in one.x], log=True) or (1.0, 10.0)
     _log(grid.flat[0], low, high)
@@ -70,9 +72,9 @@ def time_to_target(record: SpeedRecord) -> Figure | None:
 
 
 def _curve(axes: Axes, one: Series, pen: Pen) -> None:
-    points = sorted(zip(one.x, one.y, strict=True))
     style = {**_marker(pen), "linestyle": "-", "linewidth": 1.8, "markersize": 3.5, "markeredgewidth": 1.0}
-    axes.plot([x for x, _ in points], [y for _, y in points], color=pen.colour.light, **style)
+    line = [(point.x, math.nan if point.y is None else point.y) for point in points(one)]
+    axes.plot(*zip(*line, strict=True), color=pen.colour.light, **style)
 
 
 def short(titles: list[str]) -> list[str]:
@@ -117,13 +119,11 @@ def _dot(axes: Axes, one: Measurement, place: int, pen: Pen, words: str) -> None
 
 
 def _marker(pen: Pen) -> dict[str, Any]:
-    face = "white" if pen.hollow else pen.colour.light
-    shape = "D" if pen.hollow else "o"
     return {
         "linestyle": "",
-        "marker": shape,
+        "marker": pen.marker,
         "markersize": 6.0,
-        "markerfacecolor": face,
+        "markerfacecolor": "white" if pen.hollow else pen.colour.light,
         "markeredgecolor": pen.colour.light,
         "markeredgewidth": 1.4,
         "zorder": 3,

@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 
-from harness.chart_record import Table
 from harness.speed_record import QUESTIONS, Measurement, SpeedRecord
 from reports.grid import EMPTY, Column, Entry, Grid
-from reports.speed_wording import figure, in_repetitions, outcome, spread, target, with_unit
-from reports.wording import NOTHING, counted
+from reports.speed_wording import in_repetitions, outcome, spread, target
+from reports.wording import NOTHING, counted, figure, with_unit
 
 TONES = {True: "met", False: "missed", None: "unmeasured"}
 
@@ -105,27 +104,3 @@ def _value(one: Measurement) -> Entry:
     if one.value is None:
         return Entry(NOTHING, "no figure" if one.detail else "no figure, no reason recorded", "unmeasured")
     return Entry(with_unit(one.value, one.unit))
-
-
-def tables_grids(record: SpeedRecord, item: int) -> list[Grid]:
-    """The record's own tables of one question; a column of nothing but numbers is set to the right."""
-    return [_grid(one) for one in record.tables if one.item == item and one.rows and one.columns]
-
-
-def _grid(table: Table) -> Grid:
-    numeric = [
-        any(not isinstance(row[place], str) and row[place] is not None for row in table.rows)
-        and not any(isinstance(row[place], str) for row in table.rows)
-        for place in range(len(table.columns))
-    ]
-    columns = [
-        Column(label, numeric=right and place > 0)
-        for place, (label, right) in enumerate(zip(table.columns, numeric, strict=True))
-    ]
-    return Grid(table.title, columns, [[_entry(value) for value in row] for row in table.rows])
-
-
-def _entry(value: str | float | None) -> Entry:
-    if value is None:
-        return EMPTY
-    return Entry(value if isinstance(value, str) else figure(value))

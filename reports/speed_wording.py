@@ -3,21 +3,10 @@
 import math
 
 from harness.speed_record import Measurement
-from reports.wording import NOTHING, count, number, significant
+from reports.wording import NARROW, after, count, figure, number, significant
 
-NARROW = "\u202f"
 SMALL_FACTOR = 2.0
 """Up to here a distance from the target is a percentage, beyond it a factor."""
-
-
-def with_unit(value: float | None, unit: str) -> str:
-    """`7.42×`, `58.1 %`, `1.24 GB`."""
-    return NOTHING if value is None else f"{figure(value)}{_after(unit)}"
-
-
-def figure(value: float) -> str:
-    """Whole numbers as they are, all others with three significant digits."""
-    return count(value) if isinstance(value, int) else significant(value)
 
 
 def spread(one: Measurement) -> str:
@@ -27,7 +16,7 @@ def spread(one: Measurement) -> str:
     if one.repeats < 2 and one.low == one.high:
         return ""
     join = " to " if min(one.low, one.high) < 0 else "–"
-    return f"{figure(one.low)}{join}{figure(one.high)}{_after(one.unit)}"
+    return f"{figure(one.low)}{join}{figure(one.high)}{after(one.unit)}"
 
 
 def target(one: Measurement) -> str:
@@ -36,7 +25,7 @@ def target(one: Measurement) -> str:
         return ""
     short = f"{one.target:.6g}"
     text = count(round(one.target)) if float(short).is_integer() else short if "e" not in short else figure(one.target)
-    return f"{'≥' if one.sense == 'at_least' else '≤'} {text}{_after(one.unit)}"
+    return f"{'≥' if one.sense == 'at_least' else '≤'} {text}{after(one.unit)}"
 
 
 def outcome(one: Measurement) -> str:
@@ -100,7 +89,3 @@ def _points(difference: float) -> str:
 
 def _two_digits(value: float) -> str:
     return significant(value, 2) if value < 10 else number(value, 0)
-
-
-def _after(unit: str) -> str:
-    return unit if unit in ("", "×") else f"{NARROW}{unit}"

@@ -102,9 +102,12 @@ def spread_of(frame: pd.DataFrame, scene: str, method: str, score: str) -> Sprea
 
 
 def shared_scenes(frame: pd.DataFrame, score: str) -> list[str]:
-    """Scenes where every method has at least one finished score: what an average over scenes may stand on."""
+    """Scenes where every method has at least one finished score: what an average over scenes may stand on.
+
+    A method that was not available in any cell has no average, and takes nobody else's away.
+    """
     done = frame[(frame["status"] == "done") & frame[score].notna()]
-    methods = set(frame["method"])
+    methods = set(frame.loc[frame["status"] != "not_available", "method"])
     return [scene for scene, group in done.groupby("scene", sort=False) if set(group["method"]) == methods]
 
 

@@ -5,6 +5,8 @@ import math
 NOTHING = "–"
 """Stands where there is no number."""
 MINUS = "−"
+NARROW = "\u202f"
+"""The space between a number and its unit."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -39,10 +41,39 @@ def significant(value: float | None, digits: int = 3) -> str:
     if magnitude >= digits - 1:
         return count(round(value))
     if magnitude < -digits:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        power = f"10{str(int(exponent)).translate(RAISED)}"
-        return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
+        return scientific(value, digits)
     return number(value, digits - 1 - magnitude)
+
+
+def scientific(value: float, digits: int = 3) -> str:
+    """`2.13·10⁻⁷`; a power of ten without its factor 1."""
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = f"10{str(int(exponent)).translate(RAISED)}"
+    return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
+
+
+def of_any_size(value: float | None, digits: int = 3) -> str:
+    """Like `significant`; a power of ten from a million on, as errors reach 1e30; whole numbers without decimals."""
+    if value is None or not math.isfinite(value) or abs(value) < 1:
+        return significant(value, digits)
+    if abs(value) >= 1e6:
+        return scientific(value, digits)
+    return count(round(value)) if float(value).is_integer() else significant(value, digits)
+
+
+def figure(value: float) -> str:
+    """Whole numbers as they are, all others with three significant digits."""
+    return count(value) if isinstance(value, int) else significant(value)
+
+
+def with_unit(value: float | None, unit: str) -> str:
+    """`7.42×`, `58.1 %`, `1.24 GB`."""
+    return NOTHING if value is None else f"{figure(value)}{after(unit)}"
+
+
+def after(unit: str) -> str:
+    """A unit as it stands behind a number."""
+    return unit if unit in ("", "×", "°") else f"{NARROW}{unit}"
 
 
 def count(value: int) -> str:

@@ -1,29 +1,12 @@
 """The page in a real browser: no errors, no requests, readable in the dark and on a phone."""
 
-import shutil
-from collections.abc import Iterator
-from typing import Any
-
 import pytest
 
 from reports.load import read_records
 from reports.page import write_page
+from tests.reports.browsing import opened, unfold, weakest_contrast
 
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium found (Debian: apt-get install chromium)"),
-    pytest.mark.slow,
-]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -33,23 +16,9 @@ def address(pictured, tmp_path_factory) -> str:
     return path.as_uri()
 
 
-def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
-    """The page and whatever it complained of or asked for."""
-    view = browser.new_context(**context).new_page()
-    noise: list[str] = []
-    view.on("console", lambda message: noise.append(f"console: {message.text}"))
-    view.on("pageerror", lambda error: noise.append(f"error: {error}"))
-    view.on(
-        "request",
-        lambda request: noise.append(request.url) if request.url != address and request.url[:5] != "data:" else None,
-    )
-    view.goto(address)
-    return view, noise
-
-
 def test_no_errors_and_no_requests(browser, address):
     view, noise = opened(browser, address)
-    view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    unfold(view)
     assert noise == []
     broken = "[...document.images].filter(one => !one.complete || one.naturalWidth === 0).length"
     assert view.evaluate(broken) == 0
@@ -83,18 +52,5 @@ def test_plots_have_a_size_and_a_description(browser, address):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_stands_out_from_its_ground(browser, address, scheme):
     view, _ = opened(browser, address, color_scheme=scheme)
-    weakest = view.evaluate(
-        """() => {
-        const number = text => text.match(/[\\d.]+/g).slice(0, 3).map(Number);
-        const light = rgb => rgb.map(v => v / 255).map(v => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
-            .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0);
-        const ground = light(number(getComputedStyle(document.body).backgroundColor));
-        const texts = [...document.querySelectorAll('h1 b, p b, td, th, small, .note, nav a, summary, .plot text')];
-        return Math.min(...texts.filter(one => one.textContent.trim()).map(one => {
-            const style = getComputedStyle(one);
-            const ink = light(number(one.closest('svg') ? style.fill : style.color));
-            return (Math.max(ink, ground) + .05) / (Math.min(ink, ground) + .05);
-        }));
-    }"""
-    )
-    assert weakest >= 4.5
+    ratio, text = weakest_contrast(view, "h1 b, p b, td, th, small, .note, nav a, summary, .plot text")
+    assert ratio >= 4.5, text

@@ -23,7 +23,7 @@ def text(pictured) -> str:
 class Outline(HTMLParser):
     """Ids, links and tags of a page; an unclosed or crossing tag fails."""
 
-    VOID = frozenset({"meta", "link", "img", "br", "path", "use", "rect"})
+    VOID = frozenset({"meta", "link", "img", "br", "path", "use", "rect", "wbr"})
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -184,7 +184,7 @@ def test_eight_scenes_stay_under_15_megabytes(tmp_path):
 
 
 def test_a_failed_write_leaves_no_half_page(records, tmp_path, monkeypatch):
-    def broken(_records):
+    def broken(*_):
         raise OSError(28, "No space left on device")
 
     (tmp_path / "report.html").write_text("old", encoding="utf-8")

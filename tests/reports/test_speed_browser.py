@@ -3,9 +3,11 @@
 import pytest
 
 from reports.speed_page import write_speed_page
+from tests.reports.browsing import opened, unfold, weakest_contrast
 from tests.reports.fake_speed import fake_speed, hostile
-from tests.reports.test_browser import browser, opened, pytestmark  # noqa: F401
 from tests.reports.test_page import HOSTILE
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -15,16 +17,16 @@ def address(tmp_path_factory) -> str:
     return path.as_uri()
 
 
-def test_no_errors_and_no_requests(browser, address, tmp_path):  # noqa: F811
+def test_no_errors_and_no_requests(browser, address, tmp_path):
     write_speed_page(hostile(fake_speed(), HOSTILE), tmp_path / "hostile.html")
     for place in (address, (tmp_path / "hostile.html").as_uri()):
         view, noise = opened(browser, place)
-        view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+        unfold(view)
         assert noise == []
         assert view.evaluate("document.scripts.length") == 0
 
 
-def test_every_target_stands_on_the_first_screen(browser, address):  # noqa: F811
+def test_every_target_stands_on_the_first_screen(browser, address):
     view, _ = opened(browser, address, viewport={"width": 1300, "height": 1000})
     assert view.inner_text("h1") == "5 of 9 speed targets met, 2 missed, 2 without a figure"
     box = view.locator(".aims tbody tr").last.bounding_box()
@@ -33,7 +35,7 @@ def test_every_target_stands_on_the_first_screen(browser, address):  # noqa: F81
 
 
 @pytest.mark.parametrize("width", [360, 768, 1300])
-def test_no_outcome_is_out_of_sight(browser, address, width):  # noqa: F811
+def test_no_outcome_is_out_of_sight(browser, address, width):
     view, _ = opened(browser, address, viewport={"width": width, "height": 800})
     assert view.evaluate("document.documentElement.scrollWidth") == width
     edges = "[...document.querySelectorAll('.aims .outcome')].map(one => one.getBoundingClientRect().right)"
@@ -45,26 +47,13 @@ def test_no_outcome_is_out_of_sight(browser, address, width):  # noqa: F811
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_and_lines_stand_out_from_their_ground(browser, address, scheme):  # noqa: F811
+def test_text_and_lines_stand_out_from_their_ground(browser, address, scheme):
     view, _ = opened(browser, address, color_scheme=scheme)
-    weakest = view.evaluate(
-        """() => {
-        const number = text => text.match(/[\\d.]+/g).slice(0, 3).map(Number);
-        const light = rgb => rgb.map(v => v / 255).map(v => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
-            .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0);
-        const ground = light(number(getComputedStyle(document.body).backgroundColor));
-        const texts = [...document.querySelectorAll('p, td, th, small, .outcome, nav a, .legend span, .plot text')];
-        return Math.min(...texts.filter(one => one.textContent.trim()).map(one => {
-            const style = getComputedStyle(one);
-            const ink = light(number(one.closest('svg') ? style.fill : style.color));
-            return (Math.max(ink, ground) + .05) / (Math.min(ink, ground) + .05);
-        }));
-    }"""
-    )
-    assert weakest >= 4.5
+    ratio, text = weakest_contrast(view, "p, td, th, small, .outcome, nav a, .legend span, .plot text")
+    assert ratio >= 4.5, text
 
 
-def test_met_and_missed_differ_by_more_than_colour(browser, address):  # noqa: F811
+def test_met_and_missed_differ_by_more_than_colour(browser, address):
     view, _ = opened(browser, address)
     marks = view.evaluate(
         "[...document.querySelectorAll('.aims .outcome')].map(one => getComputedStyle(one, '::before').content[1])"

@@ -45,7 +45,7 @@ def test_neither_is_one_clear_line(tmp_path, capsys):
     assert main([str(tmp_path)]) == 2
     caught = capsys.readouterr()
     assert caught.out == ""
-    assert caught.err.startswith(f"{tmp_path}: no records/ and no speed.json in it; ")
+    assert caught.err.startswith(f"{tmp_path}: no records/, no speed.json and no stability.json in it; ")
     assert len(caught.err.splitlines()) == 1
 
 

@@ -9,11 +9,13 @@ from harness.chart_record import Series, Table
 from harness.records import DamagedRecord
 from harness.speed_record import QUESTIONS, Measurement, SpeedRecord
 from reports.figure import Panel, svg
-from reports.speed_charts import charts, panel, pens_of
+from reports.pens import pens_of
+from reports.series_charts import charts, panel
 from reports.speed_load import find_speed
 from reports.speed_page import effort, machine, speed_page
 from reports.speed_tables import aims, headline, measurements_grid
-from reports.speed_wording import figure, in_repetitions, outcome, spread, target, with_unit
+from reports.speed_wording import in_repetitions, outcome, spread, target
+from reports.wording import figure, with_unit
 from tests.reports.fake_speed import PROVENANCE, fake_speed, hostile, write_fake_speed
 from tests.reports.test_page import HOSTILE, Outline
 
@@ -67,8 +69,8 @@ def test_a_section_holds_figures_charts_and_tables(text):
 
     assert "30\u202f120\u202fsamples/s" in body(1)
     assert "Where the time of one step goes" in body(2)
-    assert body(3).count("<svg") == 2
-    assert body(9).count("<svg") == 2
+    assert body(3).count('<svg class="plot"') == 2
+    assert body(9).count('<svg class="plot"') == 2
     assert "Nothing" not in body(9)
 
 
@@ -186,7 +188,7 @@ def test_columns_without_content_are_left_out():
 def test_a_single_point_is_drawn_and_a_band_where_the_spread_is_known():
     group = [series for series in fake_speed().series if series.panel == "Rays a step"]
     made = panel("Rays a step", group, pens_of(series.name for series in group))
-    assert [trace.kind for trace in made.traces] == ["band", "band", "line", "dots", "mark"]
+    assert [trace.kind for trace in made.traces] == ["band", "band", "line", "mark", "mark"]
     assert (made.x_scale, made.y_scale) == ("log", "log")
     assert "plain 2.20 at 1\u202f024" in made.alt
     assert "<svg" in svg(made, "one")
@@ -211,7 +213,7 @@ def test_names_in_one_question_have_pens_of_their_own_and_methods_keep_theirs():
     assert pens["qnerf"].colour.variable == "--qnerf"
     assert len({pen.colour.variable for pen in pens.values()}) == 6
     assert {pen.hollow for pen in pens.values()} == {True, False}
-    assert charts([Series("p", 9, "a", "x", "y", [], [])], 9) == []
+    assert charts([Series("p", 9, "a", "x", "y", [], [])], 9, "s") == []
 
 
 def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash():

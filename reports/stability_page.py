@@ -1,0 +1,44 @@
+"""A stability record → stability.html, in the same design as the report and as self-contained."""
+
+from pathlib import Path
+
+from harness.stability_record import StabilityRecord
+from reports import shell, wording
+from reports.stability_view import stability
+
+
+def stability_page(record: StabilityRecord, out: Path, beside_report: bool = False) -> str:
+    """The whole page as text; `beside_report` says that report.html lies in the same folder."""
+    shown = stability(record, out)
+    return (
+        shell.environment()
+        .get_template("stability_page.html")
+        .render(
+            policy=shell.CONTENT_POLICY,
+            style=shell.style("page.css", "stability.css"),
+            colours={},
+            title=shown.headline,
+            stability=shown,
+            report=shell.RUN_PAGE if beside_report else "",
+            provenance=provenance(record),
+        )
+    )
+
+
+def provenance(record: StabilityRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Groups of name and value: how to get the same again, and how long that takes."""
+    spent = [(f"{case.info.id} {case.info.title}", wording.duration(case.seconds)) for case in record.cases]
+    total = [("all cases", wording.duration(sum(case.seconds for case in record.cases)))] if spent else []
+    groups = [
+        ("Machine and versions", shell.flat(record.provenance)),
+        ("Settings", shell.flat(record.settings)),
+        ("Wall time", [*total, *spent]),
+    ]
+    return [(title, rows) for title, rows in groups if rows]
+
+
+def write_stability_page(record: StabilityRecord, out: Path, beside_report: bool = False) -> Path:
+    """Into `out`, where the pictures of the record are; gives the page's path."""
+    path = out / shell.STABILITY_PAGE
+    shell.write_whole(stability_page(record, out, beside_report), path)
+    return path

@@ -1,0 +1,143 @@
+"""Outcomes of stability cases in words: what became of one, and what came out altogether."""
+
+from typing import Literal
+
+from harness.stability_record import Outcome, StabilityRecord, broken
+from reports.wording import MINUS, RAISED, after, counted, listed, of_any_size
+
+Tone = Literal["passes", "fails", "property", "absent", "spared"]
+"""What became of an outcome; `property`: a formula that is not ours fails, which is what it was tried for."""
+
+MARKS: dict[Tone, str] = {"fails": "✕", "property": "◆", "passes": "✓", "absent": "○", "spared": "·"}
+"""The gravest first."""
+
+WHOSE = {"ours": "ours", "paper": "paper", "usual": "usual"}
+OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
+
+LEGEND: tuple[tuple[Tone, str], ...] = (
+    ("passes", "passes"),
+    ("fails", "fails, and is ours: it must pass"),
+    ("property", "fails, and is the paper’s printed form or the field’s usual one: a property of theirs"),
+    ("absent", "not available here"),
+    ("spared", "not applicable"),
+)
+
+
+def tone_of(one: Outcome) -> Tone:
+    if one.status == "not_available":
+        return "absent"
+    if one.status == "not_applicable":
+        return "spared"
+    if one.status == "pass":
+        return "passes"
+    return "fails" if one.must_pass else "property"
+
+
+def verdict(one: Outcome) -> str:
+    """`passes`, `fails`, `fails: a property of the paper’s form as printed`, …"""
+    tone = tone_of(one)
+    if tone == "property":
+        return f"fails: a property of {OWNERS[one.whose]}"
+    return {"passes": "passes", "fails": "fails", "absent": "not available", "spared": "not applicable"}[tone]
+
+
+def written(one: Outcome, digits: int = 3) -> str:
+    """The figure with its unit, or nothing."""
+    return "" if one.figure is None else f"{of_any_size(one.figure, digits)}{after(one.unit)}"
+
+
+def wanted(one: Outcome) -> str:
+    """`≤ 10⁻⁶`, or nothing."""
+    if one.bar is None:
+        return ""
+    return f"{'≤' if one.sense == 'at_most' else '≥'} {round_figure(one.bar)}{after(one.unit)}"
+
+
+def round_figure(value: float) -> str:
+    """A bar without digits that nobody asked for: 2·10⁻⁶, 0.15, 200."""
+    mantissa, _, exponent = f"{value:.4g}".partition("e")
+    if not exponent and value != 0 and abs(value) < 1e-2:
+        mantissa, _, exponent = f"{value:.3e}".partition("e")
+        mantissa = f"{float(mantissa):g}"
+    if not exponent:
+        return mantissa.replace("-", MINUS)
+    power = f"10{str(int(exponent)).translate(RAISED)}"
+    return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
+
+
+def strain(one: Outcome) -> float:
+    """How near to its bar or how far beyond it: 1 at the bar, more where it fails; to find the worst of several."""
+    if one.figure is None or one.bar is None:
+        return float("inf") if one.status == "fail" else 0.0
+    large, small = (one.figure, one.bar) if one.sense == "at_most" else (one.bar, one.figure)
+    return large / small if small > 0 else float(large > small)
+
+
+def told(one: Outcome) -> str:
+    """Everything that is known of an outcome in a line: for whoever points at a cell."""
+    figures = " ".join(filter(None, (written(one), f"(wanted {wanted(one)})" if one.bar is not None else "")))
+    said = "; ".join(filter(None, (one.what, one.why)))
+    return f"{one.subject} ({OWNERS[one.whose]}): " + ", ".join(filter(None, (verdict(one), figures, said)))
+
+
+def headline(record: StabilityRecord) -> str:
+    """What a reader takes home: ours first."""
+    ours = [one for one in record.outcomes() if one.must_pass and one.status in ("pass", "fail")]
+    lost = broken(record)
+    if not ours:
+        return "Numerical stability: nothing of this harness was tried"
+    if lost:
+        return f"{len(lost)} of {counted(len(ours), 'stability check')} of this harness " + (
+            "fails" if len(lost) == 1 else "fail"
+        )
+    every = f"All {len(ours)} stability checks" if len(ours) > 1 else "The one stability check"
+    return f"{every} of this harness {'pass' if len(ours) > 1 else 'passes'}"
+
+
+def sentences(record: StabilityRecord) -> list[str]:
+    """How much was tried, what of ours failed, what was found of the others, what could not be tried."""
+    outcomes = list(record.outcomes())
+    if not outcomes:
+        return [f"{counted(len(record.cases), 'case')} tried, without an outcome."]
+    subjects = {one.subject for one in outcomes}
+    found = [
+        f"{counted(len(record.cases), 'case')} on {counted(len(subjects), 'subject')} (methods, formulas and the "
+        f"harness as a whole): {counted(len(outcomes), 'outcome')}."
+    ]
+    ours = [one for one in outcomes if one.must_pass and one.status in ("pass", "fail")]
+    lost = broken(record)
+    names = listed([f"{one.case} {one.subject}" for one in lost[:4]] + ([f"{len(lost) - 4} more"] if lost[4:] else []))
+    found.append(
+        f"Of the {counted(len(ours), 'check')} on what is ours, {len(lost)} {'fails' if len(lost) == 1 else 'fail'}: "
+        f"{names}."
+        if lost
+        else f"Everything that is ours passes: {counted(len(ours), 'check')}."
+        if ours
+        else "Nothing of ours was put to the test."
+    )
+    found.append(_others(outcomes))
+    aside = [
+        f"{many} {words}"
+        for status, words in (("not_available", "not available here"), ("not_applicable", "not applicable"))
+        if (many := sum(one.status == status for one in outcomes))
+    ]
+    return [*found, *([f"Not tried: {listed(aside)}; each says why."] if aside else [])]
+
+
+def _others(outcomes: list[Outcome]) -> str:
+    """What was found of the forms that are not ours."""
+    parts = []
+    for whose, words in (("paper", "the paper’s forms as printed"), ("usual", "the field’s usual forms")):
+        tried = [one for one in outcomes if one.whose == whose and one.status in ("pass", "fail")]
+        if tried:
+            parts.append(f"{words} miss the bar in {sum(one.status == 'fail' for one in tried)} of {len(tried)} checks")
+    if not parts:
+        return "No form of the paper or of the field’s usual code was tried beside them."
+    return f"{listed(parts)[0].upper()}{listed(parts)[1:]}; these are properties of theirs, not failures."
+
+
+def shown(one: Outcome, digits: int = 2) -> str:
+    """What a cell of the matrix says: the figure, else a word."""
+    words = {"passes": "pass", "fails": "fails", "property": "fails", "absent": "not here", "spared": "n/a"}
+    lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
+    return written(one, digits) or lost or words[tone_of(one)]

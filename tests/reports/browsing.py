@@ -1,0 +1,48 @@
+"""A page in a real browser: what it complains of, and how well its text can be read."""
+
+from typing import Any
+
+CONTRAST = """selector => {
+    const parts = text => text.match(/[\\d.]+/g).map(Number);
+    const light = rgb => rgb.slice(0, 3).map(v => v / 255)
+        .map(v => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
+        .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0);
+    const ground = one => {
+        for (let node = one; node; node = node.parentElement) {
+            const colour = parts(getComputedStyle(node).backgroundColor);
+            if (colour.length < 4 || colour[3] === 1) return light(colour);
+        }
+        return 1;
+    };
+    const texts = [...document.querySelectorAll(selector)].filter(one => one.textContent.trim());
+    const found = texts.map(one => {
+        const style = getComputedStyle(one);
+        const ink = light(parts(one.closest('svg') ? style.fill : style.color)), below = ground(one);
+        return [(Math.max(ink, below) + .05) / (Math.min(ink, below) + .05), one.textContent.trim().slice(0, 40)];
+    });
+    return found.sort((a, b) => a[0] - b[0])[0];
+}"""
+
+
+def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
+    """The page and whatever it complained of or asked for."""
+    view = browser.new_context(**context).new_page()
+    noise: list[str] = []
+    view.on("console", lambda message: noise.append(f"console: {message.text}"))
+    view.on("pageerror", lambda error: noise.append(f"error: {error}"))
+    view.on(
+        "request",
+        lambda request: noise.append(request.url) if request.url != address and request.url[:5] != "data:" else None,
+    )
+    view.goto(address)
+    return view, noise
+
+
+def unfold(view: Any) -> None:
+    view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+
+
+def weakest_contrast(view: Any, selector: str) -> tuple[float, str]:
+    """The smallest contrast (WCAG) of a text and the ground below it, and that text."""
+    ratio, text = view.evaluate(CONTRAST, selector)
+    return ratio, text
