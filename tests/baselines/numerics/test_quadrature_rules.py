@@ -30,26 +30,23 @@ def random_case(rule: Rule, rays: int = 6, bins: int = 9, seed: int = 50) -> tup
     return 3.0 * torch.rand(t.shape, dtype=torch.float64, generator=generator), t, t_edges
 
 
-def reference(name: str, sigma: list[float], lengths: list[float]) -> tuple[list[float], float]:
-    """Weights and T_end of one ray in 40 digits, by integrating exp(−s) times the ends' shares of a bin."""
-    with mpmath.workdps(40):
-        stride, closed = QUADRATURES[name].stride, QUADRATURES[name].closed
-        w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
-        T = mpmath.mpf(1)
-        for i, length in enumerate(mpmath.mpf(one) for one in lengths):
-            at = [mpmath.mpf(one) for one in sigma[stride * i : stride * (i + 1) + closed]]
-            mean = (at[0] + 4 * at[1] + at[2]) / 6 if len(at) == 3 else sum(at) / len(at)
-            tau = mean * length
-            opacity = -mpmath.expm1(-tau)
-            if name == "linear":
-                second = mpmath.quad(lambda s, tau=tau: mpmath.exp(-s) * s / tau, [0, tau]) if tau else 0
-            else:
-                second = opacity / 2 if closed else 0
-            w[stride * i] += T * (opacity - second)
-            if closed:
-                w[stride * (i + 1)] += T * second
-            T *= mpmath.exp(-tau)
-        return [float(one) for one in w], float(T)
+def exact_weights(name: str, sigma: list[mpmath.mpf], lengths: list[float]) -> list[mpmath.mpf]:
+    """Weights of one ray and, last, T_end: the ends' shares of a bin by their definition as an integral."""
+    stride, closed = QUADRATURES[name].stride, QUADRATURES[name].closed
+    w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
+    T = mpmath.mpf(1)
+    for i, length in enumerate(lengths):
+        at = sigma[stride * i : stride * (i + 1) + closed]
+        tau = ((at[0] + 4 * at[1] + at[2]) / 6 if len(at) == 3 else sum(at) / len(at)) * mpmath.mpf(length)
+        opacity = -mpmath.expm1(-tau)
+        second = opacity / 2 if closed else mpmath.mpf(0)
+        if name == "linear":  # ∫₀^τ e^−s s/τ ds
+            second = mpmath.gammainc(2, 0, tau) / tau if tau else mpmath.mpf(0)
+        w[stride * i] += T * (opacity - second)
+        if closed:
+            w[stride * (i + 1)] += T * second
+        T *= mpmath.exp(-tau)
+    return [*w, T]
 
 
 @every_sound_rule
@@ -60,9 +57,11 @@ def test_weights_are_those_of_the_slow_reference(name: str, scale: float) -> Non
     sigma[1, 3] = 0.0
     w, T_end = rule(scale * sigma, t, t_edges)
     for ray in range(2):
-        exact_w, exact_T = reference(name, (scale * sigma[ray]).tolist(), torch.diff(t_edges[ray]).tolist())
-        torch.testing.assert_close(w[ray], torch.tensor(exact_w, dtype=torch.float64), rtol=2e-12, atol=1e-300)
-        assert float(T_end[ray]) == pytest.approx(exact_T, rel=1e-11, abs=1e-300)
+        with mpmath.workdps(40):
+            densities = [mpmath.mpf(one) for one in (scale * sigma[ray]).tolist()]
+            exact = [float(one) for one in exact_weights(name, densities, torch.diff(t_edges[ray]).tolist())]
+        torch.testing.assert_close(w[ray], torch.tensor(exact[:-1], dtype=torch.float64), rtol=2e-12, atol=1e-300)
+        assert float(T_end[ray]) == pytest.approx(exact[-1], rel=1e-11, abs=1e-300)
 
 
 @every_sound_rule
@@ -270,3 +269,28 @@ def test_distances_that_do_not_rise_are_refused_by_name(name: str) -> None:
     crossed[4, 3] = crossed[4, 1]
     with pytest.raises(BadInterval, match="ray 4: distance 3 "):
         rule(sigma, crossed, t_edges)
+
+
+@every_sound_rule
+@pytest.mark.parametrize("tau", [1e-8, 1e-4, 0.1, 1.0, 3.0, 8.0, 15.6, 62.0])
+def test_gradient_of_a_stiff_ray_keeps_its_digits(name: str, tau: float) -> None:
+    """Smooth colours, equal bins: the gradient is a small difference of the large terms g T and Σ g w."""
+    rule, bins = SOUND[name], 32
+    t, _ = rule.place(edges_and_points(0.0, 1.0, bins)[0], None)
+    lengths = torch.full((1, bins), tau)
+    colour = 0.5 + 0.5 * torch.cos(3.0 * t)
+    single = torch.ones(t.shape, requires_grad=True)
+    (ours,) = torch.autograd.grad((rule.weights(single, lengths)[0] * colour.float()).sum(), single)
+    exact = []
+    with mpmath.workdps(60):
+        shades = [mpmath.mpf(one) for one in colour.float().double()[0].tolist()]
+        for i in range(3):
+            value = []
+            for step in (-1, 1):
+                sigma = [mpmath.mpf(1)] * t.shape[1]
+                sigma[i] += step * mpmath.mpf(10) ** -20
+                value.append(
+                    sum(w * c for w, c in zip(exact_weights(name, sigma, lengths[0].tolist()), shades, strict=False))
+                )
+            exact.append(float((value[1] - value[0]) / (2 * mpmath.mpf(10) ** -20)))
+    assert float((ours[0, :3].double() - torch.tensor(exact)).abs().max()) <= 5e-6 * max(map(abs, exact))
