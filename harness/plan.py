@@ -74,7 +74,13 @@ REDUCED_TRAINING = TrainSettings(
 )
 
 SHORT_TRAINING = replace(
-    REDUCED_TRAINING, warm_up_steps=30, grid=GridSettings(cells=32, first_step=80, every=20), precision="float32"
+    REDUCED_TRAINING,
+    rays=256,
+    bins=24,
+    first_bins=12,
+    warm_up_steps=30,
+    grid=GridSettings(cells=32, first_step=80, every=20),
+    precision="float32",
 )
 """For scenes that are simple, and hard for one reason: a few hundred steps."""
 
@@ -114,7 +120,7 @@ PROFILES: dict[str, Plan] = {
         scenes=tuple(RUNGS),
         methods=COMPARED,
         seeds=(0,),
-        budget=Budget(steps=250, seconds=None),
+        budget=Budget(steps=200, seconds=None),
         train=SHORT_TRAINING,
         score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
         views=ViewSettings(resolution=40, train=20, val=0, test=4, spp_train=16, spp_test=32),

@@ -47,6 +47,7 @@ def trained(situation: Situation, profile: str, scenes: Iterable[str], folder: P
     everything = situation.plan(profile)
     plan = situation.plan(profile, [name for name in everything.scenes if name in wanted])
     if before is None or not before.finished or before.settings != json.loads(json.dumps(plan.settings())):
+        folder.mkdir(parents=True, exist_ok=True)
         situation.trained(plan, folder)
     return read_trained(folder, situation.view_sets)
 
