@@ -1,4 +1,5 @@
-"""Descriptions → Mitsuba → images. The only module that imports Mitsuba, and the only caller of `mi.render`.
+"""Descriptions → Mitsuba → images. The only module that imports Mitsuba and calls `mi.render` for what is trained on;
+`scenes.medium_reference` does so to check our renderer.
 
 Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
 """

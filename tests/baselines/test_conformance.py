@@ -96,9 +96,7 @@ def test_rendering_is_deterministic(method: str) -> None:
     field = roughened(field_of(method))
     for seed in (None, 3):
         one, two = (
-            render(
-                field, PARTS[method], some_rays(), None if seed is None else torch.Generator().manual_seed(seed)
-            )
+            render(field, PARTS[method], some_rays(), None if seed is None else torch.Generator().manual_seed(seed))
             for _ in range(2)
         )
         assert torch.equal(one.colour, two.colour)

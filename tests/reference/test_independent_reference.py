@@ -1,0 +1,134 @@
+"""Our renderer against Mitsuba's path tracer, against Dr.Jit on Mitsuba's volumes, and against closed forms."""
+
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import torch
+
+from harness.progress import Quiet
+from harness.stability import reference_cases
+from harness.stability.reference_cases import (
+    COLOUR_BAR,
+    DIRECTION,
+    ORIGIN,
+    SCALAR,
+    SIGMA_BAR,
+    VALUE_BAR,
+    bundle,
+    by_autograd,
+    closed_form,
+    differentiating_variant,
+    errors,
+    field_of,
+    layered,
+    random_grids,
+    rays_of,
+    rendered,
+    z_scores,
+)
+from harness.stability.situation import Situation
+from harness.stability_record import Outcome
+from scenes.medium_reference import differentiated, tracked
+from scenes.variant import Variant
+
+
+@pytest.fixture(scope="module")
+def llvm() -> Variant:
+    found, missing = differentiating_variant()
+    if found is None:
+        pytest.skip(missing)
+    return found
+
+
+def ours(tau: float, denser: float = 1.0) -> np.ndarray:
+    sigma, colour = random_grids(tau)
+    field = field_of(denser * sigma, colour)
+    return rendered(field, rays_of(ORIGIN[None], DIRECTION[None]), 4096).colour[0].numpy()
+
+
+@pytest.mark.parametrize("tau", [0.03, 5.0])
+def test_the_renderer_agrees_with_path_tracing(tau: float) -> None:
+    estimate = tracked(*random_grids(tau), ORIGIN, DIRECTION, 40_000, SCALAR)
+    assert estimate.standard_error.max() < 4e-3
+    assert np.abs(z_scores(ours(tau), estimate)).max() < 4.0
+    # half as much matter again would have been noticed
+    assert tau > 1 or np.abs(z_scores(ours(tau, denser=1.5), estimate)).max() > 8.0
+
+
+def test_tracking_on_all_cores_estimates_the_same(llvm: Variant) -> None:
+    estimate = tracked(*random_grids(0.3), ORIGIN, DIRECTION, 100_000, llvm)
+    assert estimate.standard_error.max() < 2e-3
+    assert np.abs(z_scores(ours(0.3), estimate)).max() < 4.0
+
+
+def test_a_homogeneous_medium_has_its_closed_form() -> None:
+    """τ = 3 along the ray: the construction itself, without our renderer."""
+    length = 1.0 / np.abs(DIRECTION).max()
+    sigma, colour = np.full((16, 16, 16), 3.0 / length), np.full((16, 16, 16, 3), 0.7)
+    estimate = tracked(sigma, colour, np.array([-1.0, 0.3, 0.4]), DIRECTION, 40_000, SCALAR)
+    truth = 0.7 * -np.expm1(-3.0)
+    assert np.abs((estimate.mean - truth) / estimate.standard_error).max() < 4.0
+
+
+@pytest.mark.parametrize("tau", reference_cases.TAU_OF_A_VOXEL)
+def test_values_and_gradients_agree_with_drjit_on_gridvolume(tau: float, llvm: Variant) -> None:
+    sigma, colour = random_grids(tau)
+    some = bundle()
+    delta = torch.diff(some.edges, dim=-1).numpy()
+    theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), llvm)
+    value, d_sigma, d_colour = errors(theirs, by_autograd(sigma, colour, some))
+    assert value <= VALUE_BAR
+    assert d_sigma <= SIGMA_BAR
+    assert d_colour <= COLOUR_BAR
+    # and a density that is off by one part in ten thousand would have been noticed
+    assert errors(theirs, by_autograd(1.0001 * sigma, colour, some))[1] > SIGMA_BAR
+
+
+def test_empty_voxels_have_their_gradient(llvm: Variant) -> None:
+    """Where Mitsuba's own `prbvolpath` gives exactly 0, as it never samples there."""
+    sigma, colour = random_grids(0.3)
+    sigma[:, :, 8:] = 0.0
+    some = bundle()
+    delta = torch.diff(some.edges, dim=-1).numpy()
+    theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), llvm)
+    assert np.abs(theirs.d_sigma[:, :, 9:]).max() > 1e-3
+    assert errors(theirs, by_autograd(sigma, colour, some))[1] <= SIGMA_BAR
+
+
+def test_the_gradient_by_autograd_is_that_of_finite_differences() -> None:
+    sigma, colour = random_grids(0.3)
+    some = bundle(count=3, bins=32)
+    whole = by_autograd(sigma, colour, some)
+    place, step = np.unravel_index(np.abs(whole.d_sigma).argmax(), sigma.shape), 1e-4
+    both = []
+    for sign in (1, -1):
+        moved = sigma.copy()
+        moved[place] += sign * step
+        both.append((by_autograd(moved, colour, some).colour * some.weights.numpy()).sum())
+    assert (both[0] - both[1]) / (2 * step) == pytest.approx(whole.d_sigma[place], rel=1e-5)
+
+
+def test_closed_form_of_layers_against_ordinary_integration() -> None:
+    sigma, grey = layered()
+    colour, opacity = closed_form(sigma, grey)
+    centres = (np.arange(16) + 0.5) / 16
+    t = (np.arange(200_000) + 0.5) / 200_000
+    density = np.interp(t, centres, sigma)
+    through = np.exp(-(np.cumsum(density) - 0.5 * density) / 200_000)
+    assert colour == pytest.approx(np.mean(through * density * np.interp(t, centres, grey)), abs=1e-8)
+    assert opacity == pytest.approx(-np.expm1(-density.mean()), abs=1e-12)
+    even, _ = closed_form(np.full(16, 2.0), np.full(16, 0.5))
+    assert even == pytest.approx(float(0.5 * -mpmath.expm1(-2)), abs=1e-15)
+
+
+def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference_cases, "llvm_libraries", list)
+    situation = Situation(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
+    outcomes = [one for one in reference_cases.independent(situation) if isinstance(one, Outcome)]
+    missing = [one for one in outcomes if one.status == "not_available"]
+    assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}
+    assert {one.subject for one in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
+    closed = {one.subject: one.status for one in outcomes if "closed form" in one.subject}
+    assert closed["midpoint, closed form"] == "pass"
