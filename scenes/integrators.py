@@ -33,11 +33,8 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
         raise InputError(f"views {views}: choose 1 or more")
     everything = all_poses("test", scene.view_from)
     poses = everything[evenly_spread(views, everything, "test views")]
-    description, chosen = scene.build(), choose_variant(variant)
-    loaded = {
-        name: LoadedScene(description, chosen, scene.max_depth, resolution, resolution, integrator=name)
-        for name in INTEGRATORS
-    }
+    chosen = choose_variant(variant)
+    loaded = {name: LoadedScene.of(scene, chosen, resolution, integrator=name) for name in INTEGRATORS}
     for one in loaded.values():
         one.colour(poses[0], spp, seed_from("warm-up"))
     seconds = dict.fromkeys(INTEGRATORS, 0.0)

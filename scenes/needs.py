@@ -91,11 +91,17 @@ Needs = dict[str, Need]
 """By name, in the order of `PARTS`; those that nothing is known about are missing."""
 
 
-def needs(description: Description, bounds: np.ndarray | None = None, pixel: float | None = None) -> Needs:
-    """`bounds` [2, 3] is the scene's box and `pixel` the length, in scene units, that a pixel has in its middle.
+def needs(
+    description: Description,
+    bounds: np.ndarray | None = None,
+    pixel: float | None = None,
+    described: np.ndarray | None = None,
+) -> Needs:
+    """Of a description as it is rendered, in the box `bounds` [2, 3].
 
-    A type that this module does not know counts as one that looks different from every side. Without `bounds` or
-    `pixel`, what follows from them is missing.
+    `pixel` is the length, in scene units, that a pixel has in the middle of the box, and `described` the box before it
+    was normalised, where it was. A type that this module does not know counts as one that looks different from every
+    side. Without `bounds` or `pixel`, what follows from them is missing.
     """
     found = [
         _view_direction(description),
@@ -105,7 +111,12 @@ def needs(description: Description, bounds: np.ndarray | None = None, pixel: flo
         _depth_metric(description),
     ]
     if bounds is not None:
-        found += [_outside_box(bounds), _empty_space(description), _scale(bounds), *_along_rays(description, bounds)]
+        found += [
+            _outside_box(bounds),
+            _empty_space(description),
+            _scale(bounds if described is None else described),
+            *_along_rays(description, bounds),
+        ]
         if pixel:
             found.append(_high_bands(bounds, pixel))
     by_name = {need.name: need for need in found}
@@ -186,10 +197,9 @@ def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
     tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
     tau_bin = tau / BINS
     if _surfaces(description):
-        inside_a_bin = "a surface is opaque within a bin"
         return [
             Need("fine_pass", True, "a surface is thinner than any bin: samples must be drawn to it"),
-            Need("linear_quadrature", True, inside_a_bin),
+            Need("linear_quadrature", True, "a surface is opaque within a bin"),
             Need("behind_opaque", False, "nothing is seen behind an opaque surface"),
         ]
     stiff = tau_bin > 1.0
@@ -215,27 +225,37 @@ def _scale(bounds: np.ndarray) -> Need:
 
 
 def _hdr_metrics(description: Description) -> Need:
-    around, lamps = [np.empty(0)], [np.empty(0)]
+    sky, lamps = [np.empty(0)], [np.empty(0)]
     for entry in entries(description):
         if entry.get("type") == "envmap" and "data" in entry:
-            around.append(_luminances(entry["data"]) * float(entry.get("scale", 1.0)))
+            sky.append(_luminances(entry["data"]) * float(entry.get("scale", 1.0)))
         elif entry.get("type") == "constant":
-            around.append(_luminances(_numbers(entry.get("radiance", 1.0))))
+            sky.append(_luminances(_numbers(entry.get("radiance", 1.0))))
         elif entry.get("type") == "area":
             lamps.append(_luminances(_numbers(entry.get("radiance", 1.0))))
-    everything = np.concatenate([*around, *lamps])
-    usual = np.concatenate(around) if len(around) > 1 else everything
-    middle = float(np.median(usual)) if len(usual) else 0.0
-    brightest = float(everything.max(initial=0.0))
+    around, glowing = np.concatenate(sky), np.concatenate(lamps)
+    brightest = float(np.concatenate([around, glowing]).max(initial=0.0))
     if brightest == 0.0:
         return Need("hdr_metrics", False, "no light that is measured in radiance")
-    ratio = brightest / middle if middle > 0 else math.inf
-    return Need("hdr_metrics", ratio > LARGEST_RATIO, f"brightest over median light: {ratio:.3g}")
+    if len(around):
+        usual = float(np.median(around))
+    else:
+        # what does not glow itself gives back no more than its albedo of what lights it
+        albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not _glows(shape)]
+        usual = float(np.median(glowing)) * min([1.0, *albedos])
+    ratio = brightest / usual if usual > 0 else math.inf
+    return Need("hdr_metrics", ratio > LARGEST_RATIO, f"brightest over usual light: {ratio:.3g}")
+
+
+def _largest_albedo(shape: Description) -> float:
+    """Of everything in a surface that has one; 1 where nothing says so."""
+    names = ("reflectance", "diffuse_reflectance", "base_color")
+    found = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
+    return float(max(found, default=1.0))
 
 
 def _depth_metric(description: Description) -> Need:
-    count = len(list(_surfaces(description)))
-    if count:
+    if _surfaces(description):
         return Need("depth_metric", True, "surfaces have a depth")
     return Need("depth_metric", False, "a medium has no depth" if _containers(description) else "nothing has a depth")
 
@@ -251,7 +271,11 @@ def _containers(description: Description) -> list[Description]:
 
 def _is_null(shape: Description) -> bool:
     bsdfs = [value for value in shape.values() if isinstance(value, dict) and value.get("type") == "null"]
-    return bool(bsdfs) and not any(isinstance(value, dict) and value.get("type") == "area" for value in shape.values())
+    return bool(bsdfs) and not _glows(shape)
+
+
+def _glows(shape: Description) -> bool:
+    return any(isinstance(value, dict) and value.get("type") == "area" for value in shape.values())
 
 
 def _largest_extinction(description: Description) -> float:

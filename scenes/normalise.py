@@ -51,6 +51,10 @@ class Similarity:
         x, y, z = (-value / self.scale for value in self.shift)
         return Similarity(1.0 / self.scale, (x, y, z))
 
+    def points(self, x: np.ndarray) -> np.ndarray:
+        """[..., 3] → the same points in the other unit."""
+        return x * self.scale + np.asarray(self.shift)
+
     def applied(self, description: Description) -> Description:
         """The same scene in the other unit; raises `InputError` for what this module cannot bring there."""
         return {name: self._entry(name, entry) for name, entry in description.items()}

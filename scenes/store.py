@@ -202,7 +202,8 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
         files.append(listing)
     bounds = loaded.bounds()
-    found = needs(order.description, bounds, _pixel_length(order, bounds))
+    described = bounds if order.similarity is None else order.similarity.inverse.points(bounds)
+    found = needs(order.description, bounds, _pixel_length(order, bounds), described)
     facts = {
         "scene": scene.name,
         "title": scene.title,

@@ -10,6 +10,7 @@ from scenes.scene import Description
 DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
 BOX = np.array([[-1.0, -1, -1], [1, 1, 1]])
 SKY = {"type": "constant"}
+LAMP = {"type": "sphere", "emitter": {"type": "area", "radiance": 7.0}}
 
 
 def scene_of(bsdf: Description) -> Description:
@@ -100,6 +101,8 @@ def test_a_medium_that_fills_the_box_leaves_no_space_empty() -> None:
 def test_scale(size: float, needed: bool) -> None:
     assert needs(scene_of(DIFFUSE), size * BOX)["scale_checks"].needed == needed
     assert needs(scene_of(DIFFUSE), BOX + 1e3)["scale_checks"].needed
+    # rendered at unit scale, described at another
+    assert needs(scene_of(DIFFUSE), BOX, described=size * BOX)["scale_checks"].needed == needed
 
 
 @pytest.mark.parametrize(
@@ -113,6 +116,9 @@ def test_scale(size: float, needed: bool) -> None:
         ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[1e3] * 3]], np.float32)}], True),
         ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[9.0] * 3]], np.float32)}], False),
         ([{"type": "constant", "radiance": 0.0}, {"type": "area", "radiance": 1.0}], True),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": 0.5}}], False),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": 1e-5}}], True),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "conductor"}}], False),
     ],
 )
 def test_bright_over_median_light(lights: list[Description], needed: bool) -> None:
