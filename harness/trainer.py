@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from baselines.catalog import CATALOG
 from baselines.contract import Box, Precision, Rays, Rendering
 from baselines.field import NetworkField
+from baselines.numerics.checks import BadDensity
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.schedule import Budget, learning_rate
@@ -124,7 +125,8 @@ class Trainer:
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int) -> Rendering:
         """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
-        parts = [self._rendered(rays.part(start, start + chunk), None) for start in range(0, max(len(rays), 1), chunk)]
+        starts = range(0, max(len(rays), 1), chunk)
+        parts = [self._rendered(rays.part(start, start + chunk), None, start) for start in starts]
         whole = Rendering(
             colour=torch.cat([part.colour for part in parts]),
             opacity=torch.cat([part.opacity for part in parts]),
@@ -132,7 +134,8 @@ class Trainer:
             network_evaluations=sum(part.network_evaluations for part in parts),
         )
         for name in ("colour", "opacity", "depth"):
-            finite = torch.isfinite(getattr(whole, name)).reshape(len(rays), -1).all(dim=-1)
+            finite = torch.isfinite(getattr(whole, name))
+            finite = finite.all(dim=-1) if finite.ndim > 1 else finite
             if not bool(finite.all()):
                 raise Diverged(self.step, f"rendered {name} of ray {int(finite.int().argmin())}")
         return whole
@@ -157,12 +160,18 @@ class Trainer:
             exploration=self.settings.grid.exploration,
         )
 
-    def _rendered(self, rays: Rays, generator: torch.Generator | None) -> Rendering:
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int = 0) -> Rendering:
+        """`first` is what the rays are counted from where one of them is named."""
         rays.require_finite()
         try:
             return render_rays(
                 self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
             )
+        except BadDensity as error:
+            where = f"density of sample {error.sample} of ray {first + error.ray}"
+            raise Diverged(
+                self.step, where if _all_finite(self._weights()) else self._first_not_finite("weight")
+            ) from error
         except FloatingPointError as error:  # the coarse pass gave weights that are not finite
             raise Diverged(self.step, self._first_not_finite("weight")) from error
 

@@ -178,6 +178,12 @@ def test_rendering_in_chunks_keeps_the_order_of_rays(chunk: int) -> None:
     assert parts.network_evaluations == whole.network_evaluations
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_no_rays_are_no_pixels(method: str) -> None:
+    nothing = trainer(method).render(rays_and_colours(0)[0], 16)
+    assert (nothing.colour.shape, nothing.opacity.shape, nothing.depth.shape) == ((0, 3), (0,), (0,))
+
+
 # optimiser, schedule, grid
 
 

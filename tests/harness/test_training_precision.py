@@ -10,6 +10,7 @@ from torch import Tensor
 
 from baselines import field, rendering
 from baselines.contract import Precision, Rays
+from baselines.numerics.quadrature import QUADRATURES
 from harness import trainer as trainer_module
 from harness.plan import planned
 from harness.settings import GridSettings
@@ -50,7 +51,7 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
 
     one = trainer(method, replace(TRAIN, precision=precision))
     monkeypatch.setattr(field, "encode", watched("encoding", field.encode))
-    rules = {name: watched("quadrature", rule) for name, rule in rendering.QUADRATURES.items()}
+    rules = {name: replace(rule, weights=watched("quadrature", rule.weights)) for name, rule in QUADRATURES.items()}
     monkeypatch.setattr(rendering, "QUADRATURES", rules)
     amplifier = one.coarse.amplifier
     monkeypatch.setattr(amplifier, "before_and_after", watched("amplifier", amplifier.before_and_after))
@@ -158,6 +159,24 @@ def test_the_ray_whose_pixel_is_not_finite_is_named(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
     with pytest.raises(Diverged, match=r"at step 1: rendered colour of ray 5$"):
         one.render(rays_and_colours()[0], 1000)
+
+
+@pytest.mark.parametrize("chunk", [16, 1000])
+def test_the_ray_whose_density_is_nan_is_named(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted in what was asked for, not in the call."""
+    one = trained("float32", 1, "nerf")
+    rays, colours = rays_and_colours()
+    whole = one.coarse.density_and_colour
+    wanted = one.coarse.encode_directions(rays.directions)[21]
+
+    def spoilt(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        sigma, colour = whole(x, view, ray)
+        return torch.where(torch.isclose(view, wanted).all(dim=-1)[ray], math.nan, sigma), colour
+
+    monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
+    for use in (lambda: one.render(rays, chunk), lambda: one.train_on(rays, colours)):
+        with pytest.raises(Diverged, match=r"at step 1: density of sample \d+ of ray 21$"):
+            use()
 
 
 def test_a_weight_that_a_step_makes_infinite_is_named_at_that_step(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,270 @@
+"""A1, A3, A4, A5: the amplifier at its start, with a NaN, as solid matter, and at its extremes."""
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from baselines.amplifiers import AMPLIFIERS, Amplifier
+from baselines.contract import Rays
+from baselines.field import NetworkField
+from baselines.numerics.encoding import PHI
+from harness.chart_record import Series, Table
+from harness.metrics import psnr_from_mse
+from harness.records import finite_or_none
+from harness.seeds import generator_for
+from harness.stability.situation import Finding, Situation, whose
+from harness.stability.small_training import at_an_end, new_trainer, not_made_of_parts, setup, trained
+from harness.stability_record import Outcome, Whose, judged
+from harness.trainer import Diverged, Trainer
+
+WHOSE: dict[str, Whose] = {"none": "ours", "listing2": "paper", "equation4": "paper"}
+"""A reading of the amplifier; what is not printed anywhere is ours."""
+
+
+def amplifier_with(reading: str, **scalars: float) -> Amplifier:
+    """A reading with α and β set; those that it does not have are left out."""
+    amplifier = AMPLIFIERS[reading]()
+    with torch.no_grad():
+        for name, value in scalars.items():
+            if hasattr(amplifier, name):
+                getattr(amplifier, name).fill_(value)
+    return amplifier
+
+
+# A1
+
+
+def identity(situation: Situation) -> Iterator[Finding]:
+    """A1: at α = 1/φ and β = 1 the density that is rendered is the one that came in."""
+    del situation
+    generator = generator_for("stability", "A1")
+    raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
+    for reading in AMPLIFIERS:
+        amplifier = AMPLIFIERS[reading]()
+        worst = 0.0
+        with torch.no_grad():
+            for raw in raws:
+                before, after = amplifier.before_and_after(raw)
+                worst = max(worst, float((after - before).abs().max() / before.max()))
+        # an identity is what the paper claims as well: it holds or it does not, whoever says so
+        yield judged("A1", reading, WHOSE[reading], worst, 1.2e-7, what="largest change of a density, of the densest")
+
+
+# A3
+
+
+class Spoilt:
+    """A field whose first sample of one ray lies nowhere (`baselines.contract.RadianceField`)."""
+
+    def __init__(self, field: NetworkField, ray: int) -> None:
+        self.field = field
+        self.ray = ray
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.field, name)
+
+    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        x = x.clone()
+        x[torch.nonzero(ray == self.ray)[:1, 0]] = math.nan
+        return self.field.density_and_colour(x, view, ray)
+
+
+def one_nan(situation: Situation) -> Iterator[Finding]:
+    """A3: one ray that is NaN, and one sample of one ray that is NaN, in a call with a whole view."""
+    rays = setup(situation).test.all_rays(0)
+    bad = len(rays) // 2 + setup(situation).test.width // 2
+    accepted: list[str] = []
+    for method in situation.methods:
+        if reason := not_made_of_parts(method):
+            yield Outcome("A3", method, whose(method), "not_applicable", why=reason)
+            continue
+        trainer = new_trainer(situation, method)
+        lost = rays_lost(trainer, rays, bad)
+        yield judged(
+            "A3", method, whose(method), lost, 1, unit="rays",
+            what="rays of 400 that are NaN because one sample of one ray is",
+        )  # fmt: skip
+        accepted += [f"{method}: {what}" for what, refused in refusals(trainer, rays, bad).items() if not refused]
+    yield judged(
+        "A3", "harness", "ours", len(accepted), 0, what="NaN rays and samples that were rendered without a word",
+        why="; ".join(accepted) or "a NaN ray is refused by its name, a NaN sample ends the cell and names the ray",
+    )  # fmt: skip
+
+
+@torch.no_grad()
+def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> int:
+    """How many rays are not finite where one sample of ray `bad` is not, all in one call."""
+    some, bins = rays.part(max(0, bad - 200), bad + 200), trainer.settings.bins
+    t = torch.linspace(rays.near, rays.far, bins)
+    x = (some.origins.unsqueeze(1) + t.unsqueeze(-1) * some.directions.unsqueeze(1)).reshape(-1, 3)
+    ray = torch.arange(len(some)).repeat_interleave(bins)
+    view = trainer.coarse.encode_directions(some.directions)
+    sigma, _ = Spoilt(trainer.coarse, min(bad, 200)).density_and_colour(x, view, ray)
+    return int((~torch.isfinite(sigma)).reshape(len(some), bins).any(dim=-1).sum())
+
+
+def refusals(trainer: Trainer, rays: Rays, bad: int) -> dict[str, bool]:
+    """Whether a NaN ray and a NaN sample are refused, by the name of the ray."""
+    origins = rays.origins.clone()
+    origins[bad, 1] = math.nan
+    refused = {"a NaN ray": False, "a NaN sample": False}
+    try:
+        trainer.render(Rays(origins, rays.directions, rays.near, rays.far), len(rays))
+    except ValueError as error:
+        refused["a NaN ray"] = f"ray {bad} " in str(error)
+    # rays that miss the box are not in the call: the number within it is what the field sees
+    first = trainer.coarse
+    trainer.coarse = Spoilt(first, 0)  # type: ignore[assignment]
+    try:
+        trainer.render(rays, len(rays))
+    except Diverged as error:
+        refused["a NaN sample"] = "of ray " in error.tensor
+    finally:
+        trainer.coarse = first
+    return refused
+
+
+# A4
+
+SCALES = [10.0**k for k in range(-2, 3)]
+DENSE_SCALES = [10.0 ** (k / 8) for k in range(-16, 17)]
+OPAQUE = 0.999
+
+
+def slab(situation: Situation) -> Iterator[Finding]:
+    """A4: the largest opacity of one unit of solid matter that a reading can reach with any weights, in a scene that
+    is built `scale` times as large.
+    """
+    del situation
+    rows: list[list[str | float | None]] = []
+    for reading, whose_it_is in WHOSE.items():
+        sigma = largest_density(reading)
+        opacities = {scale: -math.expm1(-sigma * scale) for scale in SCALES}
+        ceilings = {scale: psnr_from_mse((1.0 - opacity) ** 2) for scale, opacity in opacities.items()}
+        rows.append([reading, sigma, *opacities.values(), *(finite_or_none(value) for value in ceilings.values())])
+        ends = ", ".join(f"{ceilings[scale]:.1f} dB at scale {scale:g}" for scale in (0.1, 1.0, 10.0))
+        worst = min(opacities[scale] for scale in (0.1, 1.0, 10.0))
+        why = f"densities end at {sigma:.3g} a unit"
+        if worst < OPAQUE:
+            why += f"; cannot be opaque: a black silhouette on white ends at {ends}"
+        yield judged(
+            "A4", reading, whose_it_is, worst, OPAQUE, sense="at_least", why=why,
+            what="largest opacity of a unit of solid matter, the worst of scene scales 0.1, 1 and 10",
+        )  # fmt: skip
+        yield Series(
+            "Opacity within reach of a slab one unit thick", 5, reading, "scene scale", "largest opacity",
+            DENSE_SCALES, [-math.expm1(-sigma * scale) for scale in DENSE_SCALES], log_y=False,
+        )  # fmt: skip
+    columns = ["amplifier", "largest density, 1 / unit", *(f"opacity at {scale:g}" for scale in SCALES)]
+    columns += [f"PSNR ceiling of a silhouette at {scale:g}, dB" for scale in SCALES]
+    yield Table(
+        "slab", 5, "Opacity within reach, and what a black silhouette on white then scores at best", columns, rows
+    )
+
+
+@torch.no_grad()
+def largest_density(reading: str) -> float:
+    """The largest found over raw outputs up to ±1e4 of a network, any share of matter in the call, α and β."""
+    found = 0.0
+    for matter, empty, share, alpha, beta in product(
+        (1.0, 10.0, 1e2, 1e4), (-1e4, 0.0, 1e4), (0.01, 0.5, 1.0), (0.0, 1.0 / PHI, 1.0, 10.0, 1e3), (1.0, 10.0, 1e3)
+    ):
+        raw = torch.full((100,), empty)
+        raw[: round(100 * share)] = matter
+        after = amplifier_with(reading, alpha=alpha, beta=beta).before_and_after(raw)[1]
+        found = max(found, float(after[0]))
+    return found
+
+
+# A5
+
+ALPHAS = (-1.0, 0.0, 1.0 / PHI, 10.0, 1e3, math.inf)
+
+
+def raw_inputs() -> dict[str, Tensor]:
+    """What a network may put out."""
+    decades = torch.tensor([0.0, *(sign * 10.0**k for k in range(-45, 31, 3) for sign in (1.0, -1.0))])
+    above = torch.nextafter(torch.tensor(0.0), torch.tensor(1.0))
+    return {
+        "spread": 4.0 * torch.randn(512, generator=generator_for("stability", "A5")),
+        "sixty decades": decades,
+        "±1e4": torch.tensor([1e4, -1e4, 1e4, -1e4]),
+        "all equal": torch.full((64,), 0.25),
+        "σ = 0.5 ± ulp": torch.cat([torch.zeros(8), above.repeat(8), torch.tensor([1.2e-7, -1.2e-7])]),
+    }
+
+
+def extremes(situation: Situation) -> Iterator[Finding]:
+    """A5: outputs and gradients at extreme inputs; how much of a field is dead over a real training."""
+    rows: list[list[str | float | None]] = []
+    for reading, whose_it_is in WHOSE.items():
+        has_alpha = hasattr(AMPLIFIERS[reading](), "alpha")
+        bad: list[str] = []
+        for alpha in ALPHAS if has_alpha else (1.0,):
+            worst_dead, inverted = 0.0, False
+            for name, raw in raw_inputs().items():
+                finite, dead, upside_down = looked_at(reading, alpha, raw)
+                if not finite:
+                    bad.append(f"{name} at α = {alpha:g}")
+                if name == "spread":
+                    worst_dead, inverted = dead, upside_down
+            rows.append([reading, f"{alpha:g}" if has_alpha else None, worst_dead, "inverted" if inverted else "kept"])
+        yield judged(
+            "A5", reading, whose_it_is, len(bad), 0, what="inputs whose output or gradient is not finite",
+            why=", ".join(bad),
+        )  # fmt: skip
+    yield Table(
+        "amplifier-extremes", 6, "Raw densities of standard deviation 4: share without a gradient, order of densities",
+        ["amplifier", "α", "dead share", "order"], rows,
+    )  # fmt: skip
+    yield judged(
+        "A5", "listing2, threshold", "paper", jump_at_threshold(2.0), 1e-6,
+        what="jump of density over the threshold of β = 2, within 2e-7 of raw density",
+        why="a step of the density field, at which the boost has no gradient",
+    )  # fmt: skip
+    for method in ("nerf", "qnerf", "qnerf_theorem"):
+        if method in situation.methods:
+            yield from _dead_over_training(situation, method)
+
+
+def looked_at(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, bool]:
+    """Whether outputs and all gradients are finite; the share of dead points; whether dense has become thin."""
+    amplifier = amplifier_with(reading, alpha=alpha)
+    raw = raw.clone().requires_grad_()
+    before, after = amplifier.before_and_after(raw)
+    after.sum().backward()
+    gradients = [raw.grad, *(weight.grad for weight in amplifier.parameters())]
+    finite = all(bool(torch.isfinite(one).all()) for one in (before, after, *gradients) if one is not None)
+    with torch.no_grad():
+        dead = float(at_an_end(before, after, amplifier.bounded).float().mean())
+        together = torch.cov(torch.stack([before, after]).double())[0, 1]
+    return finite, dead, bool(together < 0)
+
+
+@torch.no_grad()
+def jump_at_threshold(beta: float) -> float:
+    """|σ′(raw just above 0) − σ′(raw = 0)| of Listing 2: sigmoid(0) lies exactly on its threshold."""
+    after = amplifier_with("listing2", beta=beta).before_and_after(torch.tensor([0.0, 2e-7]))[1]
+    return float((after[1] - after[0]).abs())
+
+
+def _dead_over_training(situation: Situation, method: str) -> Iterator[Finding]:
+    history = trained(situation, method)
+    steps, shares = zip(*history.dead, strict=True)
+    yield Series(
+        "Points of the box whose density no gradient reaches", 6, method, "step", "share",
+        [float(step) for step in steps], list(shares), log_x=False, log_y=False,
+    )  # fmt: skip
+    yield judged(
+        "A5", f"{method}, trained", whose(method), shares[-1], DEAD_BAR,
+        what=f"share of points without a gradient of density after {steps[-1]} steps",
+        why="" if (scalars := history.trainer.amplifier_scalars())["alpha"] is None else f"α = {scalars['alpha']:.3g}",
+    )  # fmt: skip
+
+
+DEAD_BAR = 0.01
+"""Vanilla NeRF's softplus has none; measured 0."""
