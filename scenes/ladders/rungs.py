@@ -33,7 +33,7 @@ def thinness(name: str, width: float) -> Scene:
 
 
 def density(name: str, tau: float) -> Scene:
-    return fog(name, f"Red fog of optical depth {tau:g}", tau)
+    return fog(name, f"Black fog of optical depth {tau:g} along its diameter", tau)
 
 
 def dynamic_range(name: str, ratio: float) -> Scene:
