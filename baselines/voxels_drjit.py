@@ -73,7 +73,7 @@ class VoxelField:
 
     def state_dict(self) -> dict[str, Tensor]:
         """`density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
-        return {name: self._as_grid(name).clone() for name in self.values}
+        return {name: self._as_grid(name) for name in self.values}
 
     def refined(self, voxels: int) -> "VoxelField":
         """The same field on a finer grid, interpolated."""
@@ -133,7 +133,7 @@ class VoxelField:
         rough = self._roughness(self.types.UInt32(self._flat_integers(smooth)))
         dr.backward(error + smoothing * rough)
         gradients = {name: dr.grad(value) for name, value in self.values.items()}
-        dr.disable_grad(self.values)
+        dr.disable_grad(self.values)  # leaves numbers alone behind, whatever comes of this step
         square = sum(dr.sum(dr.square(gradient)) for gradient in gradients.values())
         dr.eval(error, square, gradients)
         return float(error[0]), float(square[0]), gradients
@@ -222,7 +222,7 @@ class VoxelField:
         held = dr.detach(values)
         dr.eval(held)
         dr.sync_thread()
-        return torch.as_tensor(held.numpy()).to(device)
+        return torch.tensor(held.numpy(), device=device)
 
     def _as_grid(self, name: str) -> Tensor:
         shape = self.shape[::-1] if name == "density" else (*self.shape[::-1], self.coefficients)

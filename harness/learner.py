@@ -104,13 +104,13 @@ def learner_for(
     """The method ready to be trained. Raises `NotAvailable` where this machine lacks what it needs."""
     if CATALOG[method].kind == "network":
         return Trainer(method, box, settings, budget, seed, device, view_dependent)
-    backend = _drjit_backend(device)
+    backend = drjit_backend(device)
     from harness.voxel_trainer import VoxelTrainer
 
     return VoxelTrainer(method, box, settings, budget, seed, device, view_dependent, backend)
 
 
-def _drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
+def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
     """Dr.Jit's backend for `device`, found to work in a process of its own, as it may abort; raises `NotAvailable`."""
     if importlib.util.find_spec("drjit") is None:
         raise NotAvailable("needs the package drjit, which is not installed")

@@ -37,7 +37,7 @@ class VoxelSettings:
     """Learning rate relative to that of the networks: a voxel is seen by few rays of a batch."""
     smoothed: int = 8192
     """Voxels a step that are pulled towards their neighbours, and how much."""
-    smoothing: float = 1e-5
+    smoothing: float = 1e-4
 
     def stages(self) -> tuple[tuple[float, int], ...]:
         """(share of the budget from which it holds, voxels along the longest side)."""

@@ -4,6 +4,8 @@ Importing this module imports Dr.Jit: `harness.learner` does so when the method 
 """
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import torch
@@ -65,8 +67,8 @@ class VoxelTrainer:
         """A step at every fineness on fields that are thrown away: kernels are compiled here, outside the clock."""
         for _, voxels in self.settings.voxels.stages():
             field = self.field.refined(voxels)
-            _, _, gradients = self._gradients(field, rays, colours, generator_for(self.seed, "warm-up"))
-            Adam(field).step(field, gradients, 0.0, 1.0)
+            found = self._slope(field, rays, colours, generator_for(self.seed, "warm-up"))
+            Adam(field).step(field, found.gradients, 0.0, 1.0)
         dr.sync_thread()
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
@@ -84,20 +86,18 @@ class VoxelTrainer:
                 settings.last_learning_rate,
                 settings.warm_up_steps,
             )
-            loss, norm, gradients = self._gradients(
-                self.field, rays, colours, generator_for(self.seed, self.step, "jitter")
-            )
-            scale = min(1.0, settings.clip_norm / (norm + 1e-6))
-            self._optimiser.step(self.field, gradients, rate, scale)
+            found = self._slope(self.field, rays, colours, generator_for(self.seed, self.step, "jitter"))
+            scale = min(1.0, settings.clip_norm / (found.norm + 1e-6))
+            self._optimiser.step(self.field, found.gradients, rate, scale)
             dr.sync_thread()
         self.step += 1
-        self.last_loss = loss
-        evaluated = self._evaluated
-        self.network_evaluations += evaluated
+        self.last_loss = found.loss
+        self.network_evaluations += found.points
         if self.step % TRACE_EVERY == 0 or self.step == 1:
             noted = {
-                "step": float(self.step), "loss": loss, "gradient_norm": norm, "clipped_norm": norm * scale,
-                "samples_per_ray": evaluated / len(rays), **self.amplifier_scalars(),
+                "step": float(self.step), "loss": found.loss, "gradient_norm": found.norm,
+                "clipped_norm": found.norm * scale, "samples_per_ray": found.points / len(rays),
+                **self.amplifier_scalars(),
             }  # fmt: skip
             for name, series in self.trace.items():
                 series.append(noted[name])
@@ -122,25 +122,40 @@ class VoxelTrainer:
     def amplifier_scalars(self) -> dict[str, float | None]:
         return {"alpha": None, "beta": None}
 
-    def _gradients(
-        self, field: VoxelField, rays: Rays, colours: Tensor, generator: torch.Generator
-    ) -> tuple[float, float, dict[str, object]]:
-        """Mean squared error of the batch, the norm of its gradient, and the gradient. Raises `Diverged`."""
+    def _slope(self, field: VoxelField, rays: Rays, colours: Tensor, generator: torch.Generator) -> "_Slope":
+        """Raises `Diverged`, naming what is not finite."""
         voxels = self.settings.voxels
         samples, inside = field.samples(rays, voxels.bins, generator)
         missed = torch.ones(len(rays), dtype=torch.bool, device=colours.device)
         missed[inside] = False
         background = float(((1.0 - colours[missed]) ** 2).sum())
         smooth = torch.randint(math.prod(field.shape), (voxels.smoothed,), generator=generator)
-        self._evaluated = len(inside) * voxels.bins
-        error, square, gradients = 0.0, 0.0, dict[str, object]()
+        error, square, gradients = 0.0, 0.0, dict[str, Any]()
         if samples is not None:
             error, square, gradients = field.loss_and_gradients(
                 samples, colours[inside], 1.0 / colours.numel(), smooth.to(colours.device), voxels.smoothing
             )
         loss = error + background / colours.numel()
         if not math.isfinite(loss):
-            raise Diverged(self.step, "loss")
+            weight = _first_not_finite(field.values)
+            raise Diverged(self.step, f"weight of {weight}" if weight else "loss")
         if not math.isfinite(square):
-            raise Diverged(self.step, "gradient of the voxel grid")
-        return loss, math.sqrt(square), gradients
+            raise Diverged(self.step, f"gradient of {_first_not_finite(gradients) or 'all voxels together'}")
+        return _Slope(loss, math.sqrt(square), gradients, len(inside) * voxels.bins)
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """What one batch says."""
+
+    loss: float
+    """Mean squared error of display colours, rays that miss the box among them."""
+    norm: float
+    """Of the gradient, before it is clipped."""
+    gradients: dict[str, Any]
+    points: int
+    """Evaluated."""
+
+
+def _first_not_finite(arrays: dict[str, Any]) -> str | None:
+    return next((name for name, values in arrays.items() if not dr.all(dr.isfinite(values))), None)
