@@ -1,0 +1,72 @@
+"""A method whose library is missing: shown with its reason, counted as nobody's failure, and in nobody's way."""
+
+from dataclasses import replace
+
+import pytest
+
+from reports.__main__ import main
+from reports.headline import headline
+from reports.load import Records, read_records
+from reports.metrics_table import metrics_grid
+from reports.page import page
+from reports.psnr_table import scores_grid
+from tests.reports.fake_run import GAIN, METHODS, SLOWNESS, write_fake_run
+
+REASON = "no shared library of LLVM 16 or newer"
+WITH = {**METHODS, "voxels_drjit": "explicit voxels"}
+
+
+def absent(cell):
+    if cell.method != "voxels_drjit":
+        return cell
+    return replace(cell, status="not_available", reason=REASON, steps=0, train_seconds=0.0,
+                   scores=dict.fromkeys(cell.scores), curve=[], views=[], trace={}, images=[])  # fmt: skip
+
+
+@pytest.fixture
+def lacking(tmp_path, monkeypatch) -> Records:
+    monkeypatch.setitem(GAIN, "voxels_drjit", 0.0)
+    monkeypatch.setitem(SLOWNESS, "voxels_drjit", 1.0)
+    out = write_fake_run(tmp_path / "run", methods=WITH, pictures=False, with_diverged=False, change_cell=absent)
+    return read_records(out)
+
+
+def test_it_is_no_failure(lacking, capsys):
+    assert lacking.failed == []
+    assert lacking.not_available == {"voxels_drjit": {REASON: 6}}
+    assert main([str(lacking.out)]) == 0
+    assert f"voxels_drjit: not available ({REASON})" in capsys.readouterr().out.splitlines()
+
+
+def test_tables_say_so_with_the_reason_and_without_alarm(lacking):
+    row = scores_grid(lacking).rows[0]
+    entry = row[2 + lacking.methods.index("voxels_drjit")]
+    assert (entry.text, entry.small, entry.tone) == ("3 of 3 not available", REASON, "muted")
+    named = next(row[1] for row in metrics_grid(lacking).rows if row[1].text == "voxels_drjit")
+    assert (named.small, named.tone) == ("3 of 3 not available", "muted")
+
+
+def test_the_others_keep_their_averages(lacking, whole):
+    assert scores_grid(lacking).totals[0][2:5] == scores_grid(whole).totals[0][2:5]
+    said = headline(lacking).sentences[0]
+    assert said == headline(whole).sentences[0]
+    assert "voxels_drjit" not in said
+
+
+def test_the_page_says_it_once_on_the_first_screen(lacking):
+    text = page(lacking)
+    top = text[: text.index("<nav")]
+    assert "voxels_drjit was not available</b> in 6 of 24 cells, which is no failure of it: " + REASON in top
+    assert "did not finish" not in top
+
+
+def test_a_contender_that_was_not_there_has_no_verdict(lacking):
+    cells = [replace(cell, status="not_available", reason=REASON) if cell.method == "qnerf" else cell
+             for cell in lacking.cells]  # fmt: skip
+    title = headline(replace(lacking, cells=cells)).title
+    assert title == "qnerf was not available: nothing can be said of it"
+
+
+def test_train_and_test_scores_stand_together(records):
+    entry = scores_grid(records).rows[0][2]
+    assert (entry.text, entry.small) == ("22.87 ± 0.02", "train 23.97")

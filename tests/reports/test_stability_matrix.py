@@ -1,0 +1,179 @@
+"""Outcomes → cells: the gravest wins, ours stands first, what occurs once stands beside; and the words for all that."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from harness.records import DamagedRecord
+from harness.stability_record import STABILITY_FILE, Outcome, StabilityRecord, judged
+from reports.stability_load import find_stability
+from reports.stability_matrix import anchor, cell, groups
+from reports.stability_wording import headline, round_figure, sentences, shown, strain, told, tone_of, verdict, wanted
+from tests.reports.fake_stability import case, fake_stability, write_fake_stability
+
+
+def one(status="pass", whose="ours", figure=1e-7, bar=1e-6, case="Q1", subject="a", **more) -> Outcome:
+    return Outcome(case, subject, whose, status, figure, bar, **more)
+
+
+@pytest.mark.parametrize(
+    ("given", "tone", "said"),
+    [
+        (one(), "passes", "passes"),
+        (one("fail"), "fails", "fails"),
+        (one("fail", "paper"), "property", "fails: a property of the paper’s form as printed"),
+        (one("fail", "usual"), "property", "fails: a property of the field’s usual form"),
+        (one("pass", "paper"), "passes", "passes"),
+        (one("not_available", figure=None), "absent", "not available"),
+        (one("not_applicable", "paper", None), "spared", "not applicable"),
+    ],
+)
+def test_what_became_of_an_outcome(given, tone, said):
+    assert tone_of(given) == tone
+    assert verdict(given) == said
+
+
+def test_of_several_outcomes_the_gravest_is_shown_and_all_are_told():
+    found = [one(figure=9e-7), one("fail", figure=2e-6), one("fail", figure=5e-6, what="colour"), one(figure=1e-9)]
+    made = cell(found)
+    assert (made.tone, made.text, made.small) == ("fails", "5.0·10⁻⁶", "2 of 4")
+    assert len(made.title.splitlines()) == 4
+    assert cell(found[:1] + found[3:]).text == "9.0·10⁻⁷"
+    assert cell(found[:1] + found[3:]).small == "worst of 2"
+    assert cell(found[:1]).small == ""
+
+
+def test_a_failure_of_ours_outweighs_a_property_however_large():
+    assert cell([one("fail", "paper", 1e30), one("fail", "ours", 2e-6)]).tone == "fails"
+
+
+def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
+    lost = judged("Q1", "a", "usual", math.nan, 1.0, what="error")
+    made = cell([one("fail", "usual", 5.0), lost])
+    assert (made.tone, made.text) == ("property", "not finite")
+    assert strain(lost) == math.inf
+
+
+def test_how_far_from_its_bar_a_figure_is():
+    assert strain(one(figure=2.0, bar=1.0)) == 2.0
+    assert strain(one(figure=0.5, bar=1.0, sense="at_least")) == 2.0
+    assert strain(one(figure=3.0, bar=0.0)) == 1.0
+    assert strain(one(figure=0.0, bar=0.0)) == 0.0
+    assert strain(one(figure=None, bar=None)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (one(), "10⁻⁷"),
+        (one(figure=2.04e-7), "2.0·10⁻⁷"),
+        (one(figure=0.0), "0"),
+        (one(figure=33424.0, unit="steps"), "33\u202f424\u202fsteps"),
+        (one(figure=2.5e9), "2.5·10⁹"),
+        (one(figure=1e30), "10³⁰"),
+        (one(figure=-53.6), "−54"),
+        (one(figure=None), "pass"),
+        (one("fail", figure=None), "fails"),
+        (one("not_available", figure=None), "not here"),
+        (one("not_applicable", figure=None), "n/a"),
+    ],
+)
+def test_a_cell_says_the_figure_or_else_a_word(given, said):
+    assert shown(given) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(1e-6, "10⁻⁶"), (1.2e-4, "1.2·10⁻⁴"), (0.999, "0.999"), (200.0, "200"), (0.0, "0"), (1e8, "10⁸"), (-3.5, "−3.5"),
+     (0.15, "0.15"), (-2e-5, "−2·10⁻⁵")],
+)  # fmt: skip
+def test_bars_have_no_digits_that_nobody_asked_for(value, said):
+    assert round_figure(value) == said
+
+
+def test_the_sense_of_a_bar():
+    assert wanted(one()) == "≤ 10⁻⁶"
+    assert wanted(one(sense="at_least", bar=0.999)) == "≥ 0.999"
+    assert wanted(one(bar=None)) == ""
+    assert told(one(what="error", why="x")) == "a (ours): passes, 10⁻⁷ (wanted ≤ 10⁻⁶), error; x"
+
+
+def test_columns_are_what_recurs_ours_first_and_the_rest_stands_beside():
+    q = next(group for group in groups(fake_stability()) if group.title == "Quadrature and sampling")
+    assert [subject for subject, _ in q.subjects] == ["midpoint", "linear_in_tau", "harness", "listing4", "log_space"]
+    assert dict(q.subjects)["listing4"] == "paper"
+    row = q.rows[0]
+    assert [found.tone if found else None for found in row.cells] == ["passes", "passes", "passes", "property",
+                                                                      "property"]  # fmt: skip
+    assert [found.subject for found in row.others] == ["running_product"]
+    assert q.rows[3].cells[0] is None
+
+
+def test_no_outcome_is_lost_in_the_matrix():
+    record = fake_stability()
+    for case_of, row in zip(record.cases, [row for group in groups(record) for row in group.rows], strict=True):
+        told_of = [found.title for found in [*row.cells, *row.others] if found]
+        assert sum(len(title.split("\n")) for title in told_of) == len(case_of.outcomes)
+        assert row.failed == (case_of.info.id == "A2")
+
+
+def test_too_many_subjects_do_not_become_columns():
+    many = [Outcome(name, f"s{n}", "ours", "pass", 1.0) for name in ("Q1", "Q2") for n in range(20)]
+    cases = [case(name, name, "", *[o for o in many if o.case == name]) for name in ("Q1", "Q2")]
+    group = groups(StabilityRecord({}, {}, cases))[0]
+    assert len(group.subjects) == 9
+    assert [len(row.others) for row in group.rows] == [11, 11]
+
+
+def test_anchors_are_readable_and_unique():
+    names = ["Q1", "Q 1", "Q-1", "<b>", "é"]
+    found = [anchor(case(name, "", "")) for name in names]
+    assert found[0] == "case-Q1"
+    assert len(set(found)) == 5
+    assert all(name.isascii() and " " not in name and "<" not in name for name in found)
+
+
+def test_the_headline_counts_ours_alone():
+    assert headline(fake_stability()) == "1 of 30 stability checks of this harness fails"
+    assert headline(fake_stability(with_failure=False)) == "All 30 stability checks of this harness pass"
+    only = fake_stability(cases=[case("Q1", "t", "b", one("fail", "paper"))])
+    assert headline(only) == "Numerical stability: nothing of this harness was tried"
+    assert "Nothing of ours was put to the test." in sentences(only)
+    assert headline(fake_stability(cases=[case("Q1", "t", "b", one())])).startswith("The one stability check")
+    two = fake_stability(cases=[case("Q1", "t", "b", *[one("fail", subject=str(n)) for n in range(6)])])
+    assert headline(two) == "6 of 6 stability checks of this harness fail"
+    assert "Q1 0, Q1 1, Q1 2, Q1 3 and 2 more" in sentences(two)[1]
+
+
+def test_what_is_not_available_is_no_check_passed():
+    record = fake_stability(cases=[case("Q1", "t", "b", one(), one("not_available", subject="b", figure=None))])
+    assert "1 check." in sentences(record)[1]
+    assert "1 not available here" in sentences(record)[-1]
+
+
+def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
+    record = fake_stability()
+    found = find_stability(write_fake_stability(tmp_path, record))
+    assert found is not None
+    assert list(found.outcomes()) == list(record.outcomes())
+    lost = [line for case_of in found.cases for line in case_of.series if None in line.y]
+    assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
+    assert found.cases[1].tables[0].rows[2][4] == "not finite (nan)"
+    assert find_stability(tmp_path / "stability") is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda c: [*c, c[0]], "case 'Q1' is there twice"),
+        (lambda c: [replace(c[0], outcomes=[one(case="Q9")])], "case 'Q1' holds an outcome of case 'Q9'"),
+        (lambda c: [replace(c[0], series=[replace(c[0].series[0], y=[1.0])])], "has 17 x but 1 y"),
+    ],
+)
+def test_a_record_that_no_run_writes_is_refused_and_names_the_remedy(tmp_path, change, said):
+    out = write_fake_stability(tmp_path, fake_stability(cases=change(fake_stability().cases)))
+    with pytest.raises(DamagedRecord, match="nox -s stability") as caught:
+        find_stability(out)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(str(out / STABILITY_FILE))
