@@ -25,7 +25,8 @@ from scenes.view_set import Split, ViewSet
 COLLAPSED_OPACITY = 0.02
 """Mean test opacity below which a method has learnt nothing but the background."""
 BILLBOARD_GAP_DB = 6.0
-"""Training views this much above test views: the images are painted in front of the cameras, not in the scene."""
+"""Training views this much above test views, and these worse than a copy of the nearest training view: the images are
+painted in front of the cameras, not in the scene."""
 FLAGGED_GAP_DB = 3.0
 """Training views this much above test views: the views are fitted better than what is between them."""
 
@@ -293,6 +294,7 @@ def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, gri
     if psnr is not None and floor is not None and psnr < floor:
         found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
     if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:
-        name = "billboard" if train - psnr > BILLBOARD_GAP_DB else "gap"
+        painted = train - psnr > BILLBOARD_GAP_DB and (floor is None or psnr < floor)
+        name = "billboard" if painted else "gap"
         found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
     return found

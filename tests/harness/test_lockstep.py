@@ -301,6 +301,8 @@ def test_methods_learn(ball: ViewSet, tmp_path: Path) -> None:
         ({"psnr": 8.0, "psnr_train": 22.0}, 0.4, False, ["billboard: training views 22.00 dB, test views 8.00 dB"]),
         ({"psnr": 18.0, "psnr_train": 22.0}, 0.4, False, ["gap: training views 22.00 dB, test views 18.00 dB"]),
         ({"psnr": 22.0, "psnr_train": 18.0}, 0.4, False, []),
+        ({"psnr": 14.0, "psnr_floor": 13.0, "psnr_train": 21.0}, 0.4, False, ["gap"]),
+        ({"psnr": 12.0, "psnr_floor": 13.0, "psnr_train": 21.0}, 0.4, False, ["below the floor", "billboard"]),
         ({"psnr": 10.0, "psnr_floor": 15.0, "psnr_train": 30.0}, 0.0, True,
          ["empty collapse", "occupancy grid", "below the floor", "billboard"]),
         ({}, None, False, []),
