@@ -230,7 +230,7 @@ def _omissions(options: argparse.Namespace, show: "Progress") -> int:
     plan, _ = _planned(options)
     _check_file(options.out)
     folders = view_set_folders(plan, options.view_sets, show)
-    found, controls = verified(plan, folders, options.out.parent, available_cores(), show.line)
+    found, controls = verified(plan, folders, options.out.parent, available_cores(), show.line, controls=True)
     write_json(options.out, as_json(found, controls, plan))
     for one in found:
         show.line(line_of(one))

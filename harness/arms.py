@@ -16,6 +16,7 @@ import numpy as np
 from baselines.contract import Precision
 from harness.needed import kept, with_needs
 from harness.plan import Plan
+from harness.settings import TrainSettings
 
 if TYPE_CHECKING:
     import torch
@@ -34,6 +35,8 @@ class Arm:
     no_need: tuple[str, ...] = ()
     precision: Precision | None = None
     """None as planned."""
+    position_bands: int | None = None
+    """None as planned; 0 for raw coordinates alone."""
     rendered_with: tuple[str, ...] = ()
     """Needs that are put back, one at a time, for rendering the same weights once more."""
 
@@ -107,6 +110,14 @@ def trained_cell(task: CellTask) -> TrainedCell:
     return TrainedCell(task.scene, task.method, task.seed, ended)
 
 
+def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
+    if arm.precision is not None:
+        train = replace(train, precision=arm.precision)
+    if arm.position_bands is not None:
+        train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
+    return kept(train, arm.need)
+
+
 def _ended(task: CellTask, arm: Arm, views: "ViewSet", device: "torch.device") -> Ended:
     from harness import evaluate
     from harness.lockstep import stream_of
@@ -116,7 +127,7 @@ def _ended(task: CellTask, arm: Arm, views: "ViewSet", device: "torch.device") -
 
     plan = task.plan
     views = with_needs(views, arm.need, arm.no_need)
-    train = kept(replace(plan.train, precision=arm.precision or plan.train.precision), arm.need)
+    train = _settings(plan.train, arm)
     try:
         trainer = trained_alone(task.method, views, stream_of(task.scene, task.seed), train, plan.budget, device)
         cameras = evaluate.cameras_of(views, views.test, device)

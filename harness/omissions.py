@@ -3,7 +3,7 @@
 What concerns rendering alone is judged on one set of weights, rendered both ways.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 Verdict = Literal["within its bound", "costs more", "inconclusive"]
 TRAINED = ("view_direction", "outside_box", "empty_space", "fine_pass")
 """Needs whose omission changes what is trained."""
+CONTROLS = {
+    "no view_direction": ("view_direction", ""),
+    "no bands": ("high_bands", "every band of the encoding, the needed ones too"),
+}
+"""Arm that leaves something out although it is needed → its need, and what it is. The first may take long training to
+tell; the second must cost visibly, or nothing here could.
+"""
 RENDERED = ("behind_opaque",)
 """Needs whose omission changes how a trained method is rendered, and nothing else."""
 
@@ -38,11 +45,17 @@ class Omission:
     difference: float | None
     """dB: test PSNR without the part less with it, so that less than 0 is a loss. colour: what changed at most."""
     interval: tuple[float, float] | None
-    """95 %, paired over seeds (over views for `participating_media`)."""
+    """95 %, paired over seeds (over views for `participating_media`); None for what is largest over all seeds."""
     pairs: int
     diverged: int
     verdict: Verdict
     train_seconds_saved: float | None = None
+    what: str = ""
+    """Where it is more than what `name` stands for."""
+
+    @property
+    def title(self) -> str:
+        return self.what or PARTS[self.name].what
 
     @property
     def bound(self) -> float:
@@ -90,7 +103,7 @@ def cell_tasks(
 ) -> list[CellTask]:
     """Each cell of the plan with everything left out that its scene does not need, and once more with each of these.
 
-    With `controls`, also without the view direction where the scene does need it.
+    With `controls`, also without the view direction where a scene does need it, and the first scene without bands.
     """
     from harness.ground_truth import read_views
 
@@ -108,6 +121,8 @@ def cell_tasks(
         arms |= {name: Arm(need=(name,)) for name in names[scene] if name in TRAINED}
         if controls and needed[scene]:
             arms["no view_direction"] = Arm(no_need=("view_direction",))
+        if controls and scene == plan.scenes[0]:
+            arms["no bands"] = Arm(position_bands=0)
         tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
 
@@ -129,8 +144,9 @@ def controls_of(cells: list[TrainedCell]) -> list[Omission]:
     found = []
     for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
         chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
-        if "no view_direction" in chosen[0].ended:
-            found.append(_of_training(chosen, "view_direction", "no view_direction", "as planned"))
+        for arm, (name, what) in CONTROLS.items():
+            if arm in chosen[0].ended:
+                found.append(replace(_of_training(chosen, name, arm, "as planned"), what=what))
     return found
 
 
@@ -163,7 +179,6 @@ def _of_training(cells: list[TrainedCell], name: str, without: str, with_it: str
 def _of_rendering(cells: list[TrainedCell], name: str) -> Omission:
     every = [cell.ended["as planned"] for cell in cells]
     whole = [one.rerendered[name] for one in every if name in one.rerendered]
-    result = paired_difference(np.array([one.largest_change for one in whole])) if whole else None
     largest = max(one.largest_change for one in whole) if whole else 0.0
     return Omission(
         cells[0].scene,
@@ -172,7 +187,7 @@ def _of_rendering(cells: list[TrainedCell], name: str) -> Omission:
         float(np.mean([one.seconds - one.seconds_with for one in whole])) if whole else None,
         "rendering the test views",
         largest if whole else None,
-        result.interval if result else None,
+        None,
         len(whole),
         len(every) - len(whole),
         judged(PairedDifference(largest, None, None, len(whole)), PARTS[name].bound, True) if whole else "inconclusive",

@@ -20,6 +20,8 @@ from scenes.errors import InputError
 from scenes.needs import PARTS
 
 INTEGRATOR_VIEWS = 6
+INTEGRATOR_SPP = 64
+"""At least: with less, noise is larger than the bound."""
 CLOCK_OF_RENDERING = "rendering the view set"
 
 
@@ -30,13 +32,14 @@ def verified(
     workers: int,
     say: Callable[[str], None],
     device: str = "cpu",
+    controls: bool = False,
 ) -> tuple[list[Omission], list[Omission]]:
-    """What is left out on each scene of the plan, and controls: what leaving out something needed costs.
+    """What is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
 
     Trains every cell of the plan once as planned and once more for each omission of its scene.
     """
     cells = []
-    for cell in trained_cells(cell_tasks(plan, folders, scratch, controls=True, device=device), workers):
+    for cell in trained_cells(cell_tasks(plan, folders, scratch, controls, device), workers):
         cells.append(cell)
         say(_line_of_cell(cell))
     found = omissions_of(cells)
@@ -53,7 +56,7 @@ def line_of(one: Omission) -> str:
     between = "" if one.interval is None else f" [{one.interval[0]:+.4g}, {one.interval[1]:+.4g}]"
     change = "nothing measured" if one.difference is None else f"{one.difference:+.4g}{between} {one.unit}"
     saved = "" if one.seconds_saved is None else f", {one.seconds_saved:.2f} s saved ({one.clock})"
-    return f"{one.scene}: {PARTS[one.name].what}: {change}{saved}: {one.verdict} ({one.bound:.2g} {one.unit})"
+    return f"{one.scene}: {one.title}: {change}{saved}: {one.verdict} ({one.bound:.2g} {one.unit})"
 
 
 def too_costly(found: list[Omission]) -> list[Omission]:
@@ -69,7 +72,7 @@ def filled(rows: list[LeftOut], found: list[Omission]) -> list[LeftOut]:
 def as_json(found: list[Omission], controls: list[Omission], plan: Plan) -> dict[str, Any]:
     return {
         "what": "each scene with everything left out that it does not need, against the same with one of these done; "
-        "controls: the view direction left out where it is needed",
+        "controls: something left out that is needed",
         "settings": plan.settings(),
         "omissions": [_as_row(one) for one in found],
         "controls": [_as_row(one) for one in controls],
@@ -120,7 +123,8 @@ def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omiss
     views = plan.views
     samples = ((views.train + views.val) * views.spp_train + views.test * views.spp_test) * views.resolution**2
     count = min(INTEGRATOR_VIEWS, views.test)
-    return omission_of_integrators(compared_integrators(scene, views.resolution, count, views.spp_test), samples)
+    spp = max(views.spp_test, INTEGRATOR_SPP)
+    return omission_of_integrators(compared_integrators(scene, views.resolution, count, spp), samples)
 
 
 def _filled(row: LeftOut, one: Omission) -> LeftOut:
@@ -135,7 +139,7 @@ def _filled(row: LeftOut, one: Omission) -> LeftOut:
 
 
 def _as_row(one: Omission) -> dict[str, Any]:
-    return {**asdict(one), "what": PARTS[one.name].what, "bound": one.bound, "unit": one.unit}
+    return {**asdict(one), "what": one.title, "bound": one.bound, "unit": one.unit}
 
 
 def _line_of_cell(cell: TrainedCell) -> str:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from harness.records import LeftOut
 from reports.claims import COMPONENTS
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
@@ -106,19 +107,33 @@ def warning_kinds(records: Records) -> list[tuple[str, int]]:
 
 
 def left_out_grid(records: Records) -> Grid:
-    """What a scene does not need and was not done for it."""
+    """What a scene does not need and was not done for it; where that was verified, what it saved and changed."""
     columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
-    columns += [Column("time saved"), Column("change in error")]
+    columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
     rows = [
         [
             Entry(scene.name),
-            Entry(one.what),
+            Entry(one.what, one.concerns),
             Entry(one.reason),
-            Entry(duration(one.seconds_saved)) if one.seconds_saved is not None else EMPTY,
-            Entry(signed(one.difference, 3), interval(one.interval, 3)) if one.difference is not None else EMPTY,
+            Entry(duration(one.seconds_saved), one.clock) if one.seconds_saved is not None else EMPTY,
+            _change(one),
+            Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
+            Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
         ]
         for scene in records.run.scenes
         for one in scene.left_out
     ]
     told = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
     return Grid("Left out", [columns[place] for place in told], [[row[place] for place in told] for row in rows])
+
+
+VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
+
+
+def _change(one: LeftOut) -> Entry:
+    if one.difference is None:
+        return EMPTY
+    if one.unit == "colour":
+        between = "" if one.interval is None else f"[{significant(one.interval[0])}, {significant(one.interval[1])}]"
+        return Entry(f"{significant(one.difference)} of a colour", between)
+    return Entry(f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}", interval(one.interval, 3))

@@ -38,18 +38,7 @@ def summary(records: Records) -> dict[str, Any]:
         "cells": [_cell(cell) for cell in records.cells],
         "comparisons": [asdict(one) for one in records.comparisons],
         "claims": [_claim(one.__dict__) for one in claims(records)],
-        "left_out": [
-            {
-                "scene": scene.name,
-                "what": one.what,
-                "reason": one.reason,
-                "seconds_saved": one.seconds_saved,
-                "difference": one.difference,
-                "interval": one.interval,
-            }
-            for scene in run.scenes
-            for one in scene.left_out
-        ],
+        "left_out": [{"scene": scene.name, **asdict(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": run.not_tested,
         "phases": run.phases,

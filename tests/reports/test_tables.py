@@ -183,5 +183,29 @@ def test_left_out_says_what_it_saved_and_changed(records: Records):
     assert row[4].small == "[−0.080, +0.060]"
 
 
+def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
+    told = [
+        LeftOut("samples in empty space", "mostly empty", 3.0, -0.5, (-0.7, -0.3), "empty_space", "sampling", 0.2, "dB",
+                "training", "costs more"),
+        LeftOut("samples behind", "opaque", -0.1, 6.4e-5, None, "behind_opaque", "rendering", 1e-4, "colour",
+                "rendering", "within its bound"),
+        LeftOut("background model", "alpha is known", bound=0.0),
+    ]  # fmt: skip
+
+    def verified(run):
+        return replace(run, scenes=[replace(run.scenes[0], left_out=told)])
+
+    grid = left_out_grid(read_records(write_fake_run(tmp_path / "run", pictures=False, change=verified)))
+    assert [column.label for column in grid.columns][3:] == ["time saved", "change in error", "may cost", "verdict"]
+    texts = [[(entry.text, entry.small, entry.tone) for entry in row[3:]] for row in grid.rows]
+    assert texts[0] == [
+        ("3.0 s", "training", ""), ("−0.500 dB", "[−0.700, −0.300]", ""), ("0.200 dB", "", ""),
+        ("costs more", "", "failed"),
+    ]  # fmt: skip
+    assert texts[1][1][0] == "6.40·10⁻⁵ of a colour"
+    assert texts[1][3] == ("within its bound", "", "equivalent")
+    assert [text for text, _, _ in texts[2]] == ["–", "–", "–", "–"]
+
+
 def test_every_comparison_is_listed(records: Records):
     assert len(comparisons_grid(records).rows) == len(records.comparisons) == 18

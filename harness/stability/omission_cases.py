@@ -1,0 +1,119 @@
+"""Case N1: what scenes do not need, trained with it and without; and something needed left out, which must cost."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from harness.chart_record import Table
+from harness.needed import needs_of
+from harness.omissions import Omission
+from harness.plan import Plan
+from harness.schedule import Budget
+from harness.stability.situation import Finding, Situation
+from harness.stability_record import Outcome, judged
+from scenes.needs import PARTS, Needs, left_out
+
+SCENES = ("hotdog", "materials", "tiny")
+"""Glossy, mirroring, and Lambertian: the last one needs no view direction."""
+FOG = "fog_dense"
+STEPS, SEEDS = 150, (0, 1, 2)
+FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
+CHAPTER = 13
+COLUMNS = ["left out", "because", "concerns", "seconds saved", "of", "change", "95 %", "bound", "unit", "verdict"]
+NOTHING_TO_TRY = "nothing to try: no method has it"
+
+
+def omissions(situation: Situation) -> Iterator[Finding]:
+    """Smoke-sized cells, three seeds, every omission that concerns model, sampling or rendering."""
+    from harness.ground_truth import read_views
+    from harness.runner import view_set_folders
+    from harness.verification import compared_integrators, omission_of_integrators, verified
+
+    plan = _plan(situation)
+    folders = view_set_folders(plan, situation.view_sets, situation.show)
+    found, controls = verified(
+        plan, folders, situation.scratch, situation.workers, situation.show.line, controls=not situation.quick
+    )
+    for name in dict.fromkeys(one.name for one in found):
+        yield _worst([one for one in found if one.name == name])
+    for one in controls:
+        if one.name == "high_bands":
+            yield _control(one, -(one.difference or 0.0))
+    fog = omission_of_integrators(compared_integrators(FOG, FOG_PIXELS, FOG_VIEWS, FOG_SPP), FOG_PIXELS**2)
+    yield _control(replace(fog, what=f"volumetric integrator on {FOG}"), abs(fog.difference or 0.0))
+    for scene, folder in folders.items():
+        needs = needs_of(read_views(folder, plan.views, situation.scratch))
+        yield _table(scene, needs, [one for one in found if one.scene == scene])
+    yield Table(
+        "left-out-controls",
+        CHAPTER,
+        "Controls: what is needed, left out all the same",
+        ["scene", *COLUMNS],
+        [[one.scene, *_row(one, "needed: left out to see what that costs")] for one in [*controls, fog]],
+    )
+
+
+def _plan(situation: Situation) -> Plan:
+    plan = situation.plan("smoke", list(SCENES))
+    method = "nerf" if "nerf" in plan.methods else plan.methods[0]
+    if situation.quick:
+        return replace(plan, methods=(method,), seeds=(0,))
+    return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None))
+
+
+def _worst(found: list[Omission]) -> Outcome:
+    """Of one part over scenes: fails where an omission costs more than its bound by more than chance.
+
+    What lies above its bound by chance perhaps is neither passed nor failed.
+    """
+    worst = max(found, key=lambda one: _cost(one))
+    costly = [one.scene for one in found if one.verdict == "costs more"]
+    open_ = [one.scene for one in found if one.verdict == "inconclusive"]
+    seconds = sum(one.seconds_saved or 0.0 for one in found)
+    why = [f"largest on {worst.scene}", f"{seconds:.1f} s saved ({found[0].clock}) on {len(found)} scenes"]
+    why += [f"costs more on {' '.join(costly)}"] if costly else []
+    why += [f"not settled on {' '.join(open_)}"] if open_ else []
+    return Outcome(
+        "N1",
+        worst.title,
+        "ours",
+        "fail" if costly else "not_applicable" if _cost(worst) > worst.bound else "pass",
+        _cost(worst),
+        worst.bound,
+        unit=worst.unit,
+        what="test PSNR lost by leaving it out" if worst.unit == "dB" else "change of a colour",
+        why="; ".join(why),
+    )
+
+
+def _control(one: Omission, cost: float) -> Outcome:
+    return judged(
+        "N1", f"control: {one.title}", "ours", cost, one.bound, unit=one.unit, sense="at_least",
+        what="what leaving out something needed costs", why="else nothing could fail here",
+    )  # fmt: skip
+
+
+def _cost(one: Omission) -> float:
+    if one.difference is None:
+        return 0.0
+    return -one.difference if one.unit == "dB" else abs(one.difference)
+
+
+def _table(scene: str, needs: Needs, found: list[Omission]) -> Table:
+    by_name = {one.name: one for one in found}
+    rows = []
+    for row in left_out(needs):
+        one = by_name.get(row["name"])
+        if one is not None:
+            rows.append(_row(one, row["reason"]))
+        else:
+            empty = [None, None, None, None, row["bound"], row["unit"], NOTHING_TO_TRY]
+            rows.append([row["what"], row["reason"], row["concerns"], *empty])
+    return Table(f"left-out-{scene}", CHAPTER, f"{scene}: left out", COLUMNS, rows)
+
+
+def _row(one: Omission, because: str) -> list[str | float | None]:
+    between = None if one.interval is None else f"{one.interval[0]:+.3g} … {one.interval[1]:+.3g}"
+    return [
+        one.title, because, PARTS[one.name].concerns, one.seconds_saved, one.clock, one.difference, between, one.bound,
+        one.unit, one.verdict,
+    ]  # fmt: skip
