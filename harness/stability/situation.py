@@ -12,7 +12,7 @@ from harness.stability_record import PICTURES_FOLDER, Outcome, Picture, Whose
 Finding = Outcome | Series | Table | Picture
 Measure = Callable[["Situation"], Iterator[Finding]]
 
-METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4")
+METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "voxels_drjit")
 
 
 @dataclass(frozen=True)
