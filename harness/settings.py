@@ -58,6 +58,9 @@ class TrainSettings:
     last_learning_rate: float = 5e-5
     warm_up_steps: int = 0
     clip_norm: float = 1.0
+    clip_ratio: float = 4.0
+    """A gradient is also clipped to this multiple of the usual norm of those before it: what is 1 to `clip_norm` may be
+    a hundred times the usual, and Adam remembers its square for a thousand steps."""
     precision: Precision = "float32"
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION

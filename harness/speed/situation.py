@@ -78,6 +78,7 @@ def paper_settings(situation: Situation, precision: Precision | None = None) -> 
         fine_bins=0,
         first_bins=64,
         clip_norm=1e9,  # the plain step has no clipping
+        clip_ratio=1e9,
         precision=precision or situation.precision,
         grid=GridSettings(cells=0),
         accelerations=DENSE,

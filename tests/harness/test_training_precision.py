@@ -207,3 +207,44 @@ def test_the_trace_holds_the_norm_before_and_after_clipping() -> None:
         assert before is not None
         assert after == pytest.approx(min(before, limit), rel=1e-2)
     assert one.last_loss == one.trace["loss"][0]
+
+
+def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[float]]:
+    """Norms that the optimiser got, and the running mean after each step."""
+    one = trainer("nerf", replace(TRAIN, grid=GridSettings(cells=0), **changes))  # type: ignore[arg-type]
+    given: list[float] = []
+    usual: list[float] = []
+    for weight in one.fields.parameters():
+        weight.register_hook(lambda gradient: gradient * factor if one.step == at else gradient)
+    one.optimiser.register_step_pre_hook(
+        lambda *_: given.append(float(torch.nn.utils.get_total_norm([w.grad for w in one.fields.parameters()])))  # type: ignore[misc]
+    )
+    for step in range(at + 3):
+        one.train_on(*rays_and_colours(seed=step))
+        assert one.usual_norm is not None
+        usual.append(one.usual_norm)
+    return given, usual
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
+def test_a_spike_reaches_the_optimiser_as_a_few_times_the_usual_norm_at_most(factor: float) -> None:
+    given, usual = spiked(factor, 6)
+    assert given[6] == pytest.approx(TRAIN.clip_ratio * usual[5], rel=1e-3)
+    assert given[6] < 1.0
+    quiet, _ = spiked(1.0, 6)
+    assert given[:6] == quiet[:6], "nothing is clipped before"
+    alone, _ = spiked(factor, 6, clip_ratio=1e9)
+    assert alone[6] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_usual_norm_follows_a_lasting_change_and_survives_no_gradient_at_all() -> None:
+    one = trainer()
+    assert one._norm_allowed(0.5) == 1.0, "before there is a usual norm"
+    assert one.usual_norm == 0.5
+    one.usual_norm = 1e-3
+    assert one._norm_allowed(0.0) == pytest.approx(TRAIN.clip_ratio * 1e-3)
+    assert one.usual_norm == 1e-3, "a step without any gradient says nothing of the next"
+    allowed = [one._norm_allowed(0.8) for _ in range(60)]
+    assert allowed == sorted(allowed)
+    assert allowed[0] == pytest.approx(TRAIN.clip_ratio * 1e-3)
+    assert allowed[-1] == 1.0
