@@ -1,0 +1,142 @@
+"""The renderer with every quadrature rule: training, the occupancy grid, stopping early, importance sampling."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.catalog import CATALOG, Method
+from baselines.contract import Rays
+from baselines.nerf import NERF
+from baselines.numerics.checks import BadDensity, BadInterval
+from baselines.numerics.quadrature import QUADRATURES
+from baselines.occupancy import OccupancyGrid
+from baselines.rendering import OPAQUE
+from harness.schedule import Budget
+from harness.settings import GridSettings, TrainSettings
+from harness.trainer import Trainer
+from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at, smooth_ball, soft_shell
+from tests.baselines.small_fields import BOX, SMALL
+from tests.baselines.test_rendering import BACKGROUND, over_background, render, straight_ray
+
+SOUND = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
+every_sound_rule = pytest.mark.parametrize("rule", SOUND)
+
+
+@every_sound_rule
+def test_fog_is_exact(rule: str) -> None:
+    rendering = render(AnalyticField(homogeneous(1.3)), straight_ray(), 5, quadrature=rule)
+    opacity = torch.tensor([-math.expm1(-2.6)], dtype=torch.float64)
+    torch.testing.assert_close(rendering.colour, over_background(opacity), rtol=1e-12, atol=0.0)
+    assert rendering.network_evaluations == 5 * QUADRATURES[rule].stride + QUADRATURES[rule].closed
+
+
+@every_sound_rule
+def test_all_rules_see_the_same(rule: str) -> None:
+    field, rays = AnalyticField(gaussian(5.0, 0.4)), rays_at(0.4, 40)
+    ours, truth = render(field, rays, 400, quadrature=rule), render(field, rays, 4000)
+    bar = 2e-3 if rule == "left" else 1e-4
+    torch.testing.assert_close(ours.colour, truth.colour, rtol=0.0, atol=bar)
+    hit = truth.opacity > 0.1
+    torch.testing.assert_close(ours.depth[hit], truth.depth[hit], rtol=0.0, atol=10 * bar)
+
+
+@every_sound_rule
+@pytest.mark.parametrize("random", [False, True])
+def test_what_the_grid_leaves_out_leaves_no_dark_fringe(rule: str, random: bool) -> None:
+    """A bin with one point in matter is evaluated whole: a weight never meets a colour that nobody asked for."""
+    field, rays = AnalyticField(ball(1e4, 0.6)), rays_at(0.3, 60)
+    grid = OccupancyGrid(16, cube(), 0.01)
+    grid.density = torch.zeros_like(grid.density)
+    centre = (torch.arange(16) + 0.5) / 8.0 - 1.0
+    x = torch.stack(torch.meshgrid(centre, centre, centre, indexing="ij"), dim=-1)
+    grid.occupied = (x.norm(dim=-1) < 0.6 + 0.11).flatten()
+    generator = torch.Generator().manual_seed(1) if random else None
+    sparse = render(field, rays, 24, quadrature=rule, grid=grid, generator=generator)
+    # orange over the background in every ray: nothing darker than the one mixed with the other
+    torch.testing.assert_close(sparse.colour, over_background(sparse.opacity), rtol=0.0, atol=1e-12)
+    if not random:
+        whole = render(field, rays, 24, quadrature=rule)
+        torch.testing.assert_close(sparse.colour, whole.colour, rtol=0.0, atol=1e-12)
+        assert sparse.network_evaluations < 0.8 * whole.network_evaluations
+
+
+@every_sound_rule
+@pytest.mark.parametrize("bins", [1, 3, 64])
+@pytest.mark.parametrize("density", [3.0, 100.0, 1e4])
+@torch.no_grad()
+def test_stopping_early_changes_less_than_its_bound(rule: str, bins: int, density: float) -> None:
+    rays = rays_at(0.3, 40)
+    fields = [AnalyticField(smooth_ball(density, 0.9)) for _ in range(2)]
+    stopped, whole = (
+        render(field, rays, bins, quadrature=rule, early_stop=stop)
+        for field, stop in zip(fields, (True, False), strict=True)
+    )
+    assert (stopped.colour - whole.colour).abs().max() <= OPAQUE
+    assert (stopped.opacity - whole.opacity).abs().max() <= OPAQUE
+    assert stopped.network_evaluations == fields[0].points <= fields[1].points
+    if density == 1e4 and bins == 64:
+        assert fields[0].points < 0.8 * fields[1].points
+
+
+@pytest.mark.parametrize("rule", [name for name in SOUND if name != "left"])
+@pytest.mark.parametrize("random", [False, True])
+def test_importance_samples_help(rule: str, random: bool) -> None:
+    """Not the left point's, which look for more behind what it saw and leave its front as coarse as it was."""
+    rays, field = rays_at(0.2, 100), AnalyticField(soft_shell(10.0, 0.6, 0.03))
+    truth = render(field, rays, 4096)
+    generator = torch.Generator().manual_seed(4) if random else None
+    both = render(field, rays, 32, fine=field, fine_bins=128, quadrature=rule, generator=generator)
+    assert both.coarse_colour is not None
+
+    def error(colour: torch.Tensor) -> float:
+        return float((colour - truth.colour).square().mean().sqrt())
+
+    assert error(both.colour) < 0.5 * error(both.coarse_colour)
+
+
+@every_sound_rule
+def test_nothing_is_the_background(rule: str) -> None:
+    rays = rays_at(0.3, 7)
+    same = Rays(rays.origins, rays.directions, 3.0, 3.0)
+    for some, field, clip in ((rays, homogeneous(0.0), True), (same, homogeneous(9.0), False)):
+        rendering = render(AnalyticField(field), some, 8, quadrature=rule, clip_to_box=clip)
+        assert torch.equal(rendering.colour, BACKGROUND.expand(7, 3))
+        assert torch.equal(rendering.depth, torch.full((7,), some.far, dtype=torch.float64))
+
+
+@pytest.mark.parametrize("rule", QUADRATURES)
+@pytest.mark.parametrize(("near", "far"), [(6.0, 2.0), (2.0, math.inf), (math.nan, 6.0)])
+def test_rays_without_an_interval_are_refused(rule: str, near: float, far: float) -> None:
+    rays = rays_at(0.3, 7)
+    field = AnalyticField(homogeneous(1.0))
+    with pytest.raises(BadInterval, match="near <= far"):
+        render(field, Rays(rays.origins, rays.directions, near, far), 8, quadrature=rule)
+    assert field.points == 0
+
+
+@every_sound_rule
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -1e-3])
+def test_a_bad_density_is_named_as_the_caller_counts_rays(rule: str, wrong: float) -> None:
+    """Ray 0 misses the box, so the renderer itself counts from ray 1."""
+    origins = torch.tensor([[5.0, 0.0, 4.0], [0.0, 0.0, 4.0], [0.5, 0.0, 4.0]], dtype=torch.float64)
+    rays = Rays(origins, torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64).expand(3, 3), 2.0, 6.0)
+    field = AnalyticField(lambda x: torch.where((x[:, 0] > 0.25) & (x[:, 2] < 0.0), wrong, 1.0).to(x.dtype))
+    with pytest.raises(BadDensity, match="on ray 2") as caught:
+        render(field, rays, 8, quadrature=rule)
+    assert caught.value.ray == 2
+
+
+@pytest.mark.parametrize("rule", QUADRATURES)
+def test_a_nerf_with_the_rule_renders_and_learns(rule: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(CATALOG, "tried", Method(replace(NERF, quadrature=rule), "NeRF with another rule"))
+    settings = TrainSettings(network=SMALL, bins=12, first_bins=12, fine_bins=4, learning_rate=2e-2)
+    settings = replace(settings, grid=GridSettings(cells=0))
+    one = Trainer("tried", BOX, settings, Budget(40, None), 0, torch.device("cpu"))
+    rays = rays_at(0.4, 16, dtype=torch.float32)
+    colours = torch.tensor([0.1, 0.2, 0.8]).expand(16, 3)
+    before = float((one.render(rays, 20).colour - colours).square().mean())
+    for _ in range(6):
+        one.train_on(rays, colours)
+    assert float((one.render(rays, 20).colour - colours).square().mean()) < 0.7 * before
