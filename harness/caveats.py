@@ -52,6 +52,14 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/equivalence.json "
             "holds pairs of cells with and without the grid."
         )
+    if "voxels_drjit" in plan.methods:
+        grid = train.voxels
+        rows.append(
+            f"voxels_drjit has no network: {grid.finest // 4}, {grid.finest // 2}, then {grid.finest} voxels along the "
+            f"box, {grid.bins} points on every ray that meets it, none left out, {grid.rate_factor:g} times the learning "
+            "rate of the networks (chosen on validation views of chair and ship, as is how much neighbours are pulled "
+            "together: the networks had no such choice), one thread of the processor whatever the others use."
+        )
     for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
         if names:
             parts = ", ".join(PARTS[name].what for name in names)
