@@ -1,6 +1,6 @@
 """Outcomes → the matrix case × subject, a table for each group of cases with the subjects that recur in it.
 
-A subject of a single case would be a column of one cell: it stands in the last column of its row instead.
+A subject of a single case would be a column of one cell: it stands below the row of its case instead.
 """
 
 import re
@@ -59,7 +59,6 @@ class Group:
     subjects: list[tuple[str, str]]
     """Column and whose form it is."""
     rows: list[Row]
-    with_others: bool
 
 
 def groups(record: StabilityRecord) -> list[Group]:
@@ -86,7 +85,7 @@ def _group(name: str, cases: list[CaseRecord]) -> Group:
         subject: ", ".join(dict.fromkeys(WHOSE[one.whose] for one in every if one.subject == subject))
         for subject in columns
     }
-    return Group(GROUPS.get(name, f"Cases {name}"), list(owners.items()), rows, any(row.others for row in rows))
+    return Group(GROUPS.get(name, f"Cases {name}"), list(owners.items()), rows)
 
 
 def _columns(cases: list[CaseRecord]) -> list[str]:

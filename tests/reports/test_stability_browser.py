@@ -33,9 +33,11 @@ def test_the_page_is_never_wider_than_its_window(browser, address, width):
     assert view.evaluate("document.documentElement.scrollWidth") == width
 
 
-def test_on_a_phone_the_matrix_needs_no_scrolling_and_names_its_subjects(browser, address):
+def test_on_a_phone_no_outcome_needs_scrolling_and_the_matrix_names_its_subjects(browser, address):
     view, _ = opened(browser, address, viewport={"width": 390, "height": 800})
-    over = "[...document.querySelectorAll('.matrix')].filter(one => one.scrollWidth > one.clientWidth).length"
+    unfold(view)
+    tables = "[...document.querySelectorAll('.matrix, .findings .scroll, .case .scroll')]"
+    over = f"{tables}.filter(one => one.scrollWidth > one.clientWidth).length"
     assert view.evaluate(over) == 0
     named = view.evaluate(
         "[...document.querySelectorAll('.matrix td[data-subject]')].map(o => getComputedStyle(o, '::before').content)"
