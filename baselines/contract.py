@@ -8,6 +8,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+UNIT_TOLERANCE = 1e-3
+"""By which the length of a direction may differ from 1."""
+
 
 @dataclass(frozen=True)
 class Rays:
@@ -26,7 +29,7 @@ class Rays:
 
     def require_finite(self) -> None:
         """Raises `ValueError` naming the first ray with a NaN or an infinity: the test against a box, which compares,
-        would call it a miss, and a renderer background.
+        would call it a miss, and a renderer background. Likewise the ray whose direction is farthest from unit length.
         """
         finite = torch.isfinite(self.origins).all(dim=-1) & torch.isfinite(self.directions).all(dim=-1)
         if not bool(finite.all()):
@@ -34,6 +37,14 @@ class Rays:
             raise ValueError(
                 f"ray {ray} is not finite: origin {self.origins[ray].tolist()}, "
                 f"direction {self.directions[ray].tolist()}"
+            )
+        length = self.directions.norm(dim=-1)
+        off = (length - 1.0).abs()
+        if len(self) and bool((off > UNIT_TOLERANCE).any()):
+            ray = int(off.argmax())
+            raise ValueError(
+                f"ray {ray} has a direction of length {float(length[ray]):.6g}: distances along it would not be scene "
+                "units, and its opacity would depend on that length; normalise it"
             )
 
     def chosen(self, index: Int[Tensor, " chosen"]) -> "Rays":

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenes.errors import InputError
-from scenes.viewpoints import check_poses
+from scenes.viewpoints import check_field_of_view, check_poses
 
 LARGEST_FILE = 50 * 1024 * 1024
 SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -47,8 +47,7 @@ def read_transforms(folder: Path, split: str) -> Frames:
     if not isinstance(data, dict):
         raise InputError(f"{file}: holds {_shown(data)}; it must be an object with camera_angle_x and frames")
     fov = _number(data.get("camera_angle_x"), f"{file}: camera_angle_x")
-    if not 0 < fov < math.pi:
-        raise InputError(f"{file}: camera_angle_x is {fov}; it must lie between 0 and π (it is in radians)")
+    check_field_of_view(fov, f"{file}: camera_angle_x (in radians)")
     frames = data.get("frames")
     if not isinstance(frames, list) or not frames:
         raise InputError(f"{file}: frames is {_shown(frames)}; it must list at least one view")

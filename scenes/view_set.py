@@ -28,7 +28,7 @@ from scenes.pixels import (
     display_from_linear,
 )
 from scenes.transforms import Frames, read_transforms, transforms_file
-from scenes.viewpoints import SPLITS, evenly_spread
+from scenes.viewpoints import SPLITS, evenly_spread, repeated
 
 FOREIGN_BOUNDS = ((-1.5, -1.5, -1.5), (1.5, 1.5, 1.5))
 FOREIGN_NEAR, FOREIGN_FAR = 2.0, 6.0
@@ -71,6 +71,8 @@ class ViewSet:
     test: Split
     rendered: dict[str, Any] = field(default_factory=dict)
     """What the manifest says about the rendering; empty for a folder that is not ours."""
+    repeated_views: tuple[str, ...] = ()
+    """Views whose camera another view has already, in whatever split, one line each: a reader of scores should know."""
 
     @property
     def focal(self) -> float:
@@ -119,6 +121,9 @@ def read_view_set(
     read = {split: reader.split(found[split], split in geometry) if split in found else None for split in SPLITS}
     low, high = np.array(manifest["bounds"] if manifest else FOREIGN_BOUNDS, dtype=np.float64)
     box = np.array([low, high]) if bounds is None else _checked_bounds(bounds)
+    near, far = (float(manifest["near"]), float(manifest["far"])) if manifest else (FOREIGN_NEAR, FOREIGN_FAR)
+    if not 0 < near < far < math.inf:
+        raise InputError(f"{folder}: near {near} and far {far}; distances must be positive, near the smaller one")
     if reader.size is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
     return ViewSet(
@@ -128,13 +133,14 @@ def read_view_set(
         width=reader.size[1],
         height=reader.size[0],
         fov_x_radians=fov,
-        near=float(manifest["near"]) if manifest else FOREIGN_NEAR,
-        far=float(manifest["far"]) if manifest else FOREIGN_FAR,
+        near=near,
+        far=far,
         bounds=box,
         train=read["train"] or _empty(reader.size),
         val=read["val"] or _empty(reader.size),
         test=read["test"] or _empty(reader.size),
         rendered=manifest,
+        repeated_views=_repeated(found),
     )
 
 
@@ -159,6 +165,15 @@ def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
         both = sorted(set(frames["train"].files) & set(frames["test"].files))
         if both:
             raise InputError(f"{folder}: {both[0]} is a training and a test view; a score on it would mean nothing")
+
+
+def _repeated(frames: dict[str, Frames]) -> tuple[str, ...]:
+    """One line for each view that has the camera of an earlier one, of its split or of the splits before it."""
+    if not frames:
+        return ()
+    names = [f"{split}: {file.name}" for split, entry in frames.items() for file in entry.files]
+    pairs = repeated(np.concatenate([entry.camera_to_world for entry in frames.values()]))
+    return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
 
 
 def _checked_bounds(bounds: np.ndarray) -> np.ndarray:

@@ -98,7 +98,8 @@ def check_field_of_view(radians: float, where: str) -> None:
     """Raises `InputError` unless it lies strictly between 0 and 180°; `where` names whose it is."""
     if not 0 < radians < math.pi:
         raise InputError(
-            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between 0 and 180°, both excluded"
+            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie "
+            "between 0 and π, that is 180°, both excluded"
         )
 
 

@@ -23,6 +23,7 @@ def frequency(name: str, cycles: float) -> Scene:
         name=name,
         title=f"A chequered ball, {cycles:g} cycles around it",
         build=lambda: textured_ball(pixels)[0],
+        emitters_seen=True,
         truth=textured_ball(pixels)[1],
     )
 

@@ -1,10 +1,10 @@
-"""Nothing, black, white, and a wall: balls under an even sky, whose radiance is their albedo."""
+"""Nothing, black, white, and a wall: balls that glow by themselves, whose images have no noise but at their borders."""
 
 import numpy as np
 
 from scenes.scene import Description, Scene
 from scenes.stress import geometry
-from scenes.stress.patterns import diffuse, fields, patchwork, rgb, sky
+from scenes.stress.patterns import BLACK, fields, glow, patchwork, rgb, sky
 from scenes.truth import Seen, Truth
 
 RADIUS = 0.9
@@ -17,17 +17,17 @@ def nothing(o: np.ndarray, d: np.ndarray) -> Seen:
 
 
 def textured_ball(pixels: np.ndarray, radius: float = RADIUS) -> tuple[Description, Truth]:
-    """A matte ball with that albedo [h, w, 3] under a sky of radiance 1, and what its rays see."""
+    """A ball of that radiance [h, w, 3], for a scene with `emitters_seen`, and what its rays see."""
 
     def truth(o: np.ndarray, d: np.ndarray) -> Seen:
         t = geometry.first_ball(o, d, (0.0, 0.0, 0.0), radius)
         hit = np.isfinite(t)
-        albedo = geometry.ball_texture(pixels, geometry.at(o, d, t) / radius)
-        return Seen(np.where(hit[:, None], albedo, 0.0), hit.astype(float), np.where(hit, t, 0.0))
+        radiance = geometry.ball_texture(pixels, geometry.at(o, d, t) / radius)
+        return Seen(np.where(hit[:, None], radiance, 0.0), hit.astype(float), np.where(hit, t, 0.0))
 
     even = bool((pixels == pixels[0, 0]).all())
-    reflectance = rgb(*(float(value) for value in pixels[0, 0])) if even else fields(pixels)
-    return {"sky": sky(), "ball": {"type": "sphere", "radius": radius, "bsdf": diffuse(reflectance)}}, truth
+    radiance = rgb(*(float(value) for value in pixels[0, 0])) if even else fields(pixels)
+    return {"ball": {"type": "sphere", "radius": radius, "bsdf": BLACK, "emitter": glow(radiance)}}, truth
 
 
 def one_colour(value: float) -> np.ndarray:
@@ -43,7 +43,7 @@ def empty() -> Description:
 
 
 def black() -> Description:
-    return textured_ball(one_colour(0.0))[0]
+    return {"sky": sky(), "ball": {"type": "sphere", "radius": RADIUS, "bsdf": BLACK}}
 
 
 def white() -> Description:
@@ -70,8 +70,9 @@ SCENES = {
     ),
     "white": Scene(
         name="white",
-        title="A white ball under a white sky: over white it cannot be seen, its alpha alone tells",
+        title="A ball that glows white: over white it cannot be seen, its alpha alone tells",
         build=white,
+        emitters_seen=True,
         truth=textured_ball(one_colour(1.0))[1],
     ),
     "wall": Scene(
@@ -79,6 +80,7 @@ SCENES = {
         title="An opaque ball so close that it fills every view: no background, near surfaces",
         build=wall,
         near=1.0,
+        emitters_seen=True,
         truth=textured_ball(wall_pixels(), WALL_RADIUS)[1],
     ),
 }

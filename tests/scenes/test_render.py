@@ -250,3 +250,21 @@ def test_combining_two_halves() -> None:
     assert view.variance[0, 0] == pytest.approx([0.01, 0.0, 0.04, 0.0625])
     shown = [over_white(display_from_linear(half))[0, 0] for half in (a, b)]
     assert view.noise_mse == pytest.approx(np.mean((shown[0] - shown[1]) ** 2) / 4, rel=1e-5)
+
+
+@pytest.mark.parametrize("fov", [0.0, -1.0, math.pi, math.nan])
+def test_a_lens_that_is_none_is_refused_before_anything_is_loaded(scalar: Variant, fov: float) -> None:
+    with pytest.raises(InputError, match="field of view"):
+        LoadedScene({"nothing": {"type": "no such plugin"}}, scalar, 2, 4, 4, fov)
+
+
+def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> None:
+    glow = {"type": "area", "radiance": {"type": "rgb", "value": [0.3, 0.2, 0.1]}}
+    lamp = {"lamp": {**sphere(0.8, grey(0.0)), "emitter": glow}}
+    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
+    for shown in (False, True):
+        scene = LoadedScene(lamp, scalar, 3, 9, 9, emitters_seen=shown)
+        view = next(render_views(scene, pose, 4, [0], ["view"]))
+        expected = [0.3, 0.2, 0.1, 1.0] if shown else [0.0] * 4
+        assert view.rgba[4, 4] == pytest.approx(expected, abs=1e-6)
+        assert view.rgba[0, 0] == pytest.approx([0.0] * 4)

@@ -18,6 +18,7 @@ from scenes import store
 from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.manifest import check_all
+from scenes.normalise import Similarity
 from scenes.scene import Scene
 from scenes.store import Order, checked_order, is_complete
 from scenes.view_set import read_view_set
@@ -228,3 +229,50 @@ def test_two_processes_at_once(tmp_path: Path) -> None:
     assert paths[0] == paths[1]
     assert is_complete(Path(paths[0]))
     assert [str(path) for path in tmp_path.iterdir()] == [paths[0]]
+
+
+def test_a_scene_in_another_unit_is_normalised_and_the_manifest_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts, spp = {"train": 1, "val": 0, "test": 1}, {"train": 4, "val": 4, "test": 4}
+    for name, scale in (("tiny", 1e4), ("huge", 1e-4)):
+        path = store.ensure_view_set(
+            name, resolution=8, counts=counts, spp=spp, cache_folder=tmp_path, variant="scalar_rgb"
+        )
+        found = read_view_set(path)
+        assert found.rendered["normalised"]["scale"] == pytest.approx(scale, rel=1e-6)
+        assert np.abs(found.bounds).max() == pytest.approx(1.021, abs=1e-3)
+    shift = found.rendered["normalised"]["shift"]
+    assert shift == pytest.approx([-10.0, 10.0, -5.0], abs=1e-5)
+
+
+def test_an_empty_scene_has_the_box_that_it_declares(tmp_path: Path) -> None:
+    counts, spp = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
+    path = store.ensure_view_set(
+        "empty", resolution=8, counts=counts, spp=spp, cache_folder=tmp_path, variant="scalar_rgb"
+    )
+    found = read_view_set(path)
+    assert found.bounds == pytest.approx(np.array([[-1.021] * 3, [1.021] * 3]))
+    assert not any(rgba.any() for rgba in found.train.rgba)
+    assert found.rendered["normalised"] is None
+
+
+def test_whether_emitters_are_seen_and_the_box_are_part_of_the_name(tiny_scene: Scene) -> None:
+    order = store.Order(tiny_scene, tiny_scene.build(), None, 8, {"train": 1, "val": 0, "test": 0}, dict.fromkeys(
+        ("train", "val", "test"), 2))  # fmt: skip
+    digests = {
+        replace(order, scene=scene, similarity=change).digest("scalar_rgb")
+        for scene, change in (
+            (tiny_scene, None),
+            (replace(tiny_scene, emitters_seen=True), None),
+            (replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))), None),
+            (tiny_scene, Similarity(2.0, (0.0, 0.0, 0.0))),
+        )
+    }
+    assert len(digests) == 4
+
+
+@pytest.mark.parametrize(("near", "far"), [(2.0, 2.0), (6.0, 2.0), (0.0, 1.0), (-1.0, 1.0), (1.0, float("inf"))])
+def test_a_scene_without_an_interval_of_distances_is_refused(near: float, far: float) -> None:
+    with pytest.raises(InputError, match="near"):
+        Scene("s", "A scene", dict, near=near, far=far)

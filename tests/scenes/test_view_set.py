@@ -14,7 +14,7 @@ from PIL import Image
 import scenes
 from scenes.errors import InputError
 from scenes.images import read_channels, read_image, write_png
-from scenes.manifest import DamagedViewSet
+from scenes.manifest import DamagedViewSet, write_manifest
 from scenes.pixels import area_average, decode_srgb, over_white
 from scenes.transforms import write_transforms
 from scenes.view_set import ViewSet, read_view_set
@@ -290,4 +290,31 @@ def test_a_damaged_file_is_noticed(view_set: Path, name: str, how: str) -> None:
 def test_a_swapped_file_is_noticed(view_set: Path) -> None:
     shutil.copy(view_set / "train/r_1.exr", view_set / "train/r_0.exr")
     with pytest.raises(DamagedViewSet, match=r"train/r_0\.exr"):
+        read_view_set(view_set)
+
+
+def test_views_that_are_there_twice_are_reported(foreign: Path) -> None:
+    assert read_view_set(foreign).repeated_views == ()
+    train, test = (json.loads((foreign / f"transforms_{split}.json").read_text()) for split in ("train", "test"))
+    train["frames"][1]["transform_matrix"] = train["frames"][0]["transform_matrix"]
+    test["frames"][0]["transform_matrix"] = train["frames"][-1]["transform_matrix"]
+    for split, data in (("train", train), ("test", test)):
+        (foreign / f"transforms_{split}.json").write_text(json.dumps(data))
+    said = read_view_set(foreign).repeated_views
+    assert len(said) == 2
+    assert said[0].startswith("train: ")
+    assert " has the camera of train: " in said[0]
+    assert said[1].startswith("test: ")
+    assert " has the camera of train: " in said[1]
+    assert read_view_set(foreign, splits=("test",)).repeated_views == ()
+
+
+def test_an_interval_of_distances_that_is_none_is_refused(view_set: Path) -> None:
+    manifest = json.loads((view_set / "view_set.json").read_text())
+    manifest.pop("checksum")
+    manifest["near"], manifest["far"] = 6.0, 2.0
+    files = [view_set / name for name in manifest["files"]]
+    facts = {key: value for key, value in manifest.items() if key not in ("format", "schema", "files")}
+    write_manifest(view_set, facts, files)
+    with pytest.raises(InputError, match=r"near 6.0 and far 2.0"):
         read_view_set(view_set)

@@ -12,9 +12,12 @@ from scenes.viewpoints import (
     TILT,
     all_poses,
     camera_to_world,
+    check_field_of_view,
     check_poses,
     evenly_spread,
+    look_at,
     poses_on_sphere,
+    repeated,
 )
 
 
@@ -136,3 +139,43 @@ def test_degenerate_poses_are_refused_by_name(name: str, damage: object) -> None
 
 def test_a_camera_straight_above_has_a_direction_for_up() -> None:
     check_poses(poses_on_sphere(np.zeros(2), np.array([np.pi / 2, -np.pi / 2])), ["above", "below"])
+
+
+@given(st.floats(0, 6.28), st.floats(-1.5, 1.5), st.floats(0.01, 100))
+def test_looking_at_the_origin_is_standing_on_the_sphere(azimuth: float, elevation: float, radius: float) -> None:
+    pose = poses_on_sphere(np.array([azimuth]), np.array([elevation]), radius)[0]
+    assert look_at(pose[:3, 3], np.zeros(3)) == pytest.approx(pose, abs=1e-9 * max(radius, 1))
+    check_poses(look_at(pose[:3, 3], np.array([0.3, -0.2, 0.1]))[None], ["view"])
+
+
+@pytest.mark.parametrize(
+    ("origin", "target", "up", "message"),
+    [
+        ([1, 2, 3], [1, 2, 3], [0, 0, 1], "stands on its target"),
+        ([1e5, 0, 0], [1e5, 1e-6, 0], [0, 0, 1], "stands on its target"),
+        ([0, 0, 4], [0, 0, 0], [0, 0, 1], "lies along the view"),
+        ([0, 0, 4], [0, 0, 0], [1e-9, 0, -3], "lies along the view"),
+        ([4, 0, 0], [0, 0, 0], [0, 0, 0], "lies along the view"),
+        ([4, 0, np.nan], [0, 0, 0], [0, 0, 1], "origin"),
+        ([4, 0, 0], [0, np.inf, 0], [0, 0, 1], "target"),
+        ([4, 0, 0], [0, 0, 0], [0, 1], "up"),
+    ],
+)
+def test_ways_to_look_that_are_none_are_refused(
+    origin: list[float], target: list[float], up: list[float], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        look_at(np.array(origin), np.array(target), np.array(up))
+
+
+@pytest.mark.parametrize("radians", [0.0, -0.1, np.pi, 4.0, np.inf, np.nan])
+def test_a_field_of_view_that_is_none_is_refused(radians: float) -> None:
+    with pytest.raises(InputError, match=r"the lens: .*between 0 and π"):
+        check_field_of_view(radians, "the lens")
+
+
+def test_repeated_views_are_found_whatever_the_sign_of_zero() -> None:
+    poses = all_poses("test")[[3, 9, 3, 4, 9]].copy()
+    poses[2][np.abs(poses[2]) < 1e-12] = -0.0
+    assert repeated(poses) == [(0, 2), (1, 4)]
+    assert repeated(all_poses("train")) == []
