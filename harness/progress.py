@@ -4,12 +4,13 @@ import sys
 import time
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from harness.ground_truth import Rendered
-from harness.group import GroupTask
 from harness.records import CellRecord
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
+
+    from harness.ground_truth import Rendered
+    from harness.group import GroupTask
 
 
 @runtime_checkable
@@ -18,11 +19,11 @@ class Progress(Protocol):
 
     def line(self, text: str) -> None: ...
 
-    def rendered(self, event: Rendered, scenes: int) -> None: ...
+    def rendered(self, event: "Rendered", scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
 
-    def trained(self, task: GroupTask, share: float) -> None: ...
+    def trained(self, task: "GroupTask", share: float) -> None: ...
 
     def cell(self, cell: CellRecord) -> None: ...
 
@@ -34,11 +35,11 @@ class Quiet:
 
     def line(self, text: str) -> None: ...
 
-    def rendered(self, event: Rendered, scenes: int) -> None: ...
+    def rendered(self, event: "Rendered", scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
 
-    def trained(self, task: GroupTask, share: float) -> None: ...
+    def trained(self, task: "GroupTask", share: float) -> None: ...
 
     def cell(self, cell: CellRecord) -> None: ...
 
@@ -57,7 +58,7 @@ class Lines(Quiet):
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
 
-    def rendered(self, event: Rendered, scenes: int) -> None:
+    def rendered(self, event: "Rendered", scenes: int) -> None:
         if event.path is not None:
             self.line(f"view set {event.scene}: {event.path}")
         elif self._due():
@@ -69,7 +70,7 @@ class Lines(Quiet):
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
 
-    def trained(self, task: GroupTask, share: float) -> None:
+    def trained(self, task: "GroupTask", share: float) -> None:
         self._tally.update(task, share)
         if self._due():
             self.line(f"trained {self._tally.share():.0%}, {_remaining(self._began, self._tally.share())}")
@@ -107,7 +108,7 @@ class Bars(Quiet):
     def line(self, text: str) -> None:
         self._bars.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def rendered(self, event: Rendered, scenes: int) -> None:
+    def rendered(self, event: "Rendered", scenes: int) -> None:
         if self._render is None:
             self._render = self._bars.add_task("rendering", total=scenes)
         self._scenes_done += event.path is not None
@@ -118,7 +119,7 @@ class Bars(Quiet):
         self._tally.expected = missing
         self._train = self._bars.add_task("training", total=1.0)
 
-    def trained(self, task: GroupTask, share: float) -> None:
+    def trained(self, task: "GroupTask", share: float) -> None:
         self._tally.update(task, share)
         if self._train is not None:
             self._bars.update(self._train, completed=self._tally.share())
@@ -137,7 +138,7 @@ class _Tally:
         self.expected = 0
         self._shares: dict[tuple[str, int], tuple[float, int]] = {}
 
-    def update(self, task: GroupTask, share: float) -> None:
+    def update(self, task: "GroupTask", share: float) -> None:
         self._shares[task.scene, task.seed] = (share, len(task.methods))
 
     def share(self) -> float:

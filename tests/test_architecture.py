@@ -13,6 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.harness.ball import write_ball
+from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_speed import write_fake_speed
+from tests.reports.fake_stability import write_fake_stability
 
 ROOT = Path(__file__).parent.parent
 ALLOWED = {
@@ -189,7 +192,8 @@ def heavy_imports_of(code: str) -> set[str]:
 
 def run_module(*arguments: str) -> str:
     return (
-        f"import runpy\nsys.argv = {list(arguments)!r}\n"
+        # a command that ends at once would not be asked what it holds
+        f"import os, runpy\nos._exit = sys.exit\nsys.argv = {list(arguments)!r}\n"
         "try:\n    runpy.run_module(sys.argv[0], run_name='__main__')\n"
         "except SystemExit:\n    pass"
     )
@@ -200,9 +204,16 @@ def run_module(*arguments: str) -> str:
     [
         run_module("harness", "--help"),
         run_module("harness", "run", "--help"),
+        run_module("harness", "sweep", "--help"),
+        run_module("harness", "equivalence", "--help"),
+        run_module("harness", "omissions", "--help"),
+        run_module("harness", "speed", "--help"),
+        run_module("harness", "stability", "--help"),
+        run_module("harness", "stability", "--list"),
         run_module("reports", "--help"),
         run_module("scenes", "--help"),
-        "import harness.records",
+        "import harness.records, harness.stability_record, harness.speed_record",
+        "import scenes.needs, harness.stability.catalog",
     ],
 )
 def test_nothing_heavy_is_imported_where_nothing_heavy_is_done(code: str) -> None:
@@ -213,6 +224,27 @@ def test_reading_a_view_set_needs_neither_torch_nor_mitsuba(tmp_path: Path) -> N
     write_ball(tmp_path / "ball", size=8, train=1, test=1)
     code = f"from scenes.view_set import read_view_set\nread_view_set({str(tmp_path / 'ball')!r})"
     assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
+
+
+def test_what_a_scene_needs_is_known_without_mitsuba() -> None:
+    code = "from scenes.catalog import scene_named\nfrom scenes.needs import needs\nneeds(scene_named('lego').build())"
+    assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
+
+
+def test_a_dry_run_and_a_case_of_arithmetic_need_no_mitsuba(tmp_path: Path) -> None:
+    dry = run_module("harness", "run", "--profile", "smoke", "--dry-run", "--need", "outside_box")
+    assert heavy_imports_of(dry) & {"mitsuba", "drjit"} == set()
+    case = run_module("harness", "stability", "--cases", "Q1", "--quick", "--quiet", "--out", str(tmp_path / "q1"))
+    assert heavy_imports_of(case) & {"mitsuba", "drjit"} == set()
+    assert (tmp_path / "q1" / "stability.json").exists()
+
+
+@pytest.mark.parametrize("write", [write_fake_run, write_fake_stability, write_fake_speed])
+def test_a_page_is_built_without_torch_and_without_mitsuba(write: Callable[[Path], object], tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    held = heavy_imports_of(run_module("reports", str(tmp_path / "out"), "--quiet"))
+    assert held & {"torch", "mitsuba", "drjit"} == set()
+    assert list((tmp_path / "out").glob("*.html"))
 
 
 def test_the_probe_sees_a_heavy_import() -> None:

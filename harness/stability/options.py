@@ -22,18 +22,20 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """0, or 3 where a case that must pass failed; raises `InputError` for what cannot be."""
+    from harness.stability.catalog import CASES
+
+    if options.list:  # before anything that imports torch
+        for case in CASES.values():
+            print(f"{case.info.id:4} {case.info.title}: {case.info.bar}")  # noqa: T201
+        return 0
+
     from baselines.catalog import CATALOG
     from harness.output_folder import fresh_folder
     from harness.plan import known_names
-    from harness.stability.catalog import CASES
     from harness.stability.situation import METHODS
     from harness.stability_record import STABILITY_FILE
     from scenes.errors import InputError
 
-    if options.list:
-        for case in CASES.values():
-            print(f"{case.info.id:4} {case.info.title}: {case.info.bar}")  # noqa: T201
-        return 0
     cases = known_names("--cases", options.cases or list(CASES), list(CASES))
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
     if options.resume and options.out is None:
