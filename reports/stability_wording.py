@@ -42,8 +42,14 @@ def verdict(one: Outcome) -> str:
 
 
 def written(one: Outcome, digits: int = 3) -> str:
-    """The figure with its unit, or nothing."""
-    return "" if one.figure is None else f"{of_any_size(one.figure, digits)}{after(one.unit)}"
+    """The figure with its unit, or nothing; with as many digits as it takes to tell a failing one from its bar."""
+    if one.figure is None:
+        return ""
+    if one.status == "fail" and one.bar is not None:
+        figure, bar = one.figure, one.bar
+        apart = (more for more in range(digits, 16) if of_any_size(figure, more) != of_any_size(bar, more))
+        digits = next(apart, digits)
+    return f"{of_any_size(one.figure, digits)}{after(one.unit)}"
 
 
 def wanted(one: Outcome) -> str:

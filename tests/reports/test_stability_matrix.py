@@ -73,6 +73,8 @@ def test_how_far_from_its_bar_a_figure_is():
         (one(figure=2.5e9), "2.5·10⁹"),
         (one(figure=1e30), "10³⁰"),
         (one(figure=-53.6), "−54"),
+        (one("fail", figure=1.002e-6), "1.002·10⁻⁶"),
+        (one("fail", figure=0.99897, bar=0.999, sense="at_least"), "0.99897"),
         (one(figure=None), "pass"),
         (one("fail", figure=None), "fails"),
         (one("not_available", figure=None), "not here"),
