@@ -103,7 +103,7 @@ def cell_tasks(
 ) -> list[CellTask]:
     """Each cell of the plan with everything left out that its scene does not need, and once more with each of these.
 
-    With `controls`, also without the view direction where a scene does need it, and the first scene without bands.
+    With `controls`, the first scene also without bands, and without the view direction if it needs that.
     """
     from harness.ground_truth import read_views
 
@@ -119,10 +119,10 @@ def cell_tasks(
         again = tuple(name for name in names[scene] if name in RENDERED)
         arms = {"as planned": Arm(rendered_with=again)}
         arms |= {name: Arm(need=(name,)) for name in names[scene] if name in TRAINED}
-        if controls and needed[scene]:
-            arms["no view_direction"] = Arm(no_need=("view_direction",))
         if controls and scene == plan.scenes[0]:
             arms["no bands"] = Arm(position_bands=0)
+            if needed[scene]:
+                arms["no view_direction"] = Arm(no_need=("view_direction",))
         tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
 
