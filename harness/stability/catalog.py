@@ -2,9 +2,13 @@
 
 import importlib
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from harness.stability.situation import Measure
 from harness.stability_record import CaseInfo
+
+if TYPE_CHECKING:
+    from harness.stability.situation import Measure
+
 
 
 @dataclass(frozen=True)
@@ -16,7 +20,7 @@ class Case:
     """Estimated, on two cores."""
 
 
-def measure_of(case: Case) -> Measure:
+def measure_of(case: Case) -> "Measure":
     module, _, name = case.measure.partition(":")
     found: Measure = getattr(importlib.import_module(module), name)
     return found
