@@ -76,8 +76,8 @@ def differences(situation: Situation, trainer: Trainer, with_reload: bool = True
         return float((colour - reference).abs().max())
 
     order = torch.randperm(len(rays), generator=generator_for("stability", "order"))
-    padded = Rays(*(torch.cat([one[few], one.flip(0)[:300]]) for one in (rays.origins, rays.directions)),
-                  rays.near, rays.far)  # fmt: skip
+    origins, directions = (torch.cat([one[few], one.flip(0)[:300]]) for one in (rays.origins, rays.directions))
+    padded = Rays(origins, directions, rays.near, rays.far)
     found = {
         "calls of 1": apart(trainer.render(rays.part(few.start, few.stop), 1).colour, whole[few]),
         "calls of 16": apart(trainer.render(rays, 16).colour, whole),
@@ -138,7 +138,7 @@ def reloaded(situation: Situation, trainer: Trainer) -> Trainer:
 class MeanHeld(Amplifier):
     """A reading of the amplifier about a mean that stays as it is, whatever shares the call: density is a field again.
 
-    Numerically the cure that numerics of batch statistics always have; what it does to scores is another question.
+    The cure for statistics of a batch; what it does to scores is another question, which no case here answers.
     """
 
     pointwise = True
@@ -151,7 +151,8 @@ class MeanHeld(Amplifier):
 
     def before_and_after(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         mean = self.get_buffer("mean")
-        alpha, beta = self.source.alpha, getattr(self.source, "beta", None)
+        alpha, beta = (getattr(self.source, name, None) for name in ("alpha", "beta"))
+        assert alpha is not None, "an amplifier without a mean has none to hold"
         if beta is not None:
             normalised = torch.sigmoid(raw)
             return normalised, amplify_listing2(normalised, mean, alpha, beta)

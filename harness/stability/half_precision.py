@@ -30,7 +30,7 @@ def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[
     h, again, found = position, None, []
     for index, layer in enumerate([*field.density_net, field.density_head]):
         x = h if again is None else torch.cat([h, again], dim=-1)
-        weight, bias = layer.weight.detach().to(dtype), layer.bias.detach().to(dtype)  # type: ignore[union-attr]
+        weight, bias = layer.weight.detach().to(dtype), layer.bias.detach().to(dtype)
         h = torch.nn.functional.linear(x, weight, bias)
         h = torch.relu(h) if index < len(field.density_net) else h
         found.append(h)
@@ -87,7 +87,7 @@ def _seen(situation: Situation, method: str) -> Iterator[Finding]:
     rays = setup(situation).test.all_rays(0)
     exact = source.render(rays, len(rays)).colour
     for precision in ("bfloat16", "float16"):
-        settings = replace(source.settings, precision=precision)  # type: ignore[arg-type]
+        settings = replace(source.settings, precision=precision)
         twin = new_trainer(situation, method, settings)
         twin.fields.load_state_dict(source.fields.state_dict())
         twin.step, twin.grid = source.step, source.grid

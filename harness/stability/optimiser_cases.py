@@ -1,7 +1,7 @@
 """O1 and O2: what half precision does to weights and optimiser, and what one spike of the gradient costs."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -13,6 +13,7 @@ from baselines.numerics.amplifier import amplify_about_mean, softplus_density
 from baselines.numerics.encoding import encode
 from baselines.numerics.quadrature import QUADRATURES
 from harness.chart_record import Series, Table
+from harness.settings import TrainSettings
 from harness.stability.situation import Finding, Situation
 from harness.stability.small_training import new_trainer, setup, train, trained
 from harness.stability_record import Outcome, judged
@@ -121,10 +122,10 @@ def not_float32(situation: Situation, precision: Precision) -> list[str]:
 # O2
 
 FACTORS = (1e6, 1e9)
-CLIPPING: dict[str, dict[str, float]] = {
-    "as here": {},
-    "clipped to a norm of 1 alone": {"clip_ratio": math.inf},
-    "not clipped": {"clip_norm": math.inf, "clip_ratio": math.inf},
+CLIPPING: dict[str, Callable[[TrainSettings], TrainSettings]] = {
+    "as here": lambda settings: settings,
+    "clipped to a norm of 1 alone": lambda settings: replace(settings, clip_norm=1.0, clip_ratio=math.inf),
+    "not clipped": lambda settings: replace(settings, clip_norm=math.inf, clip_ratio=math.inf),
 }
 """What is changed in the settings of every run."""
 SMOOTHED = 20
@@ -162,7 +163,7 @@ def spike(situation: Situation) -> Iterator[Finding]:
 @cache
 def _spiked(situation: Situation, at: int, factor: float, clipping: str) -> list[float]:
     """Losses of a training whose gradient is `factor` times as large at step `at`."""
-    trainer = new_trainer(situation, METHOD, replace(setup(situation).settings, **CLIPPING[clipping]))
+    trainer = new_trainer(situation, METHOD, CLIPPING[clipping](setup(situation).settings))
     for weight in trainer.fields.parameters():
         weight.register_hook(lambda gradient: gradient * factor if trainer.step == at else gradient)
     return train(situation, trainer).losses

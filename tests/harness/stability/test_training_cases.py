@@ -1,0 +1,240 @@
+"""Cases about encoding, amplifier, calls and optimiser: their measures against closed forms, and all of them tried."""
+
+import importlib
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.numerics.encoding import PHI
+from harness.chart_record import Series, Table
+from harness.progress import Quiet
+from harness.stability import (
+    amplifier_cases,
+    calls,
+    encoding_cases,
+    ghost_cases,
+    half_precision,
+    optimiser_cases,
+    small_training,
+)
+from harness.stability.catalog import CASES
+from harness.stability.situation import METHODS, Finding, Situation
+from harness.stability_record import Outcome, Picture
+
+SLOW = [pytest.param(case, marks=pytest.mark.slow) for case in ("E3", "A2", "C2")]
+MINE = ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", *SLOW]
+
+
+@pytest.fixture(scope="module")
+def situation(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Situation]:
+    """Drawn views and tiny networks: nothing is rendered by Mitsuba, no figure means anything."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    out: Path = tmp_path_factory.mktemp("stability")
+    (out / "scratch").mkdir()
+    yield Situation(METHODS, out, out / "view_sets", out / "scratch", 1, True, Quiet())
+    torch.set_num_threads(threads)
+
+
+def findings(situation: Situation, case: str) -> list[Finding]:
+    module, _, name = CASES[case].measure.partition(":")
+    return list(getattr(importlib.import_module(module), name)(situation))
+
+
+@pytest.mark.parametrize("case", MINE)
+def test_every_case_says_something_of_every_subject(case: str, situation: Situation) -> None:
+    found = findings(situation, case)
+    outcomes = [one for one in found if isinstance(one, Outcome)]
+    assert outcomes
+    assert {one.case for one in outcomes} == {case}
+    assert len({one.subject for one in outcomes}) == len(outcomes), "a cell of the matrix is one outcome"
+    for one in outcomes:
+        assert one.why if one.figure is None else one.what
+    for one in found:
+        if isinstance(one, Series):
+            assert len(one.x) == len(one.y)
+            assert all(map(math.isfinite, one.y))
+        if isinstance(one, Table):
+            assert {len(row) for row in one.rows} == {len(one.columns)}
+        if isinstance(one, Picture):
+            assert (situation.out / one.path).stat().st_size > 100
+
+
+@pytest.mark.parametrize("case", ["A2", "O3", "C2"])
+def test_a_method_without_these_parts_is_not_applicable_and_says_why(case: str, situation: Situation) -> None:
+    alone = replace(situation, methods=("voxels_drjit",))
+    found = [one for one in findings(alone, case) if isinstance(one, Outcome) and one.subject == "voxels_drjit"]
+    assert [one.status for one in found] == ["not_applicable"]
+    assert "grid of values" in found[0].why
+
+
+# encodings
+
+
+def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
+    """Figures of a table computed elsewhere."""
+
+    def at(base: float, bands: int, d: float) -> float:
+        return float(ghost_cases.kernel(base, bands, torch.tensor([d]))[0])
+
+    first, second, one = ghost_cases.DISTANCES
+    assert (first, second, one) == (pytest.approx(1.4472, abs=1e-4), pytest.approx(0.8944, abs=1e-4), 1.0)
+    assert [at(PHI, 10, first), at(PHI, 14, first)] == pytest.approx([0.80, 0.86], abs=0.006)
+    assert [at(PHI, 10, second), at(PHI, 14, second)] == pytest.approx([0.60, 0.72], abs=0.006)
+    assert [at(2.0, 10, 1.0), at(2.0, 10, 0.5), at(2.0, 10, 2.0)] == pytest.approx([0.8, 0.7, 1.0], abs=1e-9)
+    assert max(at(1.65, bands, d) for bands in (10, 14) for d in ghost_cases.DISTANCES) < 0.3
+    assert at(PHI, 10, 0.0) == 1.0
+
+
+def test_a_grating_on_a_ladder_or_on_two_of_its_members_is_found() -> None:
+    near = ghost_cases.nearest_member
+    assert max(near(64.0), near(PHI**9), near(1.65**8), near(128.0 + 32.0), near(256.0 - 16.0)) < 1e-12
+    assert min(map(near, ghost_cases.GRATINGS)) >= 0.01
+    assert max(ghost_cases.GRATINGS) > ghost_cases.POINTS / 2
+
+
+def test_a_network_learns_what_it_sees_and_one_network_does_not_see_another() -> None:
+    x = torch.linspace(-1.0, 1.0, 60)
+    wave = torch.sin(math.pi * 2.0 * x)
+    both = ghost_cases.fitted(2.0, 4, x, torch.stack([wave, -0.5 * wave]), x, 150)
+    assert float((both - torch.stack([wave, -0.5 * wave])).abs().max()) < 0.1
+    other = ghost_cases.fitted(2.0, 4, x, torch.stack([wave, 3.0 * wave]), x, 150)
+    torch.testing.assert_close(both[0], other[0], rtol=0.0, atol=1e-3)
+
+
+def test_true_waves_are_those_of_float64_where_that_is_enough() -> None:
+    x = torch.linspace(-1.0, 1.0, 9)
+    expected = torch.stack([torch.sin(8.0 * math.pi * x.double()), torch.cos(8.0 * math.pi * x.double())], dim=-1)
+    torch.testing.assert_close(encoding_cases.true_waves(x, 2.0, 3), expected, rtol=0.0, atol=1e-13)
+
+
+def test_an_error_of_a_position_that_is_none_is_no_number() -> None:
+    features = torch.zeros(1, 21)
+    assert all(math.isnan(encoding_cases.largest_error(features, x, 2.0)) for x in (math.nan, math.inf))
+    assert encoding_cases.largest_error(features, 0.0, 2.0) == 1.0, "a cosine of 0 instead of 1"
+
+
+# amplifier
+
+
+def test_one_unit_of_listing_2_is_63_percent_opaque_whatever_its_weights(situation: Situation) -> None:
+    assert amplifier_cases.largest_density("listing2") == 1.0
+    assert amplifier_cases.largest_density("none") > 1e5
+    assert amplifier_cases.largest_density("equation4") > 1e5
+    found = {one.subject: one for one in amplifier_cases.slab(situation) if isinstance(one, Outcome)}
+    assert found["listing2"].figure == pytest.approx(1.0 - math.exp(-0.1))
+    assert "8.7 dB at scale 1" in found["listing2"].why
+    assert [found[name].status for name in ("none", "listing2", "equation4")] == ["pass", "fail", "pass"]
+
+
+def test_the_threshold_of_listing_2_is_a_step_of_beta_minus_1_halves() -> None:
+    assert amplifier_cases.jump_at_threshold(1.0) < 1e-6
+    assert amplifier_cases.jump_at_threshold(1.5) == pytest.approx(0.25, abs=1e-6)
+    assert amplifier_cases.jump_at_threshold(2.0) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_what_a_clamp_holds_is_what_has_no_gradient() -> None:
+    amplifier = amplifier_cases.amplifier_with("equation4", alpha=2.0)
+    raw = torch.linspace(-6.0, 6.0, 50).requires_grad_()
+    before, after = amplifier.before_and_after(raw)
+    dead = small_training.at_an_end(before, after, amplifier.bounded)
+    assert 0 < int(dead.sum()) < 50
+    slopes = [torch.autograd.grad(after[i], before, retain_graph=True)[0].abs().sum() for i in range(50)]
+    assert [float(slope) == 0.0 for slope in slopes] == dead.tolist()
+
+
+def test_an_infinite_alpha_is_seen() -> None:
+    spread = torch.linspace(-1.0, 1.0, 9)
+    assert amplifier_cases.looked_at("equation4", 1.0, spread)[0]
+    assert not amplifier_cases.looked_at("equation4", math.inf, spread)[0]
+    assert amplifier_cases.looked_at("equation4", -1.0, spread)[2]
+    assert not amplifier_cases.looked_at("equation4", 1.0, spread)[2]
+
+
+# calls
+
+
+@pytest.mark.parametrize("reading", ["listing2", "equation4"])
+def test_an_amplifier_with_its_mean_held_is_the_same_one_for_that_mean(reading: str) -> None:
+    source, raw = AMPLIFIERS[reading](), torch.linspace(-5.0, 5.0, 40)
+    with torch.no_grad():
+        source.alpha.fill_(0.9)  # type: ignore[operator]
+        before, after = source.before_and_after(raw)
+        held = calls.MeanHeld(source, before.mean())
+        torch.testing.assert_close(held.before_and_after(raw)[1], after)
+        assert torch.equal(held.before_and_after(raw[:7])[1], held.before_and_after(raw)[1][:7])
+        assert not torch.allclose(source.before_and_after(raw[:7])[1], after[:7])
+
+
+def test_a_mean_of_the_call_is_seen_in_pixels_and_a_held_one_is_none(situation: Situation) -> None:
+    trainer = small_training.trained(situation, "qnerf_theorem").trainer
+    with torch.no_grad():
+        trainer.coarse.density_head.weight *= 20.0
+        trainer.coarse.amplifier.alpha.fill_(0.9)  # type: ignore[operator]
+    try:
+        ways = calls.differences(situation, trainer)
+        cured = calls.differences(situation, calls.with_mean_held(trainer), with_reload=False)
+    finally:
+        small_training.trained.cache_clear()
+    assert tuple(ways) == calls.WAYS
+    assert min(ways["calls of 16"], ways["padded"]) > 1e-3
+    assert ways["training mode"] == ways["reloaded"] == 0.0
+    assert max(cured.values()) < 1e-5
+
+
+def test_pictures_stand_side_by_side() -> None:
+    picture = calls.side_by_side([torch.zeros(2, 3, 3).numpy(), torch.ones(2, 3, 3).numpy() * 0.5], 4, gap=2)
+    assert picture.shape == (8, 4 * 8, 3)
+    assert (picture[:, :12].max(), picture[:, 12:20].min(), picture[:, 20:].max()) == (0.0, 1.0, 0.5)
+
+
+# optimiser and half precision
+
+
+def test_smoothing_and_recovery_in_made_up_losses() -> None:
+    assert optimiser_cases.smoothed([1.0, 3.0]) == [1.0, 2.0]
+    assert optimiser_cases.smoothed([0.0] * 30 + [20.0] * 20)[-1] == pytest.approx(20.0)
+    base = [1.0] * 300
+    assert optimiser_cases.steps_until_back(base, base, 50) == 0
+    once = [1.0] * 50 + [100.0] + [1.0] * 249
+    assert optimiser_cases.steps_until_back(once, base, 50) == optimiser_cases.SMOOTHED
+    assert optimiser_cases.steps_until_back([1.0] * 50 + [2.0] * 250, base, 50) is None
+
+
+def test_half_precision_weights_stand_still_or_break_as_arithmetic_says() -> None:
+    assert optimiser_cases._moved(torch.float32, 1e-4)[0] == pytest.approx(0.05, rel=1e-3)
+    assert optimiser_cases._moved(torch.bfloat16, 1e-4) == (0.0, 0.0)
+    assert optimiser_cases._moved(torch.float16, 0.0)[0] == "the weight is nan"
+    assert optimiser_cases._moved(torch.float16, 1e-5)[0] == "the weight is -inf"
+
+
+def test_a_spike_of_one_changes_nothing_and_a_large_one_without_clipping_does(situation: Situation) -> None:
+    base = small_training.trained(situation, "nerf").losses
+    assert optimiser_cases._spiked(situation, 3, 1.0, "as here") == base
+    spiked = optimiser_cases._spiked(situation, 3, 1e9, "not clipped")
+    assert spiked[:4] == base[:4]
+    assert spiked[5:] != base[5:]
+
+
+@pytest.mark.parametrize("method", ["nerf", "qnerf"])
+def test_layers_are_those_of_the_field(method: str, situation: Situation) -> None:
+    field = small_training.trained(situation, method).trainer.field
+    x = field.box.from_unit(torch.rand(50, 3, generator=torch.Generator().manual_seed(3)))
+    position = encoding_cases.encode(field.box.normalised(x), field.base, field.position_bands)
+    with torch.no_grad():
+        raw = half_precision.layers(field, position, torch.float32)[-1][:, 0]
+        torch.testing.assert_close(field.amplifier.before_and_after(raw)[1], field.density(x), rtol=1e-4, atol=1e-4)
+        exact = half_precision.layers(field, position, torch.float64)
+        again = half_precision.layers(field, position, torch.float64, fed=exact)
+    assert all(torch.equal(one, two) for one, two in zip(exact, again, strict=True))
+
+
+def test_digits_in_closed_form() -> None:
+    truth = torch.linspace(1.0, 2.0, 11, dtype=torch.float64)
+    assert half_precision.digits(truth * 1.001, truth) == pytest.approx(3.0)
+    assert half_precision.digits(truth * (1.0 - 1e-5), truth) == pytest.approx(5.0)
