@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from baselines.numerics.compositing import composite, expected_depth
+from baselines.numerics.quadrature import midpoint
 
 
 def test_composite_is_the_loop_of_equation_6_over_a_background() -> None:
@@ -81,3 +82,18 @@ def test_depth_lies_between_the_points() -> None:
     depth = expected_depth(torch.rand(100, 16, generator=generator), t, 9.0)
     assert (depth >= t[:, 0] - 1e-5).all()
     assert (depth <= t[:, -1] + 1e-5).all()
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-10, 1.0, 1e10, 1e30])
+@pytest.mark.parametrize("density", [0.0, 1e-10, 1.0, 1e10, 1e30])
+def test_colour_and_depth_have_finite_gradients_at_all_magnitudes(density: float, length: float) -> None:
+    t_edges = length * torch.arange(7.0).unsqueeze(0)
+    t, _ = midpoint.place(t_edges, None)
+    sigma = torch.full((1, 6), density, requires_grad=True)
+    w, T_end = midpoint(sigma, t, t_edges)
+    colour = composite(w[0], torch.zeros(6, dtype=torch.long), torch.rand(6, 3), T_end, torch.ones(3))
+    depth = expected_depth(w, t, 6.0 * length)
+    (gradient,) = torch.autograd.grad(colour.sum() + depth.sum(), sigma)
+    assert torch.isfinite(colour).all()
+    assert torch.isfinite(gradient).all()
+    assert 0.0 <= float(depth.detach()) <= 6.0 * length * (1.0 + 1e-6)

@@ -6,7 +6,13 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from baselines.numerics.sampling import inverse_cdf_edges, points_in_bins, uniform_edges
+from baselines.numerics.sampling import (
+    inverse_cdf,
+    inverse_cdf_edges,
+    jittered_edges,
+    points_in_bins,
+    uniform_edges,
+)
 
 
 def generator(seed: int = 30) -> torch.Generator:
@@ -105,7 +111,7 @@ def test_distances_rise_and_stay_in_range(seed: int) -> None:
         assert torch.isfinite(drawn).all()
         assert (drawn >= edges[:, :1]).all()
         assert (drawn <= edges[:, -1:]).all()
-        assert (torch.diff(drawn) >= -5e-7).all(), "rising up to the last bit of a distance of 6"
+        assert rising(drawn)
 
 
 def test_a_ray_without_weight_is_sampled_uniformly() -> None:
@@ -163,3 +169,46 @@ def test_rays_do_not_touch_each_other() -> None:
 
 def test_no_rays() -> None:
     assert inverse_cdf_edges(torch.zeros(0, 5), torch.zeros(0, 4), 8, generator()).shape == (0, 8)
+
+
+@pytest.mark.parametrize("bins", [1, 2, 9])
+def test_jittered_fenceposts_keep_order_and_ends(bins: int) -> None:
+    edges = uniform_edges(torch.full((500,), 2.0), torch.full((500,), 6.0), bins)
+    moved = jittered_edges(edges, generator())
+    assert moved.shape == edges.shape
+    assert torch.equal(moved[:, [0, -1]], edges[:, [0, -1]])
+    assert rising(moved)
+    assert torch.equal(jittered_edges(edges, None), edges)
+    if bins > 1:
+        share = (moved[:, 1:-1] - edges[:, 1:-1]) * bins / 4.0
+        assert stats.kstest(share.flatten().double().numpy(), "uniform", (-0.5, 1.0)).pvalue > 1e-3
+
+
+def test_shares_at_the_very_ends_stay_inside_the_weight() -> None:
+    edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 4)
+    w = torch.tensor([[0.0, 1.0, 2.0, 0.0]])
+    drawn = inverse_cdf(edges, w, torch.tensor([[0.0, 1e-45, 1.0 - 2.0**-24, 1.0]]))
+    assert ((drawn >= 3.0) & (drawn <= 5.0)).all()
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-10, 1.0, 1e10, 1e30])
+@pytest.mark.parametrize("weight", [0.0, 1e-45, 1e-30, 1e-10, 1.0, 1e10, 1e30, 3e38])
+def test_distances_and_gradients_are_finite_and_rise_at_all_magnitudes(weight: float, length: float) -> None:
+    edges = (length * torch.rand(20, 17, generator=generator()).cumsum(-1)).requires_grad_()
+    w = weight * torch.rand(20, 16, generator=generator(1)) ** 4
+    w[3, ::2] = 0.0
+    w.requires_grad_()
+    for source in (None, generator(2)):
+        drawn = inverse_cdf_edges(edges, w, 64, source)
+        assert rising(drawn), "to the last bit"
+        assert ((drawn >= edges[:, :1]) & (drawn <= edges[:, -1:])).all()
+        (gradient,) = torch.autograd.grad(drawn.sum(), edges)
+        assert torch.isfinite(gradient).all()
+        torch.testing.assert_close(gradient.sum(-1), torch.full((20,), 64.0))  # moved together, they all move
+
+
+def test_a_bad_weight_is_named() -> None:
+    edges, w = uniform_edges(torch.zeros(2), torch.ones(2), 4), torch.ones(2, 4)
+    w[1, 2] = float("nan")
+    with pytest.raises(FloatingPointError, match="weight nan of bin 2 on ray 1"):
+        inverse_cdf(edges, w, torch.zeros(2, 3))
