@@ -56,9 +56,10 @@ def deviations(plan: Plan) -> list[str]:
         grid = train.voxels
         rows.append(
             f"voxels_drjit has no network: {grid.finest // 4}, {grid.finest // 2}, then {grid.finest} voxels along the "
-            f"box, {grid.bins} points on every ray that meets it, none left out, {grid.rate_factor:g} times the learning "
-            "rate of the networks (chosen on validation views of chair and ship, as is how much neighbours are pulled "
-            "together: the networks had no such choice), one thread of the processor whatever the others use."
+            f"box, {grid.bins} points on every ray that meets it, none left out, one thread of the processor whatever "
+            f"the others use. Its learning rate is {grid.rate_factor:g} times that of the networks; this, and how much "
+            "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
+            "such choice."
         )
     for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
         if names:
