@@ -62,7 +62,7 @@ def inverse_cdf_edges(
 def inverse_cdf(
     t_edges: Float[Tensor, "rays edges"], w: Float[Tensor, "rays bins"], u: Float[Tensor, "rays count"]
 ) -> Float[Tensor, "rays count"]:
-    """The distances below which the shares `u`, from 0 to 1, of all mass lie, in rising order; within their ray always.
+    """The distances below which the shares `u`, from 0 to 1, of all mass lie; within their ray, and rising as `u` does.
 
     A ray without any weight is taken as uniform. No gradient reaches `w` or `u`: where to look is no part of what is
     seen. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError` where
@@ -84,8 +84,7 @@ def inverse_cdf(
     t_left, t_right = t_edges.gather(-1, right - 1), t_edges.gather(-1, right)
     mass = cdf_right - cdf_left
     inside = torch.where(mass > 0, (u - cdf_left) / mass.clamp(min=torch.finfo(w.dtype).tiny), 0.5)
-    drawn = torch.lerp(t_left, t_right, inside.clamp(0.0, 1.0))
-    return torch.sort(drawn, dim=-1).values  # lerp may step back by the last bit in the middle of a bin
+    return torch.lerp(t_left, t_right, inside.clamp(0.0, 1.0))
 
 
 def _require_weights(w: Tensor) -> None:
