@@ -21,6 +21,7 @@ COLOUR_BAR = 0.5 / 255
 """Half a step of an 8-bit picture; measured 5e-4 for bfloat16 and 5e-5 for float16."""
 
 
+@torch.no_grad()
 def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[Tensor] | None = None) -> list[Tensor]:
     """Rectified outputs of each density layer and the raw density, [points, width] each, products in `dtype`.
 
@@ -45,7 +46,6 @@ def digits(found: Tensor, truth: Tensor) -> float:
     return float(-torch.log10(error / truth.square().mean().sqrt()))
 
 
-@torch.no_grad()
 def digits_by_layer(situation: Situation) -> Iterator[Finding]:
     """O3: every method's trained network against its float64 twin, fed the same encoded positions."""
     rows: list[list[str | float | None]] = []
