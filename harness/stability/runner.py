@@ -44,7 +44,7 @@ def run(
     missing = [name for name in cases if name not in {one.info.id for one in record.cases}]
     show.line(f"stability: {len(missing)} cases, about {sum(CASES[name].seconds for name in missing) / 60:.0f} min")
     with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        situation = Situation(methods, out, view_sets, Path(scratch), workers, quick, show)
+        situation = Situation(methods, out, view_sets, Path(scratch), workers, quick, show, tuple(missing))
         for place, name in enumerate(missing):
             show.line(f"[{place + 1}/{len(missing)}] {name} {CASES[name].info.title}")
             record = _with_case(record, measured(CASES[name], situation))

@@ -28,6 +28,8 @@ class Situation:
     quick: bool
     """Sizes at which no figure means anything, to try the catalogue itself."""
     show: Progress
+    cases: tuple[str, ...] = ()
+    """What is tried in this run, so that cases which share a training ask for all of it at once."""
 
     def picture_file(self, name: str) -> Path:
         """Where a case writes the PNG that a `Picture` of path `stability/<name>` refers to."""
