@@ -52,7 +52,8 @@ _ALL = (
         "A brighter and brighter lamp",
         "lamp : floor, radiance",
         (20.0, 1e2, 1e3, 1e4, 1e6),
-        "a pixel that the lamp covers by a millionth is white: its edge no longer belongs to one place in space",
+        "in display colour little, because what is brighter than white is clipped for all: only the lamp's rim widens, "
+        "where a pixel that it covers by a millionth is white; linear light shows what is lost",
     ),
     Ladder(
         "scale",

@@ -18,7 +18,7 @@ from scenes.errors import InputError
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"profile": "huge"}, ["--profile", "'huge'", "smoke reduced full"]),
+        ({"profile": "huge"}, ["--profile", "'huge'", "smoke reduced stress ladder full"]),
         ({"scenes": ["lego", "teapot"]}, ["--scenes", "'teapot'", "chair", "ship"]),
         ({"scenes": [""]}, ["--scenes", "''", "lego"]),
         ({"methods": ["nerf", "gnerf"]}, ["--methods", "'gnerf'", "nerf_matched", "qnerf_theorem"]),
@@ -53,7 +53,8 @@ def test_a_profile_can_be_run(name: str) -> None:
     assert set(plan.scenes) <= set(SCENES)
     assert set(plan.methods) <= set(METHODS)
     assert {"nerf", "nerf_matched", "qnerf"} <= set(plan.methods), "the bandwidth control is part of every default run"
-    assert len(plan.seeds) >= 2
+    # what is drawn from scores needs seeds to compare; stress and ladder show where a method breaks
+    assert len(plan.seeds) >= (1 if name in ("stress", "ladder") else 2)
     # with a depth of 5 or less the φ skip falls on the last layer
     assert plan.train.network.depth >= 6
     assert plan.budget.steps is not None

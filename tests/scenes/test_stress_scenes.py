@@ -83,7 +83,9 @@ def test_it_is_seen_as_its_closed_form_says(name: str) -> None:
     assert truth is not None
     exact = [pixel_means(truth, pose, SIZE, SIZE, 16, np.random.default_rng(k)) for k in range(REPEATS)]
     closed = np.array([rgba.mean((0, 1)) for rgba, _ in exact])
-    rendered = np.array([loaded.colour(pose, 64, seed).mean((0, 1)) for seed in range(REPEATS)])
+    # whether a path meets fog is a matter of chance; what is solid has noise at its borders alone
+    spp = 512 if loaded.integrator_name == "volpath" else 64
+    rendered = np.array([loaded.colour(pose, spp, seed).mean((0, 1)) for seed in range(REPEATS)])
     error = np.sqrt((closed.var(0, ddof=1) + rendered.var(0, ddof=1)) / REPEATS)
     shift = np.abs(rendered.mean(0) - closed.mean(0))
     # 2e-5: what single precision and a path's last bounce may cost, and spreads of zero
