@@ -13,6 +13,7 @@ from baselines.field import NetworkField
 from baselines.numerics.checks import BadDensity
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
+from harness.clipping import Clipping
 from harness.schedule import Budget, learning_rate
 from harness.seeds import generator_for
 from harness.settings import TrainSettings
@@ -73,8 +74,7 @@ class Trainer:
         self.clock = Stopwatch(device)
         self.step = 0
         self.network_evaluations = 0
-        self.usual_norm: float | None = None
-        """Running mean of the norm of clipped gradients; None before the first that is not zero."""
+        self.clipping = Clipping(settings.clip_norm, settings.clip_ratio)
         self.last_loss: float | None = None
         """Of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
@@ -199,19 +199,8 @@ class Trainer:
         if not math.isfinite(norm := float(total)):
             # before anything is scaled by it, which would make every gradient NaN
             raise Diverged(self.step, self._first_not_finite("gradient"))
-        nn.utils.clip_grads_with_norm_(self.fields.parameters(), self._norm_allowed(norm), total)
+        nn.utils.clip_grads_with_norm_(self.fields.parameters(), self.clipping.allowed(norm), total)
         return norm, float(nn.utils.get_total_norm(gradients)) if measured else math.nan
-
-    def _norm_allowed(self, norm: float) -> float:
-        """What a gradient of that norm is clipped to; remembers it for those after it."""
-        usual = self.usual_norm
-        allowed = self.settings.clip_norm
-        if usual is not None:
-            allowed = min(allowed, self.settings.clip_ratio * usual)
-        if norm > 0.0:
-            clipped = min(norm, allowed)
-            self.usual_norm = clipped if usual is None else usual + (clipped - usual) / NORMS_REMEMBERED
-        return allowed
 
     def _refresh_grid(self) -> None:
         settings = self.settings.grid
@@ -251,7 +240,6 @@ class Trainer:
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
 """What the loss is multiplied by on the way back alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
 512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32."""
-NORMS_REMEMBERED = 20
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
 TRACE_EVERY = 20
 

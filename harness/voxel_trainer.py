@@ -15,6 +15,7 @@ from torch import Tensor
 from baselines.contract import Box, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from baselines.voxels_drjit import Adam, Backend, VoxelField
+from harness.clipping import Clipping
 from harness.schedule import Budget, learning_rate
 from harness.seeds import generator_for
 from harness.settings import TrainSettings
@@ -54,6 +55,7 @@ class VoxelTrainer:
         self._stages = list(settings.voxels.stages())
         self.field = VoxelField(box, self._stages.pop(0)[1], view_dependent, backend)
         self._optimiser = Adam(self.field)
+        self._clipping = Clipping(settings.clip_norm, settings.clip_ratio)
 
     @property
     def fields(self) -> VoxelField:
@@ -87,7 +89,7 @@ class VoxelTrainer:
                 settings.warm_up_steps,
             )
             found = self._slope(self.field, rays, colours, generator_for(self.seed, self.step, "jitter"))
-            scale = min(1.0, settings.clip_norm / (found.norm + 1e-6))
+            scale = min(1.0, self._clipping.allowed(found.norm) / (found.norm + 1e-20))
             self._optimiser.step(self.field, found.gradients, rate, scale)
             dr.sync_thread()
         self.step += 1

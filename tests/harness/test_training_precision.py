@@ -221,8 +221,8 @@ def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[
     )
     for step in range(at + 3):
         one.train_on(*rays_and_colours(seed=step))
-        assert one.usual_norm is not None
-        usual.append(one.usual_norm)
+        assert one.clipping.usual_norm is not None
+        usual.append(one.clipping.usual_norm)
     return given, usual
 
 
@@ -239,12 +239,12 @@ def test_a_spike_reaches_the_optimiser_as_a_few_times_the_usual_norm_at_most(fac
 
 def test_the_usual_norm_follows_a_lasting_change_and_survives_no_gradient_at_all() -> None:
     one = trainer()
-    assert one._norm_allowed(0.5) == 1.0, "before there is a usual norm"
-    assert one.usual_norm == 0.5
-    one.usual_norm = 1e-3
-    assert one._norm_allowed(0.0) == pytest.approx(TRAIN.clip_ratio * 1e-3)
-    assert one.usual_norm == 1e-3, "a step without any gradient says nothing of the next"
-    allowed = [one._norm_allowed(0.8) for _ in range(60)]
+    assert one.clipping.allowed(0.5) == 1.0, "before there is a usual norm"
+    assert one.clipping.usual_norm == 0.5
+    one.clipping.usual_norm = 1e-3
+    assert one.clipping.allowed(0.0) == pytest.approx(TRAIN.clip_ratio * 1e-3)
+    assert one.clipping.usual_norm == 1e-3, "a step without any gradient says nothing of the next"
+    allowed = [one.clipping.allowed(0.8) for _ in range(60)]
     assert allowed == sorted(allowed)
     assert allowed[0] == pytest.approx(TRAIN.clip_ratio * 1e-3)
     assert allowed[-1] == 1.0

@@ -144,6 +144,25 @@ def test_what_is_not_finite_is_named_and_leaves_the_field_alone() -> None:
 
 
 @pytest.mark.usefixtures("available")
+def test_a_spike_reaches_adam_as_a_few_times_the_usual_gradient_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = train(voxels(), 6)
+    usual = one._clipping.usual_norm
+    original = one._slope
+    norms: list[float] = []
+    shares: list[float] = []
+
+    def spiked(*batch: Any) -> Any:
+        found = original(*batch)
+        norms.append(1e6 * found.norm)
+        return replace(found, norm=norms[-1])
+
+    monkeypatch.setattr(one, "_slope", spiked)
+    monkeypatch.setattr(one._optimiser, "step", lambda field, gradients, rate, scale: shares.append(scale))
+    train(one, 1)
+    assert shares[0] * norms[0] == pytest.approx(SETTINGS.clip_ratio * usual, rel=1e-6)
+
+
+@pytest.mark.usefixtures("available")
 def test_a_batch_that_sees_nothing_of_the_box_teaches_nothing() -> None:
     one = train(voxels(), 1)
     before = one.fields.state_dict()
