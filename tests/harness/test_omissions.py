@@ -284,3 +284,31 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
     assert torch.equal(torch.from_numpy(forced.test.rgba[0]), torch.from_numpy(plain.test.rgba[0]))
     assert needs_of(forced)["view_direction"].needed is False
     assert needs_of(plain) == {}
+
+
+def test_a_run_that_verifies_names_what_costs_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from harness.plan import Machine
+    from harness.progress import chosen_progress
+    from harness.records import read_run
+    from harness.runner import run
+
+    folder = write_ball(tmp_path / "ball")
+    plan = planned("smoke", methods=["nerf"], seeds=1, view_set=folder, no_need=["view_direction"])
+    plan = replace(plan, train=TRAIN, score=SCORE, views=replace(VIEWS, no_need=plan.views.no_need))
+    plan = replace(plan, budget=Budget(2, None))
+    for verdict, code in (("costs more", 3), ("within its bound", 0)):
+        one = Omission("ball", "nerf", "view_direction", 1.5, "training", -1.0, (-1.2, -0.8), 3, 0, verdict)  # type: ignore[arg-type]
+        monkeypatch.setattr("harness.verification.verified", lambda *_, found=one: ([found], []))
+        (out := tmp_path / verdict.split()[0]).mkdir()
+        machine = Machine("cpu", 1, 1)
+        assert run(plan, out, tmp_path, machine, "run", chosen_progress(quiet=True), verify=True) == code
+        (scene,) = read_run(out).scenes
+        (row,) = scene.left_out
+        assert (row.name, row.seconds_saved, row.difference, row.interval) == (
+            "view_direction",
+            1.5,
+            -1.0,
+            (-1.2, -0.8),
+        )
+        assert row.verdict == verdict
+        assert "--no-need" in row.reason
