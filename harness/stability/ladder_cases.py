@@ -98,7 +98,8 @@ def share_of_looks(found: Trained, cell: CellRecord, views: ViewSet) -> float | 
     if not truth or not np.concatenate(truth).size:
         return None
     true, seen = np.concatenate(truth).astype(np.float64), np.concatenate(render)
-    return explained_share(float(np.mean((seen - true) ** 2)), colour_variance(true))
+    variance = colour_variance(true)
+    return explained_share(float(np.mean((seen - true) ** 2)), variance) if variance > 0.0 else None
 
 
 def ceiling(views: ViewSet) -> float:
