@@ -139,7 +139,7 @@ _ALL = [
           "squeezed axes, SSIM windows, a mean of the call", "a loop over rays", "≤ 2e-6", "calls:odd_sizes", 10),
     _case("R1", "An independent reference", "a random 16³ grid, τ of a voxel up to 5", "any of the above",
           "Mitsuba's volpath, lit along the camera ray; Dr.Jit on Mitsuba's gridvolume",
-          "|z| < 4; values and σ-gradients ≤ 5e-6, colour gradients ≤ 1e-4", "reference_cases:independent", 40),
+          "|z| < 4; values and σ-gradients ≤ 5e-6, colour gradients ≤ 1e-4", "reference_cases:independent", 15),
     _case("L1", "Ladders", "scenes that get harder rung by rung: frequency, thinness, density, dynamic range, scale",
           "every method breaks somewhere", "rendered truth",
           "recorded: the first rung on which a method explains less than half of what there is to see",
