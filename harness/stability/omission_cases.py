@@ -6,16 +6,16 @@ from dataclasses import replace
 from harness.chart_record import Table
 from harness.needed import needs_of
 from harness.omissions import Omission
-from harness.plan import Plan
+from harness.plan import Plan, planned
 from harness.schedule import Budget
 from harness.stability.situation import Finding, Situation
 from harness.stability_record import Outcome, judged
 from scenes.needs import PARTS, Needs, left_out
 
-SCENES = ("materials", "hotdog", "tiny")
-"""Mirroring (the controls are tried on it), glossy, and Lambertian: that needs no view direction."""
+SCENES = ("materials", "tiny")
+"""Mirroring (the controls are tried on it), and Lambertian: that needs no view direction."""
 FOG = "fog_dense"
-STEPS, SEEDS = 120, (0, 1, 2)
+STEPS, SEEDS = 300, (0, 1, 2)
 FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
 CHAPTER = 13
 COLUMNS = ["left out", "because", "concerns", "seconds saved", "of", "change", "95 %", "bound", "unit", "verdict"]
@@ -23,7 +23,7 @@ NOTHING_TO_TRY = "nothing to try: no method has it"
 
 
 def omissions(situation: Situation) -> Iterator[Finding]:
-    """Smoke-sized cells, three seeds, every omission that concerns model, sampling or rendering."""
+    """Small cells, three seeds, every omission that concerns model, sampling or rendering."""
     from harness.ground_truth import read_views
     from harness.runner import view_set_folders
     from harness.verification import compared_integrators, omission_of_integrators, verified
@@ -53,11 +53,18 @@ def omissions(situation: Situation) -> Iterator[Finding]:
 
 
 def _plan(situation: Situation) -> Plan:
+    """Views of the smoke profile, trained as the reduced profile trains.
+
+    In the smoke profile's own steps skipping empty space does cost more than its bound: 0.34 dB after 120 steps on
+    `tiny`, whether or not the grid is used for rendering. It prunes what has hardly been learnt; with the reduced
+    profile's grid, which waits for step 100, 0.09 dB after 300.
+    """
     plan = situation.plan("smoke", list(SCENES))
     method = "nerf" if "nerf" in plan.methods else plan.methods[0]
     if situation.quick:
         return replace(plan, methods=(method,), seeds=(0,))
-    return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None))
+    train = planned("reduced", precision="float32").train
+    return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None), train=train)
 
 
 def _worst(found: list[Omission]) -> Outcome:
