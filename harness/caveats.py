@@ -19,7 +19,8 @@ ALWAYS = [
     "Vanilla NeRF's density is a scaled softplus (25 per scene unit, shifted by −4.4: a fresh field is thin fog) "
     "instead of ReLU, which can die for good; Eq. 4 acts on the same density. Listing 2 has its own sigmoid "
     "and no such scale.",
-    "Adam's gradient is clipped at norm 1 for all methods, against single spikes.",
+    "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
+    "against single spikes: norm 1 alone may be a hundred times the usual one.",
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
     "shapes match.",
     "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "
