@@ -93,7 +93,7 @@ def _seen(situation: Situation, method: str) -> Iterator[Finding]:
         twin.step, twin.grid = source.step, source.grid
         apart = twin.render(rays, len(rays)).colour - exact
         yield judged(
-            "O3", f"{method}, {precision}", "ours", math.sqrt(float(apart.square().mean())), COLOUR_BAR,
+            "O3", f"{method}, {precision}", whose(method), math.sqrt(float(apart.square().mean())), COLOUR_BAR,
             what="root mean square change of a colour (0 … 1) that reduced products alone make",
             why=f"largest {float(apart.abs().max()):.2g}",
         )  # fmt: skip
