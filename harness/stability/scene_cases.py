@@ -46,7 +46,7 @@ def nothing_to_see(situation: Situation) -> Iterator[Finding]:
         yield from held_to_closed_form("S1", scene, views)
         yield from _scores_of_the_truth_itself(situation, found, scene)
         yield from each_method(
-            "S1", found, scene, mse_over_tests, {"empty": 1e-5, "black": 3e-3, "white": 1e-5}[scene],
+            "S1", found, scene, mse_over_tests, {"empty": 1e-5, "black": 6e-3, "white": 1e-5}[scene],
             "mean square error over the test views",
         )  # fmt: skip
         if scene != "white":  # over white, a white veil cannot be told from nothing
@@ -79,7 +79,7 @@ def _opacity_outside(found: Trained, views: Views, cell: CellRecord) -> float | 
     return float(np.concatenate(values).mean()) if values else None
 
 
-LARGEST_DEPTH_ERROR = {"wall": 3.0, "inside": 9.0}
+LARGEST_DEPTH_ERROR = {"wall": 6.0, "inside": 9.0}
 """Bins; measured for nerf after 300 steps: 1.4 and 5.8. From inside of a room of many colours, everything is far, and
 no two cameras are far apart from each other's point of view."""
 
