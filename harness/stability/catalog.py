@@ -149,7 +149,8 @@ _ALL = [
           "ladder_cases:ladders", 240),
     _case("N1", "What a scene does not need", "cells trained with and without each omission",
           "an omission that costs more than it saves", "the same cell with nothing left out",
-          "change in error within its bound", "omission_cases:omissions", 120),
+          "change in error within its bound by its whole 95 % interval; one that is not settled counts as not measured",
+          "omission_cases:omissions", 120),
 ]
 # fmt: on
 

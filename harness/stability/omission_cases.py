@@ -9,7 +9,7 @@ from harness.omissions import Omission
 from harness.plan import Plan, planned
 from harness.schedule import Budget
 from harness.stability.situation import Finding, Situation
-from harness.stability_record import Outcome, judged
+from harness.stability_record import Outcome, Status, judged
 from scenes.needs import PARTS, Needs, left_out
 
 SCENES = ("materials", "tiny")
@@ -37,9 +37,9 @@ def omissions(situation: Situation) -> Iterator[Finding]:
         yield _worst([one for one in found if one.name == name])
     for one in controls:
         if one.name == "high_bands":
-            yield _control(one, -(one.difference or 0.0))
+            yield _control(one)
     fog = omission_of_integrators(compared_integrators(FOG, FOG_PIXELS, FOG_VIEWS, FOG_SPP), FOG_PIXELS**2)
-    yield _control(replace(fog, what=f"volumetric integrator on {FOG}"), abs(fog.difference or 0.0))
+    yield _control(replace(fog, what=f"volumetric integrator on {FOG}"))
     for scene, folder in folders.items():
         needs = needs_of(read_views(folder, plan.views, situation.scratch))
         yield _table(scene, needs, [one for one in found if one.scene == scene])
@@ -68,22 +68,26 @@ def _plan(situation: Situation) -> Plan:
 
 
 def _worst(found: list[Omission]) -> Outcome:
-    """Of one part over scenes: fails where an omission costs more than its bound by more than chance.
-
-    What lies above its bound by chance perhaps is neither passed nor failed.
-    """
-    worst = max(found, key=lambda one: _cost(one))
-    costly = [one.scene for one in found if one.verdict == "costs more"]
-    open_ = [one.scene for one in found if one.verdict == "inconclusive"]
-    seconds = sum(one.seconds_saved or 0.0 for one in found)
-    why = [f"largest on {worst.scene}", f"{seconds:.1f} s saved ({found[0].clock}) on {len(found)} scenes"]
-    why += [f"costs more on {' '.join(costly)}"] if costly else []
-    why += [f"not settled on {' '.join(open_)}"] if open_ else []
+    """Of one part over scenes: what costs more than its bound fails; what is not settled is no pass, nor a failure."""
+    costly = [one for one in found if one.verdict == "costs more"]
+    open_ = [one for one in found if one.verdict != "within its bound" or one.difference is None]
+    if costly:
+        status: Status = "fail"
+    else:
+        status = "not_available" if open_ else "pass"
+    among = costly or open_ or found
+    measured = [one for one in among if one.difference is not None]
+    worst = max(measured or among, key=lambda one: _cost(one) or 0.0)
+    why = [f"costs more on {' '.join(one.scene for one in costly)}"] if costly else []
+    why += [_not_settled(one) for one in open_ if one not in costly]
+    seconds = [one.seconds_saved for one in found if one.seconds_saved is not None]
+    why += [f"shown: {worst.scene}"] if measured else []
+    why += [f"{sum(seconds):.1f} s saved ({found[0].clock}) on {len(seconds)} scenes"] if seconds else []
     return Outcome(
         "N1",
         worst.title,
         "ours",
-        "fail" if costly else "not_applicable" if _cost(worst) > worst.bound else "pass",
+        status,
         _cost(worst),
         worst.bound,
         unit=worst.unit,
@@ -92,16 +96,39 @@ def _worst(found: list[Omission]) -> Outcome:
     )
 
 
-def _control(one: Omission, cost: float) -> Outcome:
+def _not_settled(one: Omission) -> str:
+    if one.difference is None:
+        return f"{one.scene}: no measurement: {_uncounted(one)}"
+    if one.interval is None:
+        return f"{one.scene}: inconclusive: no interval from {_counted(one)}"
+    low, high = (one.interval[0], one.interval[1]) if one.unit != "dB" else (-one.interval[1], -one.interval[0])
+    return f"{one.scene}: inconclusive: interval [{low:+.2g}, {high:+.2g}] {one.unit} over {_counted(one)}"
+
+
+def _counted(one: Omission) -> str:
+    return f"{one.pairs} {'seed' if one.pairs == 1 else 'seeds'}"
+
+
+def _uncounted(one: Omission) -> str:
+    """Why there is no difference."""
+    return f"{one.diverged} of {one.pairs + one.diverged} pairs of cells have no score, as one of them diverged"
+
+
+def _control(one: Omission) -> Outcome:
+    cost, subject, what = _cost(one), f"control: {one.title}", "what leaving out something needed costs"
+    if cost is None:
+        why = f"no measurement: {_uncounted(one)}"
+        return Outcome("N1", subject, "ours", "not_available", None, one.bound, "at_least", one.unit, what, why)
     return judged(
-        "N1", f"control: {one.title}", "ours", cost, one.bound, unit=one.unit, sense="at_least",
-        what="what leaving out something needed costs", why="else nothing could fail here",
+        "N1", subject, "ours", cost, one.bound, unit=one.unit, sense="at_least", what=what,
+        why="else nothing could fail here",
     )  # fmt: skip
 
 
-def _cost(one: Omission) -> float:
+def _cost(one: Omission) -> float | None:
+    """How much worse it became; None where nothing was measured."""
     if one.difference is None:
-        return 0.0
+        return None
     return -one.difference if one.unit == "dB" else abs(one.difference)
 
 
