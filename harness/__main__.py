@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from harness.plan import Plan
     from harness.progress import Progress
 
+LEAST_SEEDS = 3
+"""With which omissions are verified: the interval of two is six times as wide."""
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 
 
@@ -153,6 +155,10 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     from scenes.errors import InputError
 
     plan, device = _planned(options)
+    if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
+        raise InputError(
+            f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
+        )
     cores = available_cores()
     if options.workers is not None and not 1 <= options.workers <= 256:
         raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
@@ -227,10 +233,11 @@ def _omissions(options: argparse.Namespace, show: "Progress") -> int:
     from harness.runner import view_set_folders
     from harness.verification import as_json, line_of, too_costly, verified
 
-    plan, _ = _planned(options)
+    plan, device = _planned(options)
     _check_file(options.out)
     folders = view_set_folders(plan, options.view_sets, show)
-    found, controls = verified(plan, folders, options.out.parent, available_cores(), show.line, controls=True)
+    workers = available_cores() if device.type == "cpu" else 1
+    found, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
     write_json(options.out, as_json(found, controls, plan))
     for one in found:
         show.line(line_of(one))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from baselines.catalog import CATALOG
 from harness.arms import Arm, CellTask, TrainedCell
 from harness.needed import needs_of
 from harness.plan import Plan
@@ -43,7 +44,8 @@ class Omission:
     """Mean over seeds, of the clock that `clock` names; for `participating_media` of rendering the view set."""
     clock: str
     difference: float | None
-    """dB: test PSNR without the part less with it, so that less than 0 is a loss. colour: what changed at most."""
+    """dB: test PSNR without the part less with it, so that less than 0 is a loss. colour: what changed at most, and of
+    the integrators the root mean square over blocks of pixels."""
     interval: tuple[float, float] | None
     """95 %, paired over seeds (over views for `participating_media`); None for what is largest over all seeds."""
     pairs: int
@@ -83,9 +85,11 @@ def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdic
     return "costs more" if costs.mean > bound and low > 0 else "inconclusive"
 
 
-def verifiable(views: "ViewSet", plan: Plan) -> tuple[str, ...]:
-    """What this scene does not need, the plan would have without that, and training or rendering can try."""
-    train = plan.train
+def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:
+    """What this scene does not need, plan and method would have without that, and training or rendering can try."""
+    train, parts = plan.train, CATALOG[method].parts
+    # a voxel grid has no such sampling, and Listing 4 takes every point of the whole ray
+    sampled = parts is not None and parts.quadrature != "listing4"
     has = {
         "fine_pass": train.fine_bins > 0,
         "empty_space": train.grid.cells > 0 and train.accelerations.grid,
@@ -94,7 +98,9 @@ def verifiable(views: "ViewSet", plan: Plan) -> tuple[str, ...]:
     }
     found = needs_of(views)
     return tuple(
-        name for name in (*TRAINED, *RENDERED) if name in found and not found[name].needed and has.get(name, True)
+        name
+        for name in (*TRAINED, *RENDERED)
+        if name in found and not found[name].needed and has.get(name, True) and (sampled or name == "view_direction")
     )
 
 
@@ -108,18 +114,19 @@ def cell_tasks(
     from harness.ground_truth import read_views
 
     tasks = []
-    names: dict[str, tuple[str, ...]] = {}
+    names: dict[tuple[str, str], tuple[str, ...]] = {}
     needed: dict[str, bool] = {}
     for scene, folder in folders.items():
         views = read_views(folder, plan.views, scratch)
-        names[scene] = verifiable(views, plan)
+        names |= {(scene, method): verifiable(views, plan, method) for method in plan.methods}
         direction = needs_of(views).get("view_direction")
         needed[scene] = direction is not None and direction.needed
     for scene, method, seed in plan.cells():
-        again = tuple(name for name in names[scene] if name in RENDERED)
+        mine = names[scene, method]
+        again = tuple(name for name in mine if name in RENDERED)
         arms = {"as planned": Arm(rendered_with=again)}
-        arms |= {name: Arm(need=(name,)) for name in names[scene] if name in TRAINED}
-        if controls and scene == plan.scenes[0]:
+        arms |= {name: Arm(need=(name,)) for name in mine if name in TRAINED}
+        if controls and scene == plan.scenes[0] and CATALOG[method].parts is not None:
             arms["no bands"] = Arm(position_bands=0)
             if needed[scene]:
                 arms["no view_direction"] = Arm(no_need=("view_direction",))

@@ -17,6 +17,7 @@ from harness.paper import printed
 from harness.plan import Machine, Plan
 from harness.progress import Progress
 from harness.records import (
+    CellRecord,
     LeftOut,
     RunRecord,
     SceneRecord,
@@ -66,10 +67,11 @@ def run(
     cells = [cell for cell in read_cells(out) if (cell.scene, cell.method, cell.seed) in set(plan.cells())]
     write_comparisons(out, compare(cells, list(plan.methods)))
     costly = False
+    write(finished=True)
     if verify:
         with _timed(phases, "verify"):
-            scenes, costly = _verified(plan, scenes, folders, machine, out, show)
-    write(finished=True)
+            scenes, costly = _verified(plan, cells, scenes, folders, machine, out, show)
+        write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
     return 0 if ended == len(plan.cells()) and not costly else 3
@@ -147,12 +149,21 @@ def _left_out(row: dict[str, Any]) -> LeftOut:
 
 
 def _verified(
-    plan: Plan, scenes: list[SceneRecord], folders: dict[str, Path], machine: Machine, out: Path, show: Progress
+    plan: Plan,
+    cells: list[CellRecord],
+    scenes: list[SceneRecord],
+    folders: dict[str, Path],
+    machine: Machine,
+    out: Path,
+    show: Progress,
 ) -> tuple[list[SceneRecord], bool]:
     """`scenes` with what leaving out saved and changed, by one method; and whether anything costs more than it may."""
     from harness.verification import filled, line_of, too_costly, verified
 
-    one_method = replace(plan, methods=("nerf",) if "nerf" in plan.methods else plan.methods[:1])
+    trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
+    if not trained:
+        return scenes, False
+    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
     found, _ = verified(one_method, folders, out, machine.workers, show.line, machine.device)
     for one in too_costly(found):
         show.line(f"left out at too high a price: {line_of(one)}")

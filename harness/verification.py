@@ -1,6 +1,7 @@
 """Every omission verified on the real thing: `python -m harness omissions` and `run --verify-omissions`."""
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable
@@ -96,21 +97,25 @@ def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> d
 def omission_of_integrators(found: dict[str, Any], samples: int) -> Omission:
     """`samples` of a whole view set, to which the seconds are scaled."""
     seconds = found["seconds"]["volpath"] - found["seconds"]["path"]
-    result = paired_difference(np.array(found["differences"]))
-    sign = 1.0 if result.mean >= 0 else -1.0
-    costs = paired_difference(sign * np.array(found["differences"]))
+    squares = paired_difference(np.array(found["squared"]))
+    interval = None if squares.interval is None else (_root(squares.interval[0]), _root(squares.interval[1]))
     return Omission(
         scene=found["scene"],
         method="",
         name="participating_media",
         seconds_saved=seconds * samples / found["samples"],
         clock=CLOCK_OF_RENDERING,
-        difference=result.mean,
-        interval=result.interval,
-        pairs=result.units,
+        difference=_root(squares.mean),
+        interval=interval,
+        pairs=squares.units,
         diverged=0,
-        verdict=judged(costs, PARTS["participating_media"].bound),
+        verdict=judged(squares, PARTS["participating_media"].bound ** 2),
     )
+
+
+def _root(square: float) -> float:
+    """Of an unbiased square, which may lie below 0 by chance."""
+    return math.sqrt(max(square, 0.0))
 
 
 def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omission | None:

@@ -72,6 +72,10 @@ SCALES = (1e-2, 1e2)
 """Sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
 
 
+NOBODY_HAS = frozenset({"linear_quadrature", "hdr_metrics"})
+"""Parts that no method of a run and no score has yet: a need is told, but not doing them leaves nothing out."""
+
+
 @dataclass(frozen=True)
 class Need:
     """Whether a scene needs a part, and what in the scene decides it."""
@@ -132,7 +136,7 @@ def left_out(found: Needs) -> list[dict[str, Any]]:
         {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
          "unit": part.unit}
         for need in found.values()
-        if not need.needed and not need.kept
+        if not need.needed and not need.kept and need.name not in NOBODY_HAS
         for part in [need.part]
     ]  # fmt: skip
 

@@ -112,9 +112,13 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
     description = scene.build()
     if not any(entry.get("type") in SHAPES for entry in description.values() if isinstance(entry, dict)):
         return description, None
-    box = box_of(description)
+    known = {name: entry for name, entry in description.items() if isinstance(entry, dict) and entry["type"] in SHAPES}
+    box = box_of(known)
     if box is None or _within(box, FRAMED, FRAMED[1]):
         return description, None
+    # only now need every entry be of a kind that can be moved
+    box = box_of(description)
+    assert box is not None
     change = to_unit(box)
     return change.applied(description), change
 

@@ -19,6 +19,7 @@ from harness.schedule import Budget
 from harness.statistics import paired_difference
 from harness.verification import filled, line_of, omission_of_integrators, too_costly
 from scenes.errors import InputError
+from scenes.integrators import in_blocks
 from scenes.needs import PARTS, Need, Needs, as_rows, left_out
 from scenes.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
@@ -125,12 +126,12 @@ def test_settings_follow_the_scene(ball: ViewSet) -> None:
 def test_only_what_makes_a_difference_is_tried(ball: ViewSet) -> None:
     plan = ball_plan()
     views = known(ball, SOLID)
-    assert verifiable(views, plan) == ("view_direction", "outside_box", "empty_space", "behind_opaque")
-    assert verifiable(ball, plan) == ()
+    assert verifiable(views, plan, "nerf") == ("view_direction", "outside_box", "empty_space", "behind_opaque")
+    assert verifiable(ball, plan, "nerf") == ()
     dense = replace(plan, train=replace(TRAIN, grid=replace(TRAIN.grid, cells=0)))
-    assert "empty_space" not in verifiable(views, dense)
+    assert "empty_space" not in verifiable(views, dense, "nerf")
     clipped_no_more = replace(plan, train=kept(TRAIN, ("outside_box", "behind_opaque")))
-    assert verifiable(views, clipped_no_more) == ("view_direction", "empty_space")
+    assert verifiable(views, clipped_no_more, "nerf") == ("view_direction", "empty_space")
 
 
 def test_every_cell_has_an_arm_for_each_omission(
@@ -253,16 +254,31 @@ def test_controls_are_turned_round() -> None:
 
 
 @pytest.mark.parametrize(
-    ("differences", "verdict"),
-    [([1e-4, -2e-4, 1e-4], "within its bound"), ([0.31, 0.32, 0.32], "costs more"), ([-0.31, -0.32, -0.32],
-     "costs more"), ([0.02, -0.03, 0.02], "inconclusive")],
+    ("squared", "verdict", "apart"),
+    [([1e-8, -2e-8, 1e-8], "within its bound", 0.0), ([0.09, 0.09, 0.09], "costs more", 0.3),
+     ([4e-4, -9e-4, 4e-4], "inconclusive", 0.0), ([1e-6, 1.1e-6, 0.9e-6], "within its bound", 1e-3)],
 )  # fmt: skip
-def test_integrators(differences: list[float], verdict: str) -> None:
+def test_integrators(squared: list[float], verdict: str, apart: float) -> None:
     seconds = {"path": 1.0, "volpath": 1.5}
-    found = {"scene": "lego", "seconds": seconds, "samples": 1000, "differences": differences}
+    found = {"scene": "lego", "seconds": seconds, "samples": 1000, "squared": squared}
     one = omission_of_integrators(found, samples=4000)
     assert one.verdict == verdict
+    assert one.difference == pytest.approx(apart)
     assert one.seconds_saved == pytest.approx(2.0)
+
+
+def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
+    image = np.zeros((17, 20, 3))
+    image[:8, 8:16] = 1.0
+    image[16:, :] = image[:, 16:] = 9.0
+    assert in_blocks(image)[..., 0].tolist() == [[0.0, 1.0], [0.0, 0.0]]
+    assert in_blocks(np.full((3, 5, 3), 2.0)).shape == (1, 1, 3)
+
+
+def test_what_a_method_has_not_is_not_tried_on_it(ball: ViewSet) -> None:
+    views, plan = known(ball, SOLID), ball_plan()
+    assert verifiable(views, plan, "voxels_drjit") == ("view_direction",)
+    assert verifiable(views, plan, "qnerf_listing4") == ("view_direction",)
 
 
 def test_what_was_measured_fills_what_was_left_out() -> None:

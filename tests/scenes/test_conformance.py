@@ -110,7 +110,6 @@ def test_its_needs_are_known(name: str) -> None:
     assert list(found) == list(PARTS)
     assert {row["name"] for row in left_out(found)} == {
         "background_model", "outside_box", "empty_space", "behind_opaque", "participating_media", "scale_checks",
-        "hdr_metrics",
     }  # fmt: skip
 
 

@@ -145,7 +145,7 @@ def test_left_out_names_what_and_why_and_within_what() -> None:
     rows = left_out(needs(scene_of(DIFFUSE), BOX, 0.02))
     assert {row["what"] for row in rows} == {
         "samples outside the box", "samples in empty space", "view-direction branch", "volumetric integrator",
-        "background model", "samples behind opaque matter", "normalising the scale", "logarithmic error metrics",
+        "background model", "samples behind opaque matter", "normalising the scale",
     }  # fmt: skip
     assert all(row["reason"] for row in rows)
     assert all(row["bound"] >= 0 and row["unit"] in ("dB", "colour") for row in rows)
