@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from baselines.amplifiers import AMPLIFIERS
+from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
 from harness.chart_record import Series, Table
 from harness.progress import Quiet
@@ -75,6 +76,14 @@ def test_a_method_without_these_parts_is_not_applicable_and_says_why(case: str, 
 
 
 # encodings
+
+
+def test_the_recurrence_of_phi_is_said_to_be_less_exact_than_the_printed_sine(situation: Situation) -> None:
+    found = {one.subject: one for one in encoding_cases.top_frequency(situation) if isinstance(one, Outcome)}
+    ours, printed = found["φ^k, L = 10"], found["φ^k, L = 10, as printed"]
+    assert (printed.bar or 0.0) < (ours.bar or 0.0)
+    assert f"{printed.figure:.2g}" in ours.why
+    assert "sine" not in found["φ^k, L = 14"].why
 
 
 def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
@@ -155,6 +164,40 @@ def test_an_infinite_alpha_is_seen() -> None:
     assert not amplifier_cases.looked_at("equation4", math.inf, spread)[0]
     assert amplifier_cases.looked_at("equation4", -1.0, spread)[2]
     assert not amplifier_cases.looked_at("equation4", 1.0, spread)[2]
+
+
+def test_only_the_spoilt_ray_is_lost_and_a_wrong_number_is_seen(
+    situation: Situation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rays = small_training.setup(situation).test.all_rays(0)
+    bad = len(rays) // 2
+    trainer = small_training.new_trainer(situation, "nerf")
+    assert torch.nonzero(amplifier_cases.rays_lost(trainer, rays, bad))[:, 0].tolist() == [bad]
+    assert amplifier_cases.rays_lost(small_training.new_trainer(situation, "qnerf"), rays, bad).all()
+    assert set(amplifier_cases.misnamed(trainer, rays, bad).values()) == {""}
+    monkeypatch.setattr(BadDensity, "among", lambda self, rays: BadDensity(self.ray + 1, self.sample, self.value))
+    assert amplifier_cases.misnamed(trainer, rays, bad)["a NaN sample"].startswith("density of sample 0 of ray")
+
+
+def test_a_nan_that_is_hidden_fails(situation: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    none = torch.zeros(16 * 16, dtype=torch.bool)
+    monkeypatch.setattr(amplifier_cases, "rays_lost", lambda trainer, rays, bad: none[: len(rays)])
+    found = {one.subject: one for one in amplifier_cases.one_nan(situation) if isinstance(one, Outcome)}
+    assert found["nerf"].broke
+    assert "hidden" in found["nerf"].why
+
+
+def test_without_a_trainer_the_harness_has_nothing_to_pass(situation: Situation, tmp_path: Path) -> None:
+    alone = replace(situation, methods=("voxels_drjit",), scratch=tmp_path)
+    found = {one.subject: one.status for one in amplifier_cases.one_nan(alone) if isinstance(one, Outcome)}
+    assert found == {"voxels_drjit": "not_applicable", "harness": "not_applicable"}
+
+
+def test_unchecked_positions_are_judged_where_they_are_finite(situation: Situation) -> None:
+    found = {one.subject: one for one in encoding_cases.positions(situation) if isinstance(one, Outcome)}
+    for ladder in ("2^k", "φ^k"):
+        assert 0.03 < (found[f"{ladder}, unchecked"].figure or 0.0) <= 2.0
+        assert "inf, nan" in found[f"{ladder}, unchecked"].why
 
 
 # calls
