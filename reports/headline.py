@@ -175,10 +175,10 @@ def disagreements(records: Records, method: str) -> list[str]:
                 found.append(f"{where} against {duel.against} ({duel.steps.verdict} → {duel.seconds.verdict})")
     both = any(one.budget == "seconds" for one in records.comparisons)
     if not found:
-        return ["Equal steps and equal time lead to the same verdict everywhere."] if both else []
+        return [f"Equal steps and equal time lead to the same verdict on {method} everywhere."] if both else []
     if len(found) > 5:
         found = [*found[:5], counted(len(found) - 5, "more case")]
-    return [f"Equal steps and equal time differ {listed(found)}."]
+    return [f"Equal steps and equal time differ on {method} {listed(found)}."]
 
 
 def smallest_detectable(records: Records) -> str:

@@ -54,7 +54,7 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
     assert said.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
     assert "owed to bandwidth" in said.sentences[1]
     assert said.sentences[2] == (
-        "Equal steps and equal time differ over all scenes against nerf_matched (equivalent → worse), "
+        "Equal steps and equal time differ on qnerf over all scenes against nerf_matched (equivalent → worse), "
         "on chair against nerf_matched (equivalent → worse) and on drums against nerf_matched (equivalent → worse)."
     )
     assert [(duel.method, duel.against) for duel in said.duels] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
@@ -64,7 +64,7 @@ def test_agreement_of_steps_and_time_is_said(whole: Records):
     same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     said = headline(decided(whole, **same))
     assert said.title == "qnerf scores above both nerf and nerf_matched"
-    assert said.sentences[-1] == "Equal steps and equal time lead to the same verdict everywhere."
+    assert said.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
 
 
 def test_lost_cells_are_in_the_title(records: Records):
