@@ -48,8 +48,9 @@ def chunks(situation: Situation) -> Iterator[Finding]:
             rows.append([f"{method}, mean held", *cured.values(), None])
             yield _outcome(f"{method}, mean held", "ours", cured)
     yield Table(
-        "calls", 4, "The same pixels in other company: largest difference of a colour", ["subject", *WAYS], rows
-    )
+        "calls", 4, f"The same pixels in other company: largest difference of a colour ({OTHER_POINTS}: of an opacity)",
+        ["subject", *WAYS], rows,
+    )  # fmt: skip
     for method, reading in PICTURED.items():
         if method in situation.methods:
             yield _picture(situation, method, reading)
@@ -57,17 +58,22 @@ def chunks(situation: Situation) -> Iterator[Finding]:
 
 def _outcome(subject: str, theirs: str, found: dict[str, float]) -> Outcome:
     worst = max(found, key=lambda way: found[way] if math.isfinite(found[way]) else math.inf)
+    what = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
     return judged(
         "A2", subject, theirs, found[worst], BAR,  # type: ignore[arg-type]
-        what="largest difference of a colour (0 … 1), the same pixel in other company", why=f"worst: {worst}",
+        what=f"largest difference of {what} in other company", why=f"worst: {worst}",
     )  # fmt: skip
 
 
-WAYS = ("calls of 1", "calls of 16", "calls of 256", "shuffled", "padded", "other points", "training mode", "reloaded")
+OTHER_POINTS = "other points"
+"""The only way in which an opacity is compared, and no colour."""
+WAYS = ("calls of 1", "calls of 16", "calls of 256", "shuffled", "padded", OTHER_POINTS, "training mode", "reloaded")
 
 
 def differences(situation: Situation, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
-    """Way → largest difference of a colour to the whole view in one call, in the order of `WAYS`."""
+    """Way → largest difference of a colour to the whole view in one call, of an opacity at `OTHER_POINTS`; in the order
+    of `WAYS`.
+    """
     rays = setup(situation).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
     few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if situation.quick else 256))
@@ -84,7 +90,7 @@ def differences(situation: Situation, trainer: Trainer, with_reload: bool = True
         "calls of 256": apart(trainer.render(rays, 256).colour, whole),
         "shuffled": apart(trainer.render(rays.chosen(order), 256).colour, whole[order]),
         "padded": apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
-        "other points": opacity_in_other_company(trainer),
+        OTHER_POINTS: opacity_in_other_company(trainer),
         "training mode": recorded_or_not(trainer, rays.part(few.start, few.stop)),
     }
     if with_reload:

@@ -201,7 +201,7 @@ def _nan_gradient(situation: Situation) -> Outcome:
     untouched = all(torch.equal(one, two) for one, two in zip(before, trainer.fields.parameters(), strict=True))
     return judged(
         "O2", "NaN gradient", "ours", float(said != wanted) + float(not untouched), 0,
-        what="of name and weights, how many were not kept", why=said or "went on",
+        what="mistakes of two: step and tensor not named, weights not those before the step", why=said or "went on",
     )  # fmt: skip
 
 

@@ -78,7 +78,8 @@ def almost_nothing(situation: Situation) -> Iterator[Finding]:
             )  # fmt: skip
     lengths = torch.diff(posts(), dim=-1)
     w, _ = running_product(torch.full_like(lengths, 1e-8), lengths)
-    yield judged("Q6", "running product", "usual", abs(float(w.sum()) / exact - 1.0), 1e-6, what="the same")
+    error = abs(float(w.sum()) / exact - 1.0)
+    yield judged("Q6", "running product", "usual", error, 1e-6, what="relative error of opacity")
 
 
 def _steepest(rule: Rule, sigma: float) -> float:
@@ -113,7 +114,8 @@ def nothing(situation: Situation) -> Iterator[Finding]:
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()
     disparity = 1.0 / torch.maximum(torch.tensor(1e-10), depth)
-    yield judged("Q7", "disparity 1 / max(1e-10, Σwt/Σw)", "usual", float(disparity), 1.0, what="of an empty ray")
+    yield judged("Q7", "disparity 1 / max(1e-10, Σwt/Σw)", "usual", float(disparity), 1.0 / FAR,
+                 what="disparity of an empty ray, whose depth is far")  # fmt: skip
 
 
 def _void(x: Tensor) -> Tensor:

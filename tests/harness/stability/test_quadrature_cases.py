@@ -156,8 +156,52 @@ def test_the_slope_is_the_order_and_rounding_has_none() -> None:
 
 def test_the_table_of_points_counts_points_and_not_bins(situation: Situation) -> None:
     tables = {one.id: one for one in findings("Q2", situation) if isinstance(one, Table)}
-    assert set(tables) == {"orders", "points_needed"}
+    assert set(tables) == {"orders", "orders_drawn", "points_needed"}
     assert all(len(row) == 1 + len(QUADRATURES) for row in tables["points_needed"].rows)
     assert quadrature_orders._points("linear", 8) == 17
     assert quadrature_orders._first_below("trapezoid", [0.1, 0.01, 0.2, 0.001], (1, 2, 4, 8), 0.05) == "9"
     assert quadrature_orders._first_below("left", [0.1, 0.01], (1, 2), 1e-3) == "never"
+
+
+def test_left_ends_that_miss_the_shell_are_judged_and_not_left_out(situation: Situation) -> None:
+    looked = [one for one in outcomes("Q5", situation) if "importance" in one.what]
+    by_name = {one.subject: one for one in looked}
+    assert set(by_name) == set(QUADRATURES)
+    assert (by_name["left"].status, by_name["left"].whose) == ("fail", "usual")
+    assert (by_name["left"].figure or 0.0) > 0.5
+    assert "misses what lies in front" in by_name["left"].why
+    assert "bar of its own" in by_name["trapezoid"].why
+
+
+def test_log_space_is_said_to_be_nan_only_where_it_is(situation: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    def of(name: str) -> Outcome:
+        return next(one for one in outcomes("Q3", situation) if one.subject == name)
+
+    assert "nan where one density is 0" in of("log space").why
+    assert "where one density is 0" not in of("running product").why
+    monkeypatch.setattr(quadrature_rounding, "log_space", running_product)
+    assert "where one density is 0" not in of("log space").why
+
+
+def test_a_gradient_that_is_wrong_on_a_ramp_alone_fails_q3(
+    situation: Situation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flattened(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
+        return QUADRATURES["left"].weights(sigma.mean(dim=-1, keepdim=True) + 0.0 * sigma, lengths)
+
+    broken(monkeypatch, flattened)
+    monkeypatch.setattr(quadrature_rounding, "BIN_DEPTHS", [0.1])
+    assert any(one.broke and "ramp" in one.why for one in outcomes("Q3", situation))
+
+
+def test_the_axis_of_time_says_whose_time_it_is(situation: Situation) -> None:
+    series = [one for one in findings("Q2", situation) if isinstance(one, Series)]
+    timed = [one for one in series if one.panel.startswith("Error against time")]
+    assert timed
+    assert all("float32, a random network" in one.x_label and "float64" in one.y_label for one in timed)
+
+
+def test_every_rule_and_precision_has_its_line_of_rounding(situation: Situation) -> None:
+    names = {one.name for one in findings("Q1", situation) if isinstance(one, Series)}
+    assert {f"ours ({rule}), {dtype}" for rule in quadrature_rounding.OURS for dtype in ("float32", "float64")} <= names
+    assert {f"Listing 4 with its interval of 1e10, {dtype}" for dtype in quadrature_rounding.DTYPES} <= names
