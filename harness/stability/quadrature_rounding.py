@@ -219,9 +219,7 @@ def _gradient_error(
     (ours,) = torch.autograd.grad((weights(sigma, lengths)[0] * shades).sum(), sigma)
     if not bool(torch.isfinite(ours).all()):
         return math.nan
-    exact = _exact_gradient(
-        rule, tuple(sigma.detach()[0].tolist()), tuple(shades[0].tolist()), float(lengths[0, 0])
-    )
+    exact = _exact_gradient(rule, tuple(sigma.detach()[0].tolist()), tuple(shades[0].tolist()), float(lengths[0, 0]))
     most = max(map(abs, exact))
     if most < torch.finfo(dtype).tiny / torch.finfo(dtype).eps:
         return 0.0 if float(ours.abs().max()) <= 2.0 * most + torch.finfo(dtype).tiny else math.inf
@@ -229,9 +227,7 @@ def _gradient_error(
 
 
 @cache
-def _exact_gradient(
-    rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float
-) -> list[float]:
+def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float) -> list[float]:
     """By central differences in 120 digits, of the sum and not of any formula for its derivative."""
     with mpmath.workdps(120):
         step = mpmath.mpf(10) ** -20
