@@ -116,8 +116,8 @@ _ALL = [
           "opacity outside ≤ 0.02 (nerf 1e-3 and 0.003, voxels_drjit 4e-3 and 0.009); white: opacity inside the "
           "silhouette less that outside ≥ 0.5; a method that shows nothing at all learnt nothing: recorded, not judged",
           "scene_cases:nothing_to_see", 170),
-    _case("S2", "Too close", "an opaque wall that fills the view; a camera inside the object; none on its surface, where a "
-          "view is one point",
+    _case("S2", "Too close", "an opaque wall that fills the view; a camera inside the object; none on its surface, "
+          "where a view is one point",
           "the near plane saturates: training views 22 dB, test views 8 dB", "analytic depth",
           "rendered depth ≤ 1e-3; methods above a copy of the nearest training view (measured: by 1.7 to 11 dB); a "
           "planted billboard is named; a method's depth is recorded and not judged: measured, none of ours "
@@ -144,7 +144,8 @@ _ALL = [
           "linear truth, box-filtered checker, analytic chord, E / (1 − ρ)",
           "rendered median ≤ 10 %, a method's measured ≤ 25 % (16 %); the lamp owns at most half of the squared error "
           "of display colour; checker equals its box mean, and a method's error on it ≤ 0.4 of that of showing "
-          "nothing; grazing light: half of the variance within the silhouette; chord ≤ 1e-4; furnace |z| < 4, MSE ≤ 1e-3",
+          "nothing; grazing light: half of the variance within the silhouette; chord ≤ 1e-4; furnace |z| < 4, "
+          "MSE ≤ 1e-3",
           "light_cases:extreme_light", 8),
     _case("S7", "Far too small, large or far away", "scale 1e-4 and 1e4, offset 1e3 to 1e5",
           "Mitsuba's ray epsilon brightens by 9 %", "the scene at unit scale",

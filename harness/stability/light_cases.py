@@ -10,8 +10,11 @@ import torch
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import uniform_edges
+from harness.ground_truth import read_views
 from harness.records import CellRecord
+from harness.stability.looks import share_of_looks
 from harness.stability.scene_findings import (
+    PROFILE,
     each_method,
     held_to_closed_form,
     mse_over_tests,
@@ -20,7 +23,7 @@ from harness.stability.scene_findings import (
     stress,
     views_of,
 )
-from harness.stability.scene_truth import LARGEST_Z, Views, colour_variance, explained_share, worst_z
+from harness.stability.scene_truth import LARGEST_Z, Views, worst_z, z_score
 from harness.stability.situation import Finding, Situation, Whose
 from harness.stability.trained_scenes import Trained
 from harness.stability_record import Outcome, judged
@@ -29,6 +32,10 @@ from scenes.stress import geometry, light, mirror, wires
 from scenes.stress.fog import DENSE, RADIUS, THIN, density
 from scenes.truth import pixel_rays
 from scenes.viewpoints import camera_to_world
+
+HALF_A_STEP = 0.5 / 255
+LARGEST_OPACITY_ERROR = {"fog_dense": 0.03, "fog_thin": HALF_A_STEP}
+"""Thin fog is below what pictures of 8 bits can show: there is nothing to learn, and a method can only add its own."""
 
 
 def fog(situation: Situation) -> Iterator[Finding]:
@@ -39,18 +46,23 @@ def fog(situation: Situation) -> Iterator[Finding]:
         yield from held_to_closed_form("S3", scene, views)
         yield from _fog_by_quadrature(scene, tau)
         yield from each_method(
-            "S3", found, scene, partial(_opacity_error, found, views), 0.1,
+            "S3", found, scene, partial(_opacity_error, found, views), LARGEST_OPACITY_ERROR[scene],
             "mean error of opacity",
         )  # fmt: skip
     yield scores("S3", "Fog", found)
 
 
 def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Outcome]:
-    """Rays of a test view through the ball, bins from where they enter to where they leave: 1 − exp(−σ · chord)."""
+    """Rays of a test view through the ball, bins from where they enter to where they leave: 1 − exp(−σ · chord).
+
+    Opacity of even fog telescopes, whatever the bins. A colour that grows from 0 to 1 along the chord does not: it is
+    (1 − e^−τ (1 + τ)) / τ with the τ of that chord, all of it from the first few bins where the fog is dense.
+    """
     o, d = (one.reshape(-1, 3) for one in pixel_rays(camera_to_world("test")[0], 48, 48))
     enter, leave = geometry.ball(o, d, (0.0, 0.0, 0.0), RADIUS)
     met = np.isfinite(enter)
-    truth = -np.expm1(-density(tau) * (leave[met] - enter[met]))
+    depth = density(tau) * (leave[met] - enter[met])
+    truth, colour = -np.expm1(-depth), mean_of_ramp(depth)
     near, far = (torch.as_tensor(one[met], dtype=torch.float32) for one in (enter, leave))
     for rule, whose in (("midpoint", "ours"), ("listing4", "paper")):
         t, t_edges = QUADRATURES[rule].place(uniform_edges(near, far, 64), None)
@@ -60,6 +72,19 @@ def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Outcome]:
             "S3", rule, whose, float((error / np.maximum(truth, 1e-12)).max()), 1e-4,  # type: ignore[arg-type]
             what=f"{scene}: largest relative error of opacity against 1 − exp(−σ · chord), 64 bins",
         )  # fmt: skip
+        ramp = (t - near[:, None]) / (far - near)[:, None]
+        seen = (w * ramp).sum(dim=-1).double().numpy()
+        yield judged(
+            "S3", rule, whose, float(np.abs(seen - colour).max()), 2e-3,  # type: ignore[arg-type]
+            what=f"{scene}: largest error of a colour that grows from 0 to 1 along the chord, 64 bins",
+        )  # fmt: skip
+
+
+def mean_of_ramp(tau: np.ndarray) -> np.ndarray:
+    """∫ τ e^(−τ s) s ds from 0 to 1; below 1e-2 its series, as the difference of two near ones has few digits."""
+    thin = tau / 2 - tau**2 / 3 + tau**3 / 8 - tau**4 / 30
+    exact: np.ndarray = np.where(tau < 1e-2, thin, (1 - np.exp(-tau) * (1 + tau)) / np.maximum(tau, 1e-2))
+    return exact
 
 
 def _opacity_error(found: Trained, views: Views, cell: CellRecord) -> float | None:
@@ -85,9 +110,16 @@ def wires_thinner_than_a_pixel(situation: Situation) -> Iterator[Finding]:
             what=f"wires {width:g} of a pixel thin: relative error of the covered share of a view",
             why=f"{centres:.3g} found by rays through pixel centres, {area:.3g} covered",
         )  # fmt: skip
-    blank = float(np.mean((_display(views.truth) - 1.0) ** 2))
+        z, hits = z_of_thin_wires(width, size)
+        yield judged(
+            "S4", "ground truth", "ours", abs(z), LARGEST_Z,
+            what=f"wires {width:g} of a pixel thin: |z| of the rendered share of a view against the covered area",
+            why=f"{hits:.0f} rays are to hit; if none did, |z| would be {math.sqrt(hits):.1f}",
+        )  # fmt: skip
+    whole = views_of(found, "wires")
+    blank = float(np.mean((_display(whole.truth) - 1.0) ** 2))
     yield from each_method(
-        "S4", found, "wires", lambda cell: _ratio(mse_over_tests(cell), blank), 1.1,
+        "S4", found, "wires", lambda cell: _ratio(mse_over_tests(cell), blank), 0.9,
         "mean square error over that of showing nothing at all",
     )  # fmt: skip
     yield scores("S4", "Wires thinner than a pixel", found)
@@ -102,6 +134,27 @@ def covered_share(width: float, size: int, strata: int) -> float:
     o, d = pixel_rays(camera_to_world("test")[0], size, size, strata or 12)
     share = float(truth(o.reshape(-1, 3), d.reshape(-1, 3)).opacity.mean())
     return share * (width / thick)
+
+
+RENDERED_SPP = {1e-2: 64, 1e-4: 1024}
+"""So many that 0 hits would be 4 standard errors and more off."""
+
+
+def z_of_thin_wires(width: float, size: int) -> tuple[float, float]:
+    """z of the rendered against the covered share of a test view, and how many rays were to hit.
+
+    A ray hits or misses, so that n rays are off by √(p (1 − p) / n).
+    """
+    from scenes.render import LoadedScene
+    from scenes.variant import Variant
+
+    scene = wires.wires("thin", "thin", width * wires.pixel_size(size))
+    loaded = LoadedScene.of(scene, Variant("scalar_rgb", None, "one small view"), size)
+    spp = loaded.actual_spp(RENDERED_SPP[width])
+    rendered = float(loaded.colour(camera_to_world("test")[0], spp, seed=1)[..., 3].mean())
+    area = covered_share(width, size, 0)
+    rays = size * size * spp
+    return z_score(rendered, area, area * (1 - area) / rays), area * rays
 
 
 def _ratio(value: float | None, over: float) -> float | None:
@@ -126,7 +179,7 @@ def mirror_and_glass(situation: Situation) -> Iterator[Finding]:
                 "S5", "ground truth", "ours", worst_z(views, clear), LARGEST_Z,
                 what="glass of index 1.0: largest |z| against nothing, where nothing is behind it",
             )  # fmt: skip
-        yield from _explained(found, scene, views, "S5")
+        yield from _explained(found, scene, "S5", LEAST_SHARE[scene], situation)
     yield judged(
         "S5", "depth of the first surface", "usual", virtual_depth(), 0.1, unit="scene units",
         what="mirror: median distance from the surface, which is the depth that is scored, to the image in it",
@@ -147,16 +200,28 @@ def virtual_depth() -> float:
     return float(np.median(way[np.isfinite(way)]))
 
 
-def _explained(found: Trained, scene: str, views: Views, case: str) -> Iterator[Outcome]:
-    variance = colour_variance(_display(views.truth).reshape(-1, 3))
+LEAST_SHARE = {"mirror": 0.3, "glass": 0.5, "glass_air": 0.3, "grazing": 0.5}
+"""Of the variance within the silhouette, which any method finds. Measured after 300 steps, ours: 0.53 to 0.84, 0.92 to
+0.98, 0.60 to 0.89 and 0.77 to 0.84. Over whole views the silhouette alone would be most of it."""
 
-    def share(cell: CellRecord) -> float | None:
-        mse = mse_over_tests(cell)
-        return None if mse is None else explained_share(mse, variance)
 
+def _explained(found: Trained, scene: str, case: str, bar: float, situation: Situation) -> Iterator[Outcome]:
+    views = read_views(found.folder(scene), situation.plan(PROFILE).views, situation.scratch)
     yield from each_method(
-        case, found, scene, share, 0.5, "share of what there is to see that is explained", sense="at_least"
-    )
+        case, found, scene, lambda cell: share_of_looks(found, cell, views), bar,
+        "share of the variance within the silhouette that is explained", sense="at_least",
+    )  # fmt: skip
+
+
+def _left_of_blank(found: Trained, views: Views, cell: CellRecord) -> float | None:
+    """At the Nyquist limit nobody need tell the fields apart; their mean must be there."""
+    left, blank = [], []
+    for one in shown(found, cell):
+        view = views.of(one.view)
+        truth = _display(view.truth[0])[view.covered[0]]
+        left.append((one.render[view.covered[0]] - truth).ravel() ** 2)
+        blank.append((1.0 - truth).ravel() ** 2)
+    return float(np.concatenate(left).mean() / np.concatenate(blank).mean()) if left else None
 
 
 def extreme_light(situation: Situation) -> Iterator[Finding]:
@@ -171,8 +236,13 @@ def extreme_light(situation: Situation) -> Iterator[Finding]:
             yield from each_method(
                 "S6", found, scene, mse_over_tests, 1e-3, "mean square error of a field that is the same everywhere"
             )
+        elif scene == "checker":
+            yield from each_method(
+                "S6", found, scene, partial(_left_of_blank, found, views), 0.4,
+                "mean square error within the silhouette over that of showing nothing at all",
+            )  # fmt: skip
         else:
-            yield from _explained(found, scene, views, "S6")
+            yield from _explained(found, scene, "S6", LEAST_SHARE[scene], situation)
     yield from _grazing_chord()
     yield scores("S6", "Extreme light", found)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +12,7 @@ from harness.ground_truth import render_view_sets
 from harness.records import CellRecord, records_folder
 from harness.stability.scene_truth import LARGEST_Z, Views, read_views_and_truth, unexplained, worst_z
 from harness.stability.situation import Finding, Situation, whose
-from harness.stability.trained_scenes import Trained, scores_table, trained, unscored
+from harness.stability.trained_scenes import Trained, learnt_nothing, scores_table, trained, unscored
 from harness.stability_record import Outcome, judged
 from scenes.catalog import scene_named
 from scenes.images import read_image
@@ -84,7 +85,11 @@ def each_method(
     unit: str = "",
     sense: Literal["at_most", "at_least"] = "at_most",
 ) -> Iterator[Outcome]:
-    """`figure` of every cell of the scene against `bar`; None where the cell has none, which is said."""
+    """`figure` of every cell of the scene against `bar`; None where the cell has none, which is said.
+
+    A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at all comes close to many a
+    scene, and is no success on any.
+    """
     for cell in found.of(scene):
         missing = unscored(case, cell, f"{scene}: {what}")
         value = None if missing else figure(cell)
@@ -94,6 +99,12 @@ def each_method(
             yield Outcome(
                 case, cell.method, whose(cell.method), "not_applicable", what=f"{scene}: {what}",
                 why="its record holds no such score",
+            )  # fmt: skip
+        elif learnt_nothing(cell):
+            yield Outcome(
+                case, cell.method, whose(cell.method), "not_applicable",
+                value if isfinite(value) else None, bar, sense, unit, f"{scene}: {what}",
+                f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge",
             )  # fmt: skip
         else:
             why = "; ".join(cell.warnings)

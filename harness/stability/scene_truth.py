@@ -12,8 +12,9 @@ from scenes.truth import Truth, pixel_means
 COLOURS = "RGBA"
 LARGEST_Z = 4.0
 STRATA = (13, 16)
-"""The closed form is averaged over a pixel on two grids; what they differ by is its own error. At (7, 8) the silhouette
-of a ball alone was off by four standard errors of six views."""
+"""The closed form is averaged over a pixel twice, by one random ray in each of so many strata along either axis: free
+of bias, and what the two differ by is the noise of their mean. Even grids of the same sizes are off by their alignment
+with straight edges: beneath fields half a pixel wide by four standard errors of six views."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Views:
     rendered: np.ndarray
     """float64 [n, h, w, 4]: linear, premultiplied."""
     variance: np.ndarray
-    """[n, h, w, 4]: what the renderer estimates of its noise, and what the grids of the closed form differ by."""
+    """[n, h, w, 4]: what the renderer estimates of its noise, and what the two means of the closed form differ by."""
     truth: np.ndarray
     """[n, h, w, 4]."""
     depth: np.ndarray
@@ -49,13 +50,14 @@ def read_views_and_truth(folder: Path, names: Iterable[str], poses: Iterable[np.
     """`names` inside a view set's folder, without suffix, and their cameras [4, 4]."""
     names = tuple(names)
     rows = []
-    for name, pose in zip(names, poses, strict=True):
+    for number, (name, pose) in enumerate(zip(names, poses, strict=True)):
         channels = read_channels(folder / f"{name}.exr")
         rendered = np.stack([channels[one] for one in COLOURS], axis=-1).astype(np.float64)
         noise = np.stack([channels[f"V.{one}"] for one in COLOURS], axis=-1).astype(np.float64)
         height, width = rendered.shape[:2]
         (first, first_depth), (second, second_depth) = (
-            pixel_means(truth, pose, width, height, strata) for strata in STRATA
+            pixel_means(truth, pose, width, height, strata, np.random.default_rng((number, strata)))
+            for strata in STRATA
         )
         mean, apart = (first + second) / 2, (first - second) ** 2 / 4
         rows.append((rendered, noise + apart, mean, channels["Z"], (first_depth + second_depth) / 2))

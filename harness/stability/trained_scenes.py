@@ -78,6 +78,20 @@ def unscored(case: str, cell: CellRecord, what: str) -> Outcome | None:
     )
 
 
+NOTHING_THERE = ("empty",)
+"""Scenes of which to show nothing is right."""
+
+
+def learnt_nothing(cell: CellRecord) -> bool:
+    """Whether a whole cell shows nothing at all of a scene in which there is something: empty collapse.
+
+    That a training collapses within a few hundred steps hangs on its random numbers, and says nothing of how well a
+    formula is computed: it is recorded, and never taken for a result.
+    """
+    collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
+    return cell.status == "done" and collapsed and cell.scene not in NOTHING_THERE
+
+
 SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
 
 
@@ -89,7 +103,7 @@ def scores_table(case: str, title: str, trained: Trained, scenes: Iterable[str],
             cell.method,
             *(cell.scores.get(name) for name in SCORES),
             cell.status if cell.reason is None else f"{cell.status}: {cell.reason}",
-            "; ".join(cell.warnings),
+            "; ".join(["learnt nothing"] * learnt_nothing(cell) + cell.warnings),
         ]
         for scene in scenes
         for cell in trained.of(scene)

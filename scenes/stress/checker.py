@@ -1,15 +1,15 @@
-"""A chequered square whose fields are one pixel wide at 100 pixels: the Nyquist limit, and beyond where it recedes."""
+"""A chequered square whose fields are one pixel wide at 48 pixels: the Nyquist limit, and beyond where it recedes."""
 
 import numpy as np
 
 from scenes.scene import Description, Scene
 from scenes.stress import geometry
 from scenes.stress.patterns import chequers, diffuse, fields, level, sky
-from scenes.stress.wires import pixel_size
+from scenes.stress.wires import RESOLUTION, pixel_size
 from scenes.truth import Seen
 
 HALF = 0.95
-FIELDS = round(2 * HALF / pixel_size(100))
+FIELDS = round(2 * HALF / pixel_size(RESOLUTION))
 """Along a side."""
 
 
@@ -33,7 +33,7 @@ def truth(o: np.ndarray, d: np.ndarray) -> Seen:
 SCENES = {
     "checker": Scene(
         name="checker",
-        title="Chequers one pixel wide at 100 pixels: at the Nyquist limit, and beyond it at the back",
+        title=f"Chequers one pixel wide at {RESOLUTION} pixels: at the Nyquist limit, and beyond it at the back",
         build=build,
         truth=truth,
     )

@@ -11,6 +11,8 @@ from scenes.stress.patterns import BLACK, sky
 from scenes.truth import Seen, Truth
 from scenes.viewpoints import FOV_X_RADIANS, RADIUS
 
+RESOLUTION = 48
+"""Pixels of the views that the stress scenes are meant for."""
 QUARTER_PIXEL = 0.25
 HALF = 0.75
 """Half an edge of the cage."""
@@ -57,7 +59,7 @@ def wires_truth(width: float) -> Truth:
 SCENES = {
     "wires": wires(
         "wires",
-        "A cage of wires a quarter of a pixel thin at 100 pixels: rays through pixel centres miss them",
-        QUARTER_PIXEL * pixel_size(100),
+        f"A cage of wires a quarter of a pixel thin at {RESOLUTION} pixels: rays through pixel centres miss them",
+        QUARTER_PIXEL * pixel_size(RESOLUTION),
     )
 }

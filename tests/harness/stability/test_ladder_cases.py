@@ -7,15 +7,17 @@ import pytest
 
 from harness.records import CellRecord, RunRecord, StoredImage, records_folder
 from harness.stability.ladder_cases import (
+    LEAST_RUNGS,
     Standing,
+    _breaks,
     _outcome,
     _row,
     rungs_climbed,
-    share_of_looks,
     share_of_views,
     standing,
     worst,
 )
+from harness.stability.looks import share_of_looks
 from harness.stability.trained_scenes import Trained
 from scenes.image_stack import ImageStack
 from scenes.images import write_png
@@ -123,3 +125,24 @@ def test_a_method_that_is_not_available_is_no_failure() -> None:
     missing = cell("frequency_1", "nerf", 0, [], status="not_available", reason="no LLVM")
     outcome = _outcome(FREQUENCY, left_behind(Path(), missing), "nerf", [Standing(None, "not_available: no LLVM")] * 5)
     assert (outcome.status, outcome.why, outcome.broke) == ("not_available", "no LLVM", False)
+
+
+def test_the_control_must_be_climbed_whole() -> None:
+    assert set(LEAST_RUNGS) == set(LADDERS)
+    scale = LADDERS["scale"]
+    found = left_behind(Path(), cell("scale_1", "nerf", 0, []))
+    whole, broken = Standing(0.9, ""), Standing(0.1, "explains 10%")
+    assert _outcome(scale, found, "nerf", [whole] * 5).status == "pass"
+    assert _outcome(scale, found, "nerf", [*[whole] * 4, broken]).broke
+
+
+def test_the_breaking_rung_is_marked_on_its_line() -> None:
+    whole, broken, lost = Standing(0.9, ""), Standing(0.1, "explains 10%"), Standing(None, "diverged: x")
+    standings = {
+        "nerf": [whole, broken, broken, broken, broken],
+        "qnerf": [whole, Standing(0.4, "explains 40%"), whole, whole, whole],
+        "voxels_drjit": [whole] * 5,
+        "nerf_matched": [lost] * 5,
+    }
+    (marks,) = _breaks(FREQUENCY, standings)
+    assert (marks.name, marks.x, marks.y) == ("first rung that breaks: 2", [FREQUENCY.values[1]] * 2, [0.1, 0.4])
