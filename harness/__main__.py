@@ -48,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
     pairs.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     left = commands.add_parser("omissions", help="what leaving out what a scene does not need saves and costs, as JSON")
     _add_plan_options(left)
-    left.set_defaults(methods=["nerf"], budget_steps=300, seeds=3)
+    left.set_defaults(methods=["nerf"], seeds=3)
     left.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
