@@ -56,10 +56,8 @@ class VoxelField:
         self.degree = DEGREE if view_dependent else 0
         self.shape = shape_of(box, voxels)
         count = math.prod(self.shape)
-        self.values: dict[str, Any] = {"density": dr.zeros(self.types.Float, count)}
-        for name in CHANNELS:
-            self.values[name] = dr.zeros(self.types.Float, count * self.coefficients)
-        dr.eval(self.values)
+        sizes = {"density": count, **dict.fromkeys(CHANNELS, count * self.coefficients)}
+        self.values = _zeros(self.types.Float, sizes)
 
     @property
     def coefficients(self) -> int:
@@ -235,8 +233,8 @@ class Adam:
     BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
 
     def __init__(self, field: VoxelField) -> None:
-        zero = {name: dr.zeros(field.types.Float, len(value)) for name, value in field.values.items()}
-        self.first, self.second = zero, {name: type(value)(value) for name, value in zero.items()}
+        sizes = {name: len(value) for name, value in field.values.items()}
+        self.first, self.second = _zeros(field.types.Float, sizes), _zeros(field.types.Float, sizes)
         self.steps = 0
 
     def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
@@ -261,6 +259,13 @@ def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
     size = (box.upper - box.lower).tolist()
     x, y, z = (max(1, round(voxels * side / max(size))) for side in size)
     return x, y, z
+
+
+def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
+    """Each in memory of its own: a zero that Dr.Jit knows of, or that two arrays share, is compiled into the kernel,
+    and the first steps would need other kernels than those after them.
+    """
+    return {name: dr.opaque(kind, 0.0, size) for name, size in sizes.items()}
 
 
 def _finished(device: torch.device) -> None:
