@@ -11,6 +11,7 @@ from torch import Tensor
 from baselines.catalog import CATALOG
 from baselines.contract import Box, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
+from harness.clipping import Clipping
 from harness.schedule import Budget
 from harness.settings import TrainSettings
 from harness.stopwatch import Stopwatch
@@ -67,6 +68,7 @@ class Learner(Protocol):
     box: Box
     device: torch.device
     clock: Stopwatch
+    clipping: Clipping
     step: int
     network_evaluations: int
     """Points at which the method was evaluated for training so far."""

@@ -195,11 +195,11 @@ class Trainer:
         gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
         if scale != 1.0:
             torch._foreach_div_(gradients, scale)
-        total = nn.utils.get_total_norm(gradients)
-        if not math.isfinite(norm := float(total)):
+        if not math.isfinite(norm := float(nn.utils.get_total_norm(gradients))):
             # before anything is scaled by it, which would make every gradient NaN
             raise Diverged(self.step, self._first_not_finite("gradient"))
-        nn.utils.clip_grads_with_norm_(self.fields.parameters(), self.clipping.allowed(norm), total)
+        if (kept := self.clipping.scale(norm)) < 1.0:
+            torch._foreach_mul_(gradients, kept)
         return norm, float(nn.utils.get_total_norm(gradients)) if measured else math.nan
 
     def _refresh_grid(self) -> None:

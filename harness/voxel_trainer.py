@@ -55,7 +55,7 @@ class VoxelTrainer:
         self._stages = list(settings.voxels.stages())
         self.field = VoxelField(box, self._stages.pop(0)[1], view_dependent, backend)
         self._optimiser = Adam(self.field)
-        self._clipping = Clipping(settings.clip_norm, settings.clip_ratio)
+        self.clipping = Clipping(settings.clip_norm, settings.clip_ratio)
 
     @property
     def fields(self) -> VoxelField:
@@ -89,7 +89,7 @@ class VoxelTrainer:
                 settings.warm_up_steps,
             )
             found = self._slope(self.field, rays, colours, generator_for(self.seed, self.step, "jitter"))
-            scale = min(1.0, self._clipping.allowed(found.norm) / (found.norm + 1e-20))
+            scale = self.clipping.scale(found.norm)
             self._optimiser.step(self.field, found.gradients, rate, scale)
             dr.sync_thread()
         self.step += 1
