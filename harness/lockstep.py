@@ -18,6 +18,7 @@ from harness.schedule import Budget, checkpoint_fractions
 from harness.settings import ScoreSettings, TrainSettings
 from harness.trainer import Diverged
 from harness.unscored import unscored
+from scenes.errors import InputError
 from scenes.images import write_png
 from scenes.pixels import over_white
 from scenes.view_set import Split, ViewSet
@@ -51,7 +52,7 @@ def train_group(
     provenance: dict[str, Any],
     on_progress: Callable[[float], None],
 ) -> Iterator[CellRecord]:
-    """Yields the record of each method as soon as it has ended; one that diverges does not stop the others.
+    """Yields the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
 
     `on_progress` gets the share of the group's training that is done.
     """
@@ -66,12 +67,21 @@ def train_group(
             learner = learner_for(
                 method, box, settings.train, settings.budget, stream, device, needs_view_direction(views)
             )
+            runner = _Runner(learner, views, scene, seed, settings, out, provenance, floor)
         except NotAvailable as missing:
             yield unscored(scene, method, seed, "not_available", str(missing))
             continue
-        runners.append(_Runner(learner, views, scene, seed, settings, out, provenance, floor))
-    for runner in runners:
-        runner.trainer.warm_up(*batches.batch(stream, 0, settings.train.rays))
+        except InputError:
+            raise
+        except Exception as error:
+            yield unscored(scene, method, seed, "error", f"{type(error).__name__} before the first step: {error}")
+            continue
+        failed = runner.warm_up(*batches.batch(stream, 0, settings.train.rays))
+        if failed is None:
+            runners.append(runner)
+        else:
+            yield failed
+        del learner, runner  # the memory of one that failed is the next one's
     active = list(runners)
     turn = 0
     while active:
@@ -141,6 +151,16 @@ class _Runner:
     def progress(self) -> float:
         return 1.0 if self.ended else self.trainer.progress
 
+    def warm_up(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """What comes before the clock; the record when the cell ends with it."""
+        try:
+            self.trainer.warm_up(rays, truth)
+        except Diverged as stop:
+            return self._stopped("diverged", str(stop))
+        except Exception as error:
+            return self._stopped("error", f"{type(error).__name__} before the first step: {error}")
+        return None
+
     def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
         """One step and whatever is due after it; the record when the cell has ended."""
         try:
@@ -189,6 +209,7 @@ class _Runner:
         scores["psnr_floor"] = self.floor
         self._save_weights()
         properties = evaluate.measured_properties(trainer, self.test)
+        properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         self.ended = True
         stored = [self._store(view, index) for index, view in last.kept.items()]
         opacity = float(np.mean(last.opacities))

@@ -1,6 +1,5 @@
 """All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from harness import evaluate, lockstep
+from harness import evaluate
 from harness.batches import Batches
 from harness.lockstep import GroupSettings, needs_view_direction, train_group, warnings_of
 from harness.records import CellRecord, cell_path, read_cell, write_cell
@@ -139,50 +138,13 @@ def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
     assert not torch.equal(some.batch(0, 0, 8)[0].directions, some.batch(1, 0, 8)[0].directions)
 
 
-@pytest.fixture
-def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Trainer.train_on
-
-    def spoilt(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
-        if self.method == "qnerf" and self.step == 9:
-            with torch.no_grad():
-                self.coarse.density_head.weight[0, 0] = math.nan
-        original(self, rays, colours)
-
-    monkeypatch.setattr(Trainer, "train_on", spoilt)
-
-
-@pytest.mark.usefixtures("spoil_qnerf_at_step_9")
-def test_a_method_that_diverges_does_not_stop_or_change_the_others(
-    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path
+@pytest.mark.parametrize(("limit", "share"), [(1e-12, 1.0), (1e9, 0.0)])
+def test_the_record_says_how_many_of_the_steps_were_clipped(
+    ball: ViewSet, tmp_path: Path, limit: float, share: float
 ) -> None:
-    shares: list[float] = []
-    cells = group(ball, tmp_path, progress=shares.append)
-    broken = cells["qnerf"]
-    assert (broken.status, broken.steps, broken.scores, broken.views) == ("diverged", 9, {}, [])
-    assert broken.reason == "not finite at step 9: weight of coarse.density_head.weight"
-    assert [point.step for point in broken.curve] == [6], "what was scored before stays"
-    write_cell(tmp_path, broken)
-    for method in ("nerf", "nerf_matched"):
-        assert without_time(cells[method]) == without_time(trained[1][method])
-    assert shares[-1] == 1.0
-
-
-def test_an_error_of_ours_costs_its_own_cell_alone(
-    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    original = Trainer.train_on
-
-    def broken(self: Trainer, *batch: Any) -> None:
-        if self.method == "nerf" and self.step == 7:
-            raise RuntimeError("a bug")
-        original(self, *batch)
-
-    monkeypatch.setattr(Trainer, "train_on", broken)
-    cells = group(ball, tmp_path)
-    assert (cells["nerf"].status, cells["nerf"].reason) == ("error", "RuntimeError at step 7: a bug")
-    for method in ("nerf_matched", "qnerf"):
-        assert without_time(cells[method]) == without_time(trained[1][method])
+    settings = replace(TRAIN, clip_norm=limit, clip_ratio=1e9)
+    cell = group(ball, tmp_path, ("nerf",), train=settings, budget=Budget(3, None))["nerf"]
+    assert cell.properties["clipped_share"] == share
 
 
 def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,26 +162,6 @@ def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch
     (first_colours, first_weights), (second_colours, second_weights) = seen
     assert not torch.equal(first_colours, second_colours)
     assert not torch.equal(first_weights, second_weights)
-
-
-def test_a_pixel_that_is_not_finite_at_a_checkpoint_is_a_divergence(
-    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    original = evaluate.render_split
-
-    def spoilt(trainer: Trainer, *others: Any) -> Any:
-        if trainer.method == "nerf_matched":
-            with torch.no_grad():
-                trainer.coarse.colour_net[0].bias[0] = math.inf
-                trainer.coarse.colour_net[1].weight[:] = 0.0  # 0 × ∞ in the next layer
-        return original(trainer, *others)
-
-    monkeypatch.setattr(lockstep.evaluate, "render_split", spoilt)
-    cells = group(ball, tmp_path)
-    assert {method: cell.status for method, cell in cells.items()} == {
-        "nerf": "done", "nerf_matched": "diverged", "qnerf": "done",
-    }  # fmt: skip
-    assert cells["nerf_matched"].reason == "not finite at step 6: rendered colour"
 
 
 def test_only_training_is_on_the_clock(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
