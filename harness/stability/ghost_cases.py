@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
@@ -39,7 +40,8 @@ def ghosts(situation: Situation) -> Iterator[Finding]:
             )  # fmt: skip
     rows: list[list[str | float | None]] = []
     for name, (base, whose_it_is) in RATIOS.items():
-        found = [ghost(base, 14, distance, situation.quick) for distance in DISTANCES]
+        gaps = [ghost(base, 14, distance, situation.quick) for distance in DISTANCES]
+        found = [gap.share for gap in gaps]
         rows.append([f"ratio {name}", *found])
         worst = max(found, key=abs)
         yield judged(
@@ -47,6 +49,10 @@ def ghosts(situation: Situation) -> Iterator[Finding]:
             what="share of the burst that appears in a gap never seen, the worst of three distances",
             why=f"at distance {DISTANCES[found.index(worst)]:.4g}",
         )  # fmt: skip
+        for distance, gap in zip(DISTANCES, gaps, strict=True):
+            yield _across(distance, f"ratio {name}", gap.offset, gap.predicted)
+            if base == PHI:
+                yield _across(distance, "the burst, moved by that distance", gap.offset, gap.burst)
     columns = ["ladder, L = 14", *(f"at {distance:.4g}" for distance in DISTANCES)]
     yield Table("ghosts", 8, "Share of a burst that a trained network shows in a gap at a distance", columns, rows)
     yield from _gratings(situation.quick)
@@ -66,10 +72,29 @@ def burst(x: Tensor, centre: float) -> Tensor:
     return waves * torch.exp(-0.5 * ((x - centre) / BURST) ** 2)
 
 
-def ghost(base: float, bands: int, distance: float, quick: bool) -> float:
-    """⟨prediction, burst⟩ / ⟨burst, burst⟩ in a gap of ±3 widths at `distance` from the burst, unseen in training,
-    where everything but the burst is 0; mean over networks.
-    """
+@dataclass(frozen=True)
+class Gap:
+    """What networks say of a gap that they never saw, where nothing is."""
+
+    share: float
+    """⟨prediction, burst⟩ / ⟨burst, burst⟩."""
+    offset: Float[Tensor, " places"]
+    """From the middle of the gap."""
+    predicted: Float[Tensor, " places"]
+    """Mean over networks; the truth is 0."""
+    burst: Float[Tensor, " places"]
+    """What a perfect ghost would be."""
+
+
+def _across(distance: float, name: str, offset: Tensor, values: Tensor) -> Series:
+    return Series(
+        f"A gap never seen, {distance:.4g} from a burst, L = 14 (the truth is 0)", 8, name, "distance from its middle",
+        "prediction", offset[::3].tolist(), values[::3].tolist(), log_x=False, log_y=False,
+    )  # fmt: skip
+
+
+def ghost(base: float, bands: int, distance: float, quick: bool) -> Gap:
+    """In a gap of ±3 widths at `distance` from the burst, unseen in training, where everything but the burst is 0."""
     centre = -0.5 * distance
     seen = 2.0 * torch.rand(1024, generator=generator_for("stability", "ghost")) - 1.0
     seen = seen[(seen - (centre + distance)).abs() > 3.0 * BURST]
@@ -77,7 +102,8 @@ def ghost(base: float, bands: int, distance: float, quick: bool) -> float:
     networks = 2 if quick else 4
     there = burst(gap, centre + distance)
     predicted = fitted(base, bands, seen, burst(seen, centre).expand(networks, -1), gap, 5 if quick else 400)
-    return float((predicted @ there).mean() / (there @ there))
+    share = float((predicted @ there).mean() / (there @ there))
+    return Gap(share, gap - (centre + distance), predicted.mean(dim=0), there)
 
 
 def fitted(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import torch
@@ -13,10 +13,13 @@ from baselines.numerics.amplifier import amplify_about_mean, softplus_density
 from baselines.numerics.encoding import encode
 from baselines.numerics.quadrature import QUADRATURES
 from harness.chart_record import Series, Table
+from harness.clipping import Clipping
+from harness.learner import NotAvailable
 from harness.settings import TrainSettings
 from harness.stability.situation import Finding, Situation
-from harness.stability.small_training import new_trainer, setup, train, trained
-from harness.stability_record import Outcome, judged
+from harness.stability.small_training import new_trainer, not_made_of_parts, setup, train, trained
+from harness.stability.voxel_spike import losses_of_voxels
+from harness.stability_record import Outcome, Whose, judged
 from harness.trainer import Diverged, Trainer
 
 REDUCED: tuple[Precision, ...] = ("bfloat16", "float16")
@@ -129,6 +132,7 @@ CLIPPING: dict[str, Callable[[TrainSettings], TrainSettings]] = {
 }
 """What is changed in the settings of every run."""
 SMOOTHED = 20
+OTHERS = ("qnerf", "voxels_drjit")
 RECOVERY = 200
 """Steps after which a spike must no longer be seen."""
 BAR = 0.10
@@ -141,16 +145,13 @@ def spike(situation: Situation) -> Iterator[Finding]:
     yield _line("no spike", base)
     for factor in FACTORS:
         for clipping in CLIPPING:
-            name, losses = f"× {factor:g}, {clipping}", _spiked(situation, at, factor, clipping)
-            yield _line(name, losses)
-            back = slice(min(at + RECOVERY, len(base)) - SMOOTHED, at + RECOVERY)
-            late = _mean(losses[back]) / _mean(base[back]) - 1.0
-            frozen = steps_until_back(losses, base, at)
-            yield judged(
-                "O2", name, "ours" if clipping == "as here" else "usual", max(late, 0.0), BAR,
-                what=f"loss above that of the run without a spike, {RECOVERY} steps later (mean of {SMOOTHED})",
-                why=f"back within {BAR:.0%} after {frozen} steps" if frozen is not None else "not back in this run",
-            )  # fmt: skip
+            name, run = f"× {factor:g}, {clipping}", _spiked(situation, METHOD, at, factor, clipping)
+            yield _line(name, run.losses)
+            yield _recovered(name, "ours" if clipping == "as here" else "usual", run.losses, base, at)
+            if clipping == "as here":
+                yield _norms(f"{name}: before clipping", [norm for norm, _ in run.norms], at)
+            yield _norms(f"{name}: after clipping", [kept for _, kept in run.norms], at)
+    yield from _other_methods(situation, at)
     yield _nan_gradient(situation)
     again = train(situation, new_trainer(situation, METHOD)).losses
     yield judged(
@@ -160,13 +161,79 @@ def spike(situation: Situation) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+def _other_methods(situation: Situation, at: int) -> Iterator[Outcome]:
+    """The larger spike alone, with the clipping of every run."""
+    for method in OTHERS:
+        if method not in situation.methods:
+            continue
+        name = f"{method}, × {FACTORS[-1]:g}, as here"
+        if not_made_of_parts(method):
+            yield _voxels(situation, name, at)
+            continue
+        run = _spiked(situation, method, at, FACTORS[-1], "as here")
+        # what clipping makes of a spike is ours, whosever the method
+        yield _recovered(name, "ours", run.losses, trained(situation, method).losses, at)
+
+
+def _voxels(situation: Situation, name: str, at: int) -> Outcome:
+    try:
+        base, spiked = (losses_of_voxels(situation, at, factor) for factor in (1.0, FACTORS[-1]))
+    except NotAvailable as error:
+        return Outcome("O2", name, "ours", "not_available", why=str(error))
+    return _recovered(name, "ours", spiked, base, at)
+
+
+def _recovered(name: str, theirs: Whose, losses: list[float], base: list[float], at: int) -> Outcome:
+    back = slice(min(at + RECOVERY, len(base)) - SMOOTHED, at + RECOVERY)
+    late = _mean(losses[back]) / _mean(base[back]) - 1.0
+    frozen = steps_until_back(losses, base, at)
+    return judged(
+        "O2", name, theirs, max(late, 0.0), BAR,
+        what=f"loss above that of the run without a spike, {RECOVERY} steps later (mean of {SMOOTHED})",
+        why=f"back within {BAR:.0%} after {frozen} steps" if frozen is not None else "not back in this run",
+    )  # fmt: skip
+
+
+class NotedClipping(Clipping):
+    """Clipping that keeps the norm of each gradient before and after it."""
+
+    def __init__(self, norm: float, ratio: float) -> None:
+        super().__init__(norm, ratio)
+        self.norms: list[tuple[float, float]] = []
+
+    def scale(self, norm: float) -> float:
+        kept = super().scale(norm)
+        self.norms.append((norm, kept * norm))
+        return kept
+
+
+@dataclass(frozen=True)
+class Spiked:
+    """A training with one large gradient."""
+
+    losses: list[float]
+    norms: list[tuple[float, float]]
+    """Of the gradient of each step, before and after clipping."""
+
+
 @cache
-def _spiked(situation: Situation, at: int, factor: float, clipping: str) -> list[float]:
-    """Losses of a training whose gradient is `factor` times as large at step `at`."""
-    trainer = new_trainer(situation, METHOD, CLIPPING[clipping](setup(situation).settings))
+def _spiked(situation: Situation, method: str, at: int, factor: float, clipping: str) -> Spiked:
+    """A training whose gradient is `factor` times as large at step `at`."""
+    settings = CLIPPING[clipping](setup(situation).settings)
+    trainer = new_trainer(situation, method, settings)
+    noted = NotedClipping(settings.clip_norm, settings.clip_ratio)
+    trainer.clipping = noted
     for weight in trainer.fields.parameters():
         weight.register_hook(lambda gradient: gradient * factor if trainer.step == at else gradient)
-    return train(situation, trainer).losses
+    return Spiked(train(situation, trainer).losses, noted.norms)
+
+
+def _norms(name: str, norms: list[float], at: int) -> Series:
+    """A few steps before the spike, and until one of its size would have left a running mean."""
+    part = slice(max(0, at - SMOOTHED), at + 2 * SMOOTHED)
+    y: list[float | None] = [norm if norm > 0.0 else None for norm in norms[part]]
+    return Series("Norm of the gradient around a spike", 11, name, "step", "norm of the gradient",
+                  [float(step) for step in range(1, len(norms) + 1)][part], y, log_x=False)  # fmt: skip
 
 
 def smoothed(losses: list[float]) -> list[float]:

@@ -117,6 +117,14 @@ def test_a_network_learns_what_it_sees_and_one_network_does_not_see_another() ->
     torch.testing.assert_close(both[0], other[0], rtol=0.0, atol=1e-3)
 
 
+def test_a_ghost_is_looked_at_across_its_gap_and_its_share_is_that_of_the_burst() -> None:
+    gap = ghost_cases.ghost(PHI, 14, ghost_cases.DISTANCES[0], quick=True)
+    assert float(gap.offset.abs().max()) == pytest.approx(3.0 * ghost_cases.BURST, rel=1e-4)
+    torch.testing.assert_close(gap.burst, ghost_cases.burst(gap.offset, 0.0), rtol=0.0, atol=1e-3)
+    assert gap.share == pytest.approx(float(gap.predicted @ gap.burst / (gap.burst @ gap.burst)), rel=1e-3, abs=1e-6)
+    assert len(gap.predicted) == len(gap.offset)
+
+
 def test_true_waves_are_those_of_float64_where_that_is_enough() -> None:
     x = torch.linspace(-1.0, 1.0, 9)
     expected = torch.stack([torch.sin(8.0 * math.pi * x.double()), torch.cos(8.0 * math.pi * x.double())], dim=-1)
@@ -259,10 +267,15 @@ def test_half_precision_weights_stand_still_or_break_as_arithmetic_says() -> Non
 
 def test_a_spike_of_one_changes_nothing_and_a_large_one_without_clipping_does(situation: Situation) -> None:
     base = small_training.trained(situation, "nerf").losses
-    assert optimiser_cases._spiked(situation, 3, 1.0, "as here") == base
-    spiked = optimiser_cases._spiked(situation, 3, 1e9, "not clipped")
-    assert spiked[:4] == base[:4]
-    assert spiked[5:] != base[5:]
+    assert optimiser_cases._spiked(situation, "nerf", 3, 1.0, "as here").losses == base
+    spiked = optimiser_cases._spiked(situation, "nerf", 3, 1e9, "not clipped")
+    assert spiked.losses[:4] == base[:4]
+    assert spiked.losses[5:] != base[5:]
+    assert all(before == after for before, after in spiked.norms)
+    clipped = optimiser_cases._spiked(situation, "nerf", 3, 1e9, "as here").norms
+    assert len(clipped) == len(base)
+    assert clipped[3][0] == pytest.approx(spiked.norms[3][0])
+    assert clipped[3][1] < 10.0 * clipped[2][0] < 1e-6 * clipped[3][0]
 
 
 @pytest.mark.parametrize("method", ["nerf", "qnerf"])
