@@ -19,13 +19,12 @@ from harness.stability.scene_findings import (
     held_to_closed_form,
     mse_over_tests,
     scores,
-    shown,
     stress,
     views_of,
 )
 from harness.stability.scene_truth import LARGEST_Z, Views, worst_z, z_score
 from harness.stability.situation import Finding, Situation, Whose
-from harness.stability.trained_scenes import Trained
+from harness.stability.trained_scenes import Trained, shown
 from harness.stability_record import Outcome, judged
 from scenes.pixels import decode_srgb, display_from_linear, over_white
 from scenes.stress import geometry, light, mirror, wires
@@ -116,8 +115,8 @@ def wires_thinner_than_a_pixel(situation: Situation) -> Iterator[Finding]:
             what=f"wires {width:g} of a pixel thin: |z| of the rendered share of a view against the covered area",
             why=f"{hits:.0f} rays are to hit; if none did, |z| would be {math.sqrt(hits):.1f}",
         )  # fmt: skip
-    whole = views_of(found, "wires")
-    blank = float(np.mean((_display(whole.truth) - 1.0) ** 2))
+    every = read_views(found.folder("wires"), situation.plan(PROFILE).views, situation.scratch).test
+    blank = float(np.mean([np.mean((over_white(rgba) - 1.0) ** 2) for rgba in every.rgba]))
     yield from each_method(
         "S4", found, "wires", lambda cell: _ratio(mse_over_tests(cell), blank), 0.9,
         "mean square error over that of showing nothing at all",

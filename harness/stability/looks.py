@@ -3,9 +3,8 @@
 import numpy as np
 
 from harness.records import CellRecord
-from harness.stability.scene_findings import shown
 from harness.stability.scene_truth import colour_variance, explained_share
-from harness.stability.trained_scenes import Trained
+from harness.stability.trained_scenes import Trained, shown
 from scenes.pixels import over_white
 from scenes.view_set import ViewSet
 

@@ -22,7 +22,6 @@ from harness.stability.scene_findings import (
     held_to_closed_form,
     mse_over_tests,
     scores,
-    shown,
     stress,
     view_set_of,
     views_beside,
@@ -31,7 +30,7 @@ from harness.stability.scene_findings import (
 from harness.stability.scene_truth import LARGEST_Z, Views, depth_error, worst_z
 from harness.stability.situation import Finding, Situation
 from harness.stability.textbook_scores import textbook_scores
-from harness.stability.trained_scenes import Trained, learnt_nothing
+from harness.stability.trained_scenes import Trained, learnt_nothing, shown
 from harness.stability_record import Outcome, judged
 from scenes.errors import InputError
 from scenes.normalise import Similarity, box_of, check_scale
@@ -139,7 +138,7 @@ def depth_rows(found: Trained, scene: str, views: Views) -> list[list[str | floa
         error = cell.scores.get("depth_rmse")
         if error is None:
             said = f"no depth: {cell.status}"
-        elif learnt_nothing(cell):
+        elif learnt_nothing(found, cell):
             said = "learnt nothing"
         else:
             said = "better than the constant" if error < constant else "worse than the constant"

@@ -1,7 +1,6 @@
 """What every case about scenes says in the same way: of the ground truth, of each method, and which scenes it needs."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Literal
@@ -9,13 +8,12 @@ from typing import Literal
 import numpy as np
 
 from harness.ground_truth import render_view_sets
-from harness.records import CellRecord, records_folder
+from harness.records import CellRecord
 from harness.stability.scene_truth import LARGEST_Z, Views, read_views_and_truth, unexplained, worst_z
 from harness.stability.situation import Finding, Situation, whose
 from harness.stability.trained_scenes import Trained, learnt_nothing, scores_table, trained, unscored
 from harness.stability_record import Outcome, judged
 from scenes.catalog import scene_named
-from scenes.images import read_image
 from scenes.transforms import read_transforms
 from scenes.truth import Truth
 
@@ -100,7 +98,7 @@ def each_method(
                 case, cell.method, whose(cell.method), "not_applicable", what=f"{scene}: {what}",
                 why="its record holds no such score",
             )  # fmt: skip
-        elif learnt_nothing(cell):
+        elif learnt_nothing(found, cell):
             yield Outcome(
                 case, cell.method, whose(cell.method), "not_applicable",
                 value if isfinite(value) else None, bar, sense, unit, f"{scene}: {what}",
@@ -123,26 +121,3 @@ def mse_over_tests(cell: CellRecord) -> float | None:
     """Mean over the test views of the mean square error, display colour over white."""
     errors = [10.0 ** (-view.psnr / 10.0) for view in cell.views if view.psnr is not None]
     return float(np.mean(errors)) if errors else None
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A test view as the record keeps it, 8 bits deep: what every method leaves behind, whatever it is made of."""
-
-    view: str
-    render: np.ndarray
-    """[h, w, 3], display colour over white."""
-    opacity: np.ndarray
-    """[h, w]."""
-
-
-def shown(found: Trained, cell: CellRecord) -> list[Shown]:
-    folder = records_folder(found.out)
-    return [
-        Shown(
-            image.view,
-            read_image(folder / image.render)[..., :3].astype(np.float64),
-            read_image(folder / image.opacity)[..., 0].astype(np.float64),
-        )
-        for image in cell.images
-    ]

@@ -6,10 +6,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from harness.chart_record import Table
-from harness.records import CellRecord, DamagedRecord, RunRecord, read_cells, read_run
+from harness.records import CellRecord, DamagedRecord, RunRecord, read_cells, read_run, records_folder
 from harness.stability.situation import Situation, whose
 from harness.stability_record import Outcome, Status
+from scenes.images import read_image
 
 
 @dataclass(frozen=True)
@@ -78,18 +81,46 @@ def unscored(case: str, cell: CellRecord, what: str) -> Outcome | None:
     )
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A test view as the record keeps it, 8 bits deep: what every method leaves behind, whatever it is made of."""
+
+    view: str
+    render: np.ndarray
+    """[h, w, 3], display colour over white."""
+    opacity: np.ndarray
+    """[h, w]."""
+
+
+def shown(found: Trained, cell: CellRecord) -> list[Shown]:
+    folder = records_folder(found.out)
+    return [
+        Shown(
+            image.view,
+            read_image(folder / image.render)[..., :3].astype(np.float64),
+            read_image(folder / image.opacity)[..., 0].astype(np.float64),
+        )
+        for image in cell.images
+    ]
+
+
 NOTHING_THERE = ("empty",)
 """Scenes of which to show nothing is right."""
+LARGEST_TRACE = 0.05
+"""Mean distance from white of a picture that shows nothing."""
 
 
-def learnt_nothing(cell: CellRecord) -> bool:
+def learnt_nothing(found: Trained, cell: CellRecord) -> bool:
     """Whether a whole cell shows nothing at all of a scene in which there is something: empty collapse.
 
     That a training collapses within a few hundred steps hangs on its random numbers, and says nothing of how well a
-    formula is computed: it is recorded, and never taken for a result.
+    formula is computed: it is recorded, and never taken for a result. What has no opacity and is dark all the same
+    adds up its colours wrongly, and is judged.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
-    return cell.status == "done" and collapsed and cell.scene not in NOTHING_THERE
+    if cell.status != "done" or not collapsed or cell.scene in NOTHING_THERE:
+        return False
+    return all((1.0 - one.render).mean() <= LARGEST_TRACE for one in shown(found, cell))
 
 
 SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
@@ -103,7 +134,7 @@ def scores_table(case: str, title: str, trained: Trained, scenes: Iterable[str],
             cell.method,
             *(cell.scores.get(name) for name in SCORES),
             cell.status if cell.reason is None else f"{cell.status}: {cell.reason}",
-            "; ".join(["learnt nothing"] * learnt_nothing(cell) + cell.warnings),
+            "; ".join(["learnt nothing"] * learnt_nothing(trained, cell) + cell.warnings),
         ]
         for scene in scenes
         for cell in trained.of(scene)

@@ -118,13 +118,24 @@ def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
     ],
 )
 def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], statuses: set[str], tmp_path: Path) -> None:
-    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
+    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings, images=[]))
     (one,) = each_method("S4", found, scene, lambda _: 0.5, 0.9, "error")
     assert {one.status} == statuses
     assert one.figure == 0.5, "recorded all the same"
     assert ("learnt nothing in" in one.why) == (one.status == "not_applicable")
     (row,) = scores_table("S4", "title", found, [scene], 10).rows
     assert ("learnt nothing" in str(row[-1])) == (one.status == "not_applicable")
+
+
+def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
+    folder = records_folder(tmp_path) / "images"
+    folder.mkdir(parents=True)
+    write_png(folder / "o.png", np.tile([0.0, 0.0, 0.0, 1.0], (8, 8, 1)))
+    images = [StoredImage("test/r_0", "images/o.png", "images/o.png", "images/o.png")]
+    one = cell("glass_air", "qnerf", 0, [], images=images, warnings=["empty collapse: x"])
+    found = left_behind(tmp_path, one, methods=("qnerf",))
+    (said,) = each_method("S5", found, "glass_air", lambda _: -70.0, 0.3, "share", sense="at_least")
+    assert said.status == "fail"
 
 
 def test_a_figure_that_misses_its_bar_still_fails(tmp_path: Path) -> None:
@@ -142,7 +153,7 @@ def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
         tmp_path,
         cell("inside", "nerf", 0, [], scores={"depth_rmse": 2.4}),
         cell("inside", "qnerf", 0, [], scores={"depth_rmse": 0.4}),
-        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"]),
+        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"], images=[]),
         methods=("nerf", "qnerf", "voxels_drjit"),
     )
     said = {row[1]: row[4] for row in depth_rows(found, "inside", views)}
