@@ -103,7 +103,8 @@ _ALL = [
           "NaN, −∞, frozen weights; an encoding error of 1", "float32",
           "weights, encoding, amplifier and quadrature stay float32; the loss within 5 % of float32's (measured 0.1 %)",
           "optimiser_cases:half_precision", 25),
-    _case("O2", "One spike", "a gradient × 1e6, × 1e9 (NeRF; × 1e9 Q-NeRF and voxels as well), a NaN gradient; a cell trained twice",
+    _case("O2", "One spike",
+          "a gradient × 1e6, × 1e9 (NeRF; × 1e9 Q-NeRF and voxels as well), a NaN gradient; a cell trained twice",
           "Adam frozen for 2e4 to 3.3e4 steps; poisoned moments", "the same run without the spike",
           "back within 10 % in 200 steps; NaN ends the cell at a named step and tensor; "
           "trained twice: the same bits", "optimiser_cases:spike", 60),
