@@ -55,13 +55,19 @@ def read_views_and_truth(folder: Path, names: Iterable[str], poses: Iterable[np.
         rendered = np.stack([channels[one] for one in COLOURS], axis=-1).astype(np.float64)
         noise = np.stack([channels[f"V.{one}"] for one in COLOURS], axis=-1).astype(np.float64)
         height, width = rendered.shape[:2]
-        (first, first_depth), (second, second_depth) = (
-            pixel_means(truth, pose, width, height, strata, np.random.default_rng((number, strata)))
-            for strata in STRATA
-        )
-        mean, apart = (first + second) / 2, (first - second) ** 2 / 4
-        rows.append((rendered, noise + apart, mean, channels["Z"], (first_depth + second_depth) / 2))
+        mean, apart, depth = closed_form(truth, pose, width, height, number)
+        rows.append((rendered, noise + apart, mean, channels["Z"], depth))
     return Views(names, *(np.stack(column).astype(np.float64) for column in zip(*rows, strict=True)))
+
+
+def closed_form(
+    truth: Truth, pose: np.ndarray, width: int, height: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means over pixels [h, w, 4], the variance of each, and depth [h, w]."""
+    (first, first_depth), (second, second_depth) = (
+        pixel_means(truth, pose, width, height, strata, np.random.default_rng((seed, strata))) for strata in STRATA
+    )
+    return (first + second) / 2, (first - second) ** 2 / 4, (first_depth + second_depth) / 2
 
 
 def z_score(estimate: float, truth: float, variance: float) -> float:
