@@ -108,7 +108,7 @@ def curves(record: StabilityRecord) -> Figure | None:
         return None
     across = min(2, len(chosen))
     down = math.ceil(len(chosen) / across)
-    figure = Figure(figsize=(4.3 * across, 3.7 * down), layout="constrained")
+    figure = Figure(figsize=(5.4 * across, 4.6 * down), layout="constrained")
     grid = figure.subplots(down, across, squeeze=False)
     for axes in list(grid.flat)[len(chosen) :]:
         axes.set_visible(False)
@@ -133,4 +133,4 @@ def _keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
         )[0]
         for name in names
     ]  # fmt: skip
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False, fontsize=7.5)
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False, fontsize=6.5)

@@ -114,12 +114,13 @@ def rungs_climbed(standings: list[Standing]) -> int:
     return next((place for place, one in enumerate(standings) if one.broken), len(standings))
 
 
-def _line(ladder: Ladder, name: str, x: list[float], y: list[float]) -> Series:
+def _line(ladder: Ladder, name: str, x: list[float], explained: list[float]) -> Series:
+    """What is not explained, on a logarithmic axis: a picture may be wrong by far more than there is to see."""
     order = np.argsort(x)  # the ladder of scales goes both ways
-    label = "explained share of variance"
+    label, y = "share of variance not explained", [1.0 - share for share in explained]
     return Series(
         f"{ladder.name}: {ladder.title}", ITEM, name, ladder.unit, label, [x[i] for i in order], [y[i] for i in order],
-        log_x=True, log_y=False,
+        log_x=True, log_y=True,
     )  # fmt: skip
 
 
