@@ -25,7 +25,7 @@ from tests.harness.shell import CELLS, TINY, refused, shell
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced full"),
+        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced stress ladder full"),
         ("--scenes lego teapot", "unknown 'teapot'; known: "),
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),
