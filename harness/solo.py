@@ -39,12 +39,7 @@ def trained_alone(
     return trainer
 
 
-def test_psnr(trainer: Learner, views: ViewSet, chunk: int) -> float | None:
-    """Mean PSNR over the test views; raises `Diverged` on a pixel that is not finite."""
-    return psnr_on(trainer, views, views.test, chunk)
-
-
 def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
-    """The same for any split of `views`."""
+    """Mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
     cameras = evaluate.cameras_of(views, split, trainer.device)
     return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]

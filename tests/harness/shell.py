@@ -29,9 +29,9 @@ def shell(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, preexec_fn=on_one_core)
 
 
-def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path, command: str = "run") -> str:
     """The one line that a bad call ends with; anything that is raised is a traceback and fails the test."""
-    assert main(["run", *map(str, arguments)]) == 2
+    assert main([command, *map(str, arguments)]) == 2
     _, said = capsys.readouterr()
     assert said.startswith("error: ")
     assert said.count("\n") == 1

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,15 +13,10 @@ from harness.speed import runner
 from harness.speed.situation import Situation
 from harness.speed.timing import measured
 from harness.speed_record import QUESTIONS, Measurement, read_speed
+from tests.harness import shell
 from tests.test_architecture import heavy_imports_of, run_module
 
-
-def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
-    assert main(["speed", "--quiet", *map(str, arguments)]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ")
-    assert said.count("\n") == 1
-    return said
+refused = partial(shell.refused, command="speed")
 
 
 @pytest.mark.parametrize(
@@ -38,7 +34,7 @@ def test_bad_options_are_said_in_one_line(
     options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert said in refused(capsys, *options.split())
+    assert said in refused(capsys, "--quiet", *options.split())
     assert list(tmp_path.iterdir()) == []
 
 
@@ -52,12 +48,12 @@ def test_bad_usage_is_exit_code_2(options: str, capsys: pytest.CaptureFixture[st
 
 def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    assert "is in use" in refused(capsys, "--out", tmp_path)
-    assert "is a file" in refused(capsys, "--out", tmp_path / "mine.txt")
-    assert "cannot be written" in refused(capsys, "--out", tmp_path / "mine.txt" / "run")
-    assert "holds no speed.json" in refused(capsys, "--out", tmp_path, "--resume")
+    assert "is in use" in refused(capsys, "--quiet", "--out", tmp_path)
+    assert "is a file" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt")
+    assert "cannot be written" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt" / "run")
+    assert "holds no speed.json" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
     (tmp_path / "speed.json").write_text("{}")
-    assert "run `nox -s speed` again" in refused(capsys, "--out", tmp_path, "--resume")
+    assert "run `nox -s speed` again" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["mine.txt", "speed.json"]
 
 
@@ -115,7 +111,7 @@ def test_other_options_are_not_gone_on_with(
 ) -> None:
     scripted(monkeypatch)
     assert main(["speed", "--quick", "--quiet", "--items", "1", "--out", str(tmp_path / "a")]) == 0
-    said = refused(capsys, "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "a")
+    said = refused(capsys, "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "a")
     assert "other options" in said
     assert ids(tmp_path / "a") == ["q1.ratio"]
 

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,7 @@ from harness.stability_record import (
     judged,
     read_stability,
 )
+from tests.harness import shell
 
 REQUIRED = (
     *(f"Q{number}" for number in range(1, 11)),
@@ -74,12 +76,7 @@ def test_only_what_is_ours_must_pass() -> None:
     assert not judged("Q1", "cumprod", "usual", 2.0, 1.0, what="it").broke
 
 
-def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
-    assert main(["stability", "--quiet", *map(str, arguments)]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: ")
-    assert said.count("\n") == 1
-    return said
+refused = partial(shell.refused, command="stability")
 
 
 @pytest.mark.parametrize(
@@ -95,17 +92,17 @@ def test_bad_options_are_said_in_one_line(
     options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert said in refused(capsys, *options.split())
+    assert said in refused(capsys, "--quiet", *options.split())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    assert "is in use" in refused(capsys, "--out", tmp_path)
-    assert "is a file" in refused(capsys, "--out", tmp_path / "mine.txt")
-    assert f"holds no {STABILITY_FILE}" in refused(capsys, "--out", tmp_path, "--resume")
+    assert "is in use" in refused(capsys, "--quiet", "--out", tmp_path)
+    assert "is a file" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt")
+    assert f"holds no {STABILITY_FILE}" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
     (tmp_path / STABILITY_FILE).write_text("{}")
-    assert "run `nox -s stability` again" in refused(capsys, "--out", tmp_path, "--resume")
+    assert "run `nox -s stability` again" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
 
 
 asked: list[str] = []
@@ -193,7 +190,7 @@ def test_a_stopped_run_keeps_whole_cases_and_goes_on(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("_made_up_cases")
 def test_going_on_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path / "out", "X1") == 0
-    said = refused(capsys, "--out", tmp_path / "out", "--resume", "--methods", "nerf")
+    said = refused(capsys, "--quiet", "--out", tmp_path / "out", "--resume", "--methods", "nerf")
     assert "was made with other options" in said
 
 
