@@ -198,7 +198,7 @@ def test_the_axis_of_time_says_whose_time_it_is(situation: Situation) -> None:
     series = [one for one in findings("Q2", situation) if isinstance(one, Series)]
     timed = [one for one in series if one.panel.startswith("Error against time")]
     assert timed
-    assert all("float32, a random network" in one.x_label and "float64" in one.y_label for one in timed)
+    assert all("network, float32" in one.x_label and "float64" in one.y_label for one in timed)
 
 
 def test_every_rule_and_precision_has_its_line_of_rounding(situation: Situation) -> None:
