@@ -1,4 +1,4 @@
-"""nox -s benchmark · stability · speed · tests · tests_slow · lint. Environments are made by uv and reused."""
+"""nox -s benchmark · evidence · stability · speed · tests · tests_slow · lint; environments are made by uv."""
 
 import time
 
@@ -25,6 +25,12 @@ def benchmark(session: nox.Session) -> None:
     session.run("python", "-m", "harness", "run", *session.posargs, success_codes=[0, 3])
     if not {"--dry-run", "--help", "-h"} & set(session.posargs):
         session.run("python", "-m", "reports", out_folder(session.posargs))
+
+
+@nox.session
+def evidence(session: nox.Session) -> None:
+    """The studies that a verdict rests on; options as in `python -m harness evidence --help`."""
+    measured(session, "evidence", not_for_a_report={"--list"})
 
 
 @nox.session
@@ -56,7 +62,7 @@ def measured(session: nox.Session, command: str, not_for_a_report: set[str] | No
 def tests(session: nox.Session) -> None:
     """The test suite without its slow part."""
     install(session, "test")
-    session.run("pytest", *(session.posargs or ["-m", "not slow"]))
+    session.run("pytest", "-n", "auto", *(session.posargs or ["-m", "not slow"]))
 
 
 @nox.session

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from baselines.ablations import PARTIAL
+from baselines.ablations import BANDWIDTH, PARTIAL, WEAKENED
 from baselines.composition import Parts
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
@@ -21,16 +21,23 @@ class Method:
     """What it is made of, and so who trains it (`harness.learner`)."""
 
 
+def parts_named(combination: str) -> str:
+    """nerf_phi_encoding_amplifier → φ encoding, amplifier."""
+    words = combination.removeprefix("nerf_").replace("phi_", "φ ").replace("equation4", "amplifier of Eq. 4")
+    return words.replace("_", ", ")
+
+
 CATALOG: dict[str, Method] = {
     "nerf": Method(NERF, "vanilla NeRF: 2^k encoding, softplus density, skip at half depth"),
     "nerf_matched": Method(NERF_MATCHED, "NeRF whose 2^k encoding reaches no further than φ does: bandwidth control"),
     "qnerf": Method(QNERF, "Q-NeRF as listed: φ encoding, amplifier of Listing 2, φ skip"),
     "qnerf_theorem": Method(QNERF_THEOREM, "Q-NeRF with the amplifier of Eq. 4 on density itself"),
     "qnerf_listing4": Method(QNERF_LISTING4, "Q-NeRF as listed, also with the quadrature of Listing 4"),
-    **{
-        name: Method(parts, "NeRF with " + name[5:].replace("phi_", "φ ").replace("_", ", ").replace("φ, ", "φ "))
-        for name, parts in PARTIAL.items()
-    },
+    **{name: Method(parts, "NeRF with " + parts_named(name)) for name, parts in PARTIAL.items()},
+    "nerf_phi_far": Method(BANDWIDTH["nerf_phi_far"], "NeRF with φ^k as far as 2^k reaches: bandwidth control"),
+    "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
+    "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
+    "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     "voxels_drjit": Method(
         None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
     ),

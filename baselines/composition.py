@@ -1,5 +1,7 @@
 """A method as a composition of named parts: what differs between two methods is visible on one screen."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from baselines.numerics.encoding import PHI, matched_bands
@@ -9,24 +11,48 @@ from baselines.numerics.encoding import PHI, matched_bands
 class Parts:
     """The parts of a NeRF-like method; an ablation is `dataclasses.replace` of one of them.
 
-    encoding    "base2" (2^k), "phi" (φ^k, Eq. 2) or "base2_matched" (2^k only as far as φ^(L−1) reaches)
+    encoding    a name in `LADDERS`: "base2" (2^k), "phi" (φ^k, Eq. 2), …
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
     skip        "half" (after layer depth/2, the standard) or "phi" (after layer ⌊φ·depth/2⌋, Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
+    sees_direction  whether colour may depend on where it is seen from
     """
 
     encoding: str = "base2"
     amplifier: str = "none"
     skip: str = "half"
     quadrature: str = "midpoint"
+    sees_direction: bool = True
 
 
-ENCODING_BASE = {"base2": 2.0, "base2_matched": 2.0, "phi": PHI}
+@dataclass(frozen=True)
+class Ladder:
+    """The frequencies f_k = base^k of an encoding, and how many of them stand where the paper has `bands`."""
+
+    base: float
+    bands: Callable[[int], int] = lambda bands: bands
+
+
+def reaching(base: float, bands: int) -> int:
+    """How many bands base^k come nearest to the top frequency 2^(bands − 1): 14 for φ where 2^k has 10."""
+    return 1 + round((bands - 1) * math.log(2.0, base))
+
+
+LADDERS: dict[str, Ladder] = {
+    "base2": Ladder(2.0),
+    "base2_matched": Ladder(2.0, lambda bands: matched_bands(PHI, bands)),
+    "phi": Ladder(PHI),
+    "phi_matched": Ladder(PHI, lambda bands: reaching(PHI, bands)),
+    "base1.65": Ladder(1.65),
+    "none": Ladder(2.0, lambda bands: 0),
+}
+"""base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1); base1.65 has nothing golden about it
+and reaches about as far as φ; none leaves raw coordinates alone, of positions and of directions."""
 
 
 def encoding_bands(encoding: str, bands: int) -> int:
     """Number of frequencies of an encoding where the paper has `bands` of them."""
-    return matched_bands(PHI, bands) if encoding == "base2_matched" else bands
+    return LADDERS[encoding].bands(bands)
 
 
 def skip_layer(skip: str, depth: int) -> int:

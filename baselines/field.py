@@ -14,7 +14,7 @@ from torch.nn.functional import linear, relu
 from baselines import fused_network
 from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
-from baselines.composition import ENCODING_BASE, Parts, encoding_bands, skip_layer
+from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize, Precision, uniform_weights
 from baselines.numerics.encoding import encode, feature_count
 
@@ -49,9 +49,10 @@ class NetworkField(nn.Module):
         self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
-        self.base = ENCODING_BASE[parts.encoding]
+        self.base = LADDERS[parts.encoding].base
         self.position_bands = encoding_bands(parts.encoding, size.position_bands)
         self.direction_bands = encoding_bands(parts.encoding, size.direction_bands)
+        view_dependent = view_dependent and parts.sees_direction
         position = feature_count(3, self.position_bands)
         direction = feature_count(3, self.direction_bands) if view_dependent else 0
         self.view_dependent = view_dependent

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.evidence import options as evidence_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
 
@@ -54,6 +55,10 @@ def parser() -> argparse.ArgumentParser:
     speed_options.add_options(speed)
     stability = commands.add_parser("stability", help="try the catalogue of stiff and extreme cases")
     stability_options.add_options(stability)
+    evidence = commands.add_parser(
+        "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
+    )
+    evidence_options.add_options(evidence)
     return top
 
 
@@ -102,6 +107,8 @@ def main(arguments: list[str]) -> int:
             return speed_options.run_speed(options, show)
         if options.command == "stability":
             return stability_options.run_stability(options, show)
+        if options.command == "evidence":
+            return evidence_options.run_evidence(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except (InputError, DamagedRecord) as mistake:
         show.close()

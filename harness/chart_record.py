@@ -3,7 +3,9 @@
 This module imports the standard library alone, as reports read it.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 Values = list[float] | list[float | None]
 """None where the figure was not finite: a gap in the line, which a chart marks."""
@@ -36,3 +38,22 @@ class Table:
     title: str
     columns: list[str]
     rows: list[list[str | float | None]]
+
+
+def with_gaps(record: dict[str, Any]) -> None:
+    """Makes the `series` and `tables` of a record, as plain data, fit for JSON, in place: a point of a line that is not
+    finite becomes a gap, a table's becomes words.
+    """
+    for line in record["series"]:
+        for name in ("y", "low", "high"):
+            line[name] = None if line[name] is None else [_finite_or_gap(value) for value in line[name]]
+    for table in record["tables"]:
+        table["rows"] = [[_said(value) for value in row] for row in table["rows"]]
+
+
+def _finite_or_gap(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _said(value: str | float | None) -> str | float | None:
+    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value

@@ -23,9 +23,9 @@ METRICS: dict[str, Metric] = {
     "psnr": Metric(True, 0.2, True),
     "ssim": Metric(True, 0.005, True),
     "rmse_linear": Metric(False, 0.002, True),
-    "flip": Metric(False, 0.005, False),
+    "flip": Metric(False, 0.005, True),
     "delta_e": Metric(False, 0.1, False),
-    "depth_rmse": Metric(False, 0.02, False),
+    "depth_rmse": Metric(False, 0.02, True),
     "opacity_iou": Metric(True, 0.005, False),
 }
 

@@ -1,6 +1,6 @@
 """A trained method against the views: scores of the fixed test set, properties, and pictures for the report."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,8 +76,38 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
 
 
+def scores_along(images: Iterable[View], split: Split) -> dict[str, float | None]:
+    """What a checkpoint holds: psnr, ssim, rmse_linear, flip and depth_rmse, each the mean over the views that have it.
+
+    The geometry of a view whose truth has none, or no opaque pixel, is left aside.
+    """
+    rows: dict[str, list[float | None]] = {}
+    for index, image in enumerate(images):
+        truth = over_white(split.rgba[index])
+        for name, score in ALONG_TRAINING.items():
+            rows.setdefault(name, []).append(score(image.colour, truth))
+        rows.setdefault("depth_rmse", []).append(_depth_rmse(image, split, index))
+    found = {name: [value for value in values if value is not None] for name, values in rows.items()}
+    return {name: finite_or_none(float(np.mean(values))) if values else None for name, values in found.items()}
+
+
+def _depth_rmse(image: View, split: Split, index: int) -> float | None:
+    if split.depth is None:
+        return None
+    return metrics.depth_rmse(image.depth, split.depth[index], split.rgba[index][..., 3] > 0.99)
+
+
 def _capped_psnr(image: np.ndarray, truth: np.ndarray) -> float:
     return min(metrics.psnr(image, truth), LARGEST_PSNR)
+
+
+ALONG_TRAINING: dict[str, Callable[[np.ndarray, np.ndarray], float]] = {
+    "psnr": _capped_psnr,
+    "ssim": metrics.ssim,
+    "rmse_linear": metrics.rmse_linear,
+    "flip": metrics.flip,
+}
+"""Scores of colour that every checkpoint has."""
 
 
 def view_scores(image: View, split: Split, index: int) -> ViewScore:
@@ -85,7 +115,6 @@ def view_scores(image: View, split: Split, index: int) -> ViewScore:
     rgba = split.rgba[index]
     truth = over_white(rgba)
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
-    depth = None if split.depth is None else metrics.depth_rmse(image.depth, split.depth[index], rgba[..., 3] > 0.99)
     return ViewScore(
         view=split.names[index],
         psnr=_capped_psnr(image.colour, truth),
@@ -93,7 +122,7 @@ def view_scores(image: View, split: Split, index: int) -> ViewScore:
         flip=metrics.flip(image.colour, truth),
         delta_e=metrics.delta_e(image.colour, truth),
         rmse_linear=metrics.rmse_linear(image.colour, truth),
-        depth_rmse=depth,
+        depth_rmse=_depth_rmse(image, split, index),
         opacity_iou=metrics.opacity_iou(image.opacity, rgba[..., 3]),
         psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
     )

@@ -190,15 +190,13 @@ class _Runner:
 
     def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
         trainer = self.trainer
-        scores = evaluate.quick_scores(images, self.views.test)
+        scores = evaluate.scores_along(images, self.views.test)
         return Checkpoint(
             step=trainer.step,
             seconds=trainer.clock.seconds,
             network_evaluations=trainer.network_evaluations,
-            psnr=scores["psnr"],
-            rmse_linear=scores["rmse_linear"],
-            ssim=scores["ssim"],
             density=evaluate.density_histogram(trainer),
+            **scores,
             **trainer.amplifier_scalars(),
         )
 

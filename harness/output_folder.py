@@ -64,6 +64,13 @@ def claim_for(out: Path, file: str, resume: bool) -> bool:
     return False
 
 
+def claim_beside(out: Path, file: str, resume: bool) -> bool:
+    """As `claim_for`, for a measurement that may also be added to the folder of a finished run that lacks `file`."""
+    if not resume and (records_folder(out) / "run.json").exists() and not (out / file).exists():
+        return False
+    return claim_for(out, file, resume)
+
+
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
     """Make the folder ours, or refuse it. A run is gone on with by the same plan on the same kind of machine alone."""
     try:

@@ -45,6 +45,9 @@ class Checkpoint:
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
+    flip: float | None = None
+    depth_rmse: float | None = None
+    """In scene units; None where the view set has no depth, or the run was recorded before it was scored here."""
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ This module imports the standard library, `harness.records` and `harness.chart_r
 """
 
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.chart_record import Series, Table
-from harness.records import DamagedRecord, finite_or_none, write_json
+from harness.chart_record import Series, Table, with_gaps
+from harness.records import DamagedRecord, write_json
 
 STABILITY_SCHEMA = 1
 STABILITY_FILE = "stability.json"
@@ -157,16 +156,8 @@ def write_stability(path: Path, record: StabilityRecord) -> None:
     where a figure of an outcome, or an x, is not finite."""
     data = asdict(record)
     for case in data["cases"]:
-        for line in case["series"]:
-            for name in ("y", "low", "high"):
-                line[name] = None if line[name] is None else [finite_or_none(value) for value in line[name]]
-        for table in case["tables"]:
-            table["rows"] = [[_said(value) for value in row] for row in table["rows"]]
+        with_gaps(case)
     write_json(path, data)
-
-
-def _said(value: str | float | None) -> str | float | None:
-    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_stability(path: Path) -> StabilityRecord:

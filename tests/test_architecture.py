@@ -28,6 +28,7 @@ ALLOWED = {
         "harness.speed_record",
         "harness.chart_record",
         "harness.stability_record",
+        "harness.evidence_record",
     },
 }
 """What a package may import of ours: whole packages, or single modules."""

@@ -95,7 +95,9 @@ def test_combinations_of_nothing_and_of_everything() -> None:
 
 def test_catalogue_holds_every_combination_once() -> None:
     parts = list(PARTS.values())
-    assert len(set(parts)) == len(parts) == 8 + 3, "2³ combinations, the control, the theorem, listing 4"
+    assert len(set(parts)) == len(parts) == 8 + 4 + 1 + 1 + 4, (
+        "2³ combinations, those with Eq. 4, listing 4, the control, and the four other controls"
+    )
     for part in PARTS_OF_QNERF.values():
         others = {name for name, one in PARTS.items() if getattr(one, part) == getattr(QNERF, part)}
         assert {"qnerf", "qnerf_listing4"} <= others

@@ -1,0 +1,104 @@
+"""Study after study → `evidence.json`, written whenever one is whole."""
+
+import json
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from harness.chart_record import Series, Table
+from harness.device import keep_freed_memory, multiplies_bfloat16, use_threads
+from harness.evidence.situation import Situation
+from harness.evidence.studies import STUDIES, Study, measure_of
+from harness.evidence_record import (
+    EVIDENCE_FILE,
+    Check,
+    Effect,
+    EvidenceRecord,
+    StudyRecord,
+    failed_checks,
+    read_evidence,
+    write_evidence,
+)
+from harness.output_folder import claim_beside
+from harness.plan import Machine
+from harness.progress import Progress
+from harness.provenance import provenance
+from scenes.errors import InputError
+
+
+def run(
+    studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
+) -> int:
+    """Does `studies` into `out`; with `resume` only those that are not whole there. 0, or 3 where a check fails.
+
+    Raises `InputError` before anything is measured where `out` cannot be used.
+    """
+    device = torch.device(machine.device)
+    use_threads(machine.threads)
+    keep_freed_memory()
+    record = _claimed(out, resume, {"quick": quick, "device": machine.device}, device)
+    missing = [name for name in studies if name not in {one.info.id for one in record.studies}]
+    show.line(f"evidence: {len(missing)} studies, about {sum(STUDIES[name].seconds for name in missing) / 60:.0f} min")
+    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
+        situation = Situation(out, view_sets, Path(scratch), machine, multiplies_bfloat16(device), quick, show)
+        for place, name in enumerate(missing):
+            show.line(f"[{place + 1}/{len(missing)}] {name}: {STUDIES[name].info.question}")
+            record = _with_study(record, measured(STUDIES[name], situation))
+            write_evidence(out / EVIDENCE_FILE, record)
+    record = replace(record, finished=True)
+    write_evidence(out / EVIDENCE_FILE, record)
+    for study, check in failed_checks(record):
+        show.line(f"does not hold: {study.info.id}: {line_of(check)}")
+    return 3 if failed_checks(record) else 0
+
+
+def measured(study: Study, situation: Situation) -> StudyRecord:
+    """Everything that one study yields, said as it comes."""
+    began = time.monotonic()
+    kinds: dict[type, list[Any]] = {str: [], Check: [], Effect: [], Series: [], Table: []}
+    for finding in measure_of(study)(situation):
+        kinds[type(finding)].append(finding)
+        if isinstance(finding, str):
+            situation.show.line(f"  {finding}")
+        elif isinstance(finding, Check):
+            situation.show.line(f"  {'holds' if finding.holds else 'DOES NOT HOLD'}: {line_of(finding)}")
+    return StudyRecord(
+        study.info,
+        situation.scale(*study.trainings),
+        kinds[str],
+        kinds[Check],
+        kinds[Effect],
+        kinds[Series],
+        kinds[Table],
+        time.monotonic() - began,
+    )
+
+
+def line_of(one: Check) -> str:
+    """`share of A/A comparisons called better or worse: 0.013 (at most 0.05)`"""
+    figure = "no figure" if one.figure is None else f"{one.figure:.3g}{one.unit and ' ' + one.unit}"
+    limits = [f"at least {one.low:.3g}"] * (one.low is not None) + [f"at most {one.high:.3g}"] * (one.high is not None)
+    note = f"; {one.why}" if one.why else ""
+    return f"{one.what}: {figure} ({', '.join(limits)}){note}"
+
+
+def _with_study(record: EvidenceRecord, study: StudyRecord) -> EvidenceRecord:
+    order = list(STUDIES)
+    studies = sorted([*record.studies, study], key=lambda one: order.index(one.info.id))
+    return replace(record, studies=studies, finished=False)
+
+
+def _claimed(out: Path, resume: bool, settings: dict[str, Any], device: torch.device) -> EvidenceRecord:
+    """The record to go on with, or a fresh one. Raises `InputError`, `DamagedRecord`."""
+    fresh = EvidenceRecord(provenance(device), settings)
+    if not claim_beside(out, EVIDENCE_FILE, resume):
+        write_evidence(out / EVIDENCE_FILE, fresh)
+        return fresh
+    record = read_evidence(out / EVIDENCE_FILE)
+    if record.settings != json.loads(json.dumps(settings)):
+        raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
+    return replace(record, studies=[one for one in record.studies if one.info.id in STUDIES], finished=False)

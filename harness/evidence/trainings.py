@@ -1,0 +1,84 @@
+"""What the studies train: one literal table, so that their cost is seen on one screen."""
+
+from dataclasses import dataclass, replace
+
+from harness.plan import PROFILES, Plan
+from harness.schedule import Budget
+from scenes.catalog import CLASSICS
+
+SEARCHED = ("chair", "ship")
+"""Scenes on which the repaired Q-NeRF was chosen, by their validation views; its verdict is taken from the others."""
+FACTORIAL_SCENES = ("lego", "ficus", "hotdog")
+"""Blocks with fine studs, thin leaves, smooth and soft."""
+READINGS = {
+    "Listing 2": ("amplifier", "qnerf"),
+    "Eq. 4": ("equation4", "qnerf_theorem"),
+}
+"""Reading of the amplifier → its name in the names of combinations, and the method with all three parts."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """What differs from the profile `reduced`."""
+
+    methods: tuple[str, ...]
+    scenes: tuple[str, ...]
+    steps: int
+    seeds: tuple[int, ...] = (0, 1, 2)
+    resolution: int = 100
+    train_views: int = 100
+    test_views: int = 15
+    checkpoints: int = 3
+
+
+def _factorial() -> tuple[str, ...]:
+    """nerf, and every combination of the three parts under both readings."""
+    names = ["nerf", "nerf_phi_encoding", "nerf_phi_skip", "nerf_phi_encoding_phi_skip"]
+    for amplifier, whole in READINGS.values():
+        names += [f"nerf_{amplifier}", f"nerf_phi_encoding_{amplifier}", f"nerf_{amplifier}_phi_skip", whole]
+    return tuple(names)
+
+
+WEAKENED = ("nerf", "nerf_no_encoding", "nerf_no_direction")
+DIRECTED = ("lego", "drums", "materials")
+"""drums and materials have metals and glass: they look different from every side. lego's plastic does a little."""
+LADDERS = ("nerf", "nerf_matched", "nerf_phi_encoding", "nerf_phi_far", "nerf_base165")
+TEXTURED = ("lego", "chair")
+HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
+
+TRAININGS: dict[str, Training] = {
+    "a_a": Training(("nerf",), tuple(CLASSICS), 300, seeds=(0, 1, 2, 3, 4, 5), checkpoints=2),
+    "all_images": Training(WEAKENED, DIRECTED, 600),
+    "half_images": Training(("nerf",), DIRECTED, 600, train_views=50),
+    "quarter_images": Training(("nerf",), DIRECTED, 600, train_views=25),
+    "factorial": Training(_factorial(), FACTORIAL_SCENES, 500),
+    "bandwidth_100": Training(LADDERS, TEXTURED, 1000, test_views=6, checkpoints=4),
+    "bandwidth_200": Training(LADDERS, TEXTURED, 1000, resolution=200, train_views=60, test_views=6, checkpoints=4),
+    "bandwidth_400": Training(LADDERS, TEXTURED, 1000, resolution=400, train_views=60, test_views=6, checkpoints=4),
+    "repaired": Training(
+        ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 800, checkpoints=4
+    ),
+}
+
+
+def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan:
+    """The profile `reduced` with what the training changes; `quick` is far too short for any figure to mean anything.
+
+    Where the processor has no bfloat16 products, the plan is in float32.
+    """
+    profile = PROFILES["reduced"]
+    views = replace(profile.views, resolution=training.resolution, train=training.train_views, test=training.test_views)
+    plan = replace(
+        profile,
+        scenes=training.scenes,
+        methods=training.methods,
+        seeds=training.seeds,
+        budget=Budget(steps=training.steps, seconds=None),
+        score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
+        views=views,
+        train=profile.train if precision_as_planned else replace(profile.train, precision="float32"),
+    )
+    if not quick:
+        return plan
+    tiny = replace(views, resolution=12 + training.resolution // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
+    return replace(plan, budget=Budget(steps=4, seconds=None), views=tiny, seeds=training.seeds[:2])
