@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from harness.evidence_record import EvidenceRecord
 from harness.stability_record import StabilityRecord
 from reports import claims as paper_claims
 from reports import error_maps, palette, properties, shell, wording
@@ -34,8 +35,10 @@ class Plot:
     svg: Markup
 
 
-def page(records: Records, tried: StabilityRecord | None = None) -> str:
-    """The whole page as text; with `tried`, the stability cases that were tried beside the run, in a section."""
+def page(records: Records, tried: StabilityRecord | None = None, evidence: EvidenceRecord | None = None) -> str:
+    """The whole page as text; `tried` are the stability cases, `evidence` the studies that lie beside the run, each in
+    a section.
+    """
     environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
@@ -182,6 +185,8 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     return Markup("").join(parts)
 
 
-def write_page(records: Records, path: Path, tried: StabilityRecord | None = None) -> None:
+def write_page(
+    records: Records, path: Path, tried: StabilityRecord | None = None, evidence: EvidenceRecord | None = None
+) -> None:
     """Beside its place, then renamed: a reader never sees half a page."""
-    shell.write_whole(page(records, tried), path)
+    shell.write_whole(page(records, tried, evidence), path)
