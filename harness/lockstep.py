@@ -30,6 +30,8 @@ BILLBOARD_GAP_DB = 6.0
 painted in front of the cameras, not in the scene."""
 FLAGGED_GAP_DB = 3.0
 """Training views this much above test views: the views are fitted better than what is between them."""
+REFERENCE_LIMITED_DB = 1.0
+"""Nearer to the ceiling than this, a score says more about the noise of the ground truth than about the method."""
 
 
 @dataclass(frozen=True)
@@ -305,7 +307,7 @@ def view_set_facts(views: ViewSet) -> dict[str, Any]:
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
     """States that a reader of the scores must know, in words."""
     found = []
-    psnr, floor, train = (scores.get(name) for name in ("psnr", "psnr_floor", "psnr_train"))
+    psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
     if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
         found.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
     if grid_emptied:
@@ -316,4 +318,6 @@ def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, gri
         painted = train - psnr > BILLBOARD_GAP_DB and (floor is None or psnr < floor)
         name = "billboard" if painted else "gap"
         found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
+    if psnr is not None and ceiling is not None and psnr > ceiling - REFERENCE_LIMITED_DB:
+        found.append(f"reference-limited: {psnr:.2f} dB, what is not noisy would have {ceiling:.2f} dB")
     return found
