@@ -12,6 +12,7 @@ from safetensors.torch import save_file
 from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
+from harness.flops import flops_per_evaluation
 from harness.learner import Learner, NotAvailable, learner_for
 from harness.records import CellRecord, Checkpoint, Status, StoredImage, ViewScore, records_folder
 from harness.schedule import Budget, checkpoint_fractions
@@ -239,7 +240,11 @@ class _Runner:
             views=rows,
             trace=trainer.trace,
             parameters=trainer.field.parameter_counts(),
-            properties=properties,
+            properties={
+                **properties,
+                "flops_per_evaluation": flops_per_evaluation(trainer.field),
+                "rays_per_step": self.settings.train.rays,
+            },
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
             images=images,
             settings={**asdict(self.settings), "view_set": view_set_facts(self.views)},
@@ -319,5 +324,5 @@ def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, gri
         name = "billboard" if painted else "gap"
         found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
     if psnr is not None and ceiling is not None and psnr > ceiling - REFERENCE_LIMITED_DB:
-        found.append(f"reference-limited: {psnr:.2f} dB, what is not noisy would have {ceiling:.2f} dB")
+        found.append(f"reference-limited: {psnr:.2f} dB, an image without noise would have {ceiling:.2f} dB")
     return found

@@ -63,7 +63,10 @@ def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[f
         # a foreign view set carries no geometry and no variance
         assert (cell.scores["depth_rmse"], cell.scores["psnr_ceiling"]) == (None, None)
         assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
-        assert cell.settings["train"]["rays"] == TRAIN.rays
+        assert cell.settings["train"]["rays"] == cell.properties["rays_per_step"] == TRAIN.rays
+        flops, weights = cell.properties["flops_per_evaluation"], cell.parameters["total"]
+        assert isinstance(flops, int)
+        assert 1.5 * weights < flops < 2 * weights, "two operations a weight, none for a bias"
         assert cell.provenance == {"here": 1}
         write_cell(out, cell)
         assert read_cell(cell_path(out, "ball", method, 0)).scores == cell.scores
@@ -248,7 +251,7 @@ def test_methods_learn(ball: ViewSet, tmp_path: Path) -> None:
         ({"psnr": 10.0, "psnr_floor": 15.0, "psnr_train": 30.0}, 0.0, True,
          ["empty collapse", "occupancy grid", "below the floor", "billboard"]),
         ({"psnr": 29.01, "psnr_ceiling": 30.0}, 0.4, False,
-         ["reference-limited: 29.01 dB, what is not noisy would have 30.00 dB"]),
+         ["reference-limited: 29.01 dB, an image without noise would have 30.00 dB"]),
         ({"psnr": 30.2, "psnr_ceiling": 30.0}, 0.4, False, ["reference-limited"]),
         ({"psnr": 28.99, "psnr_ceiling": 30.0}, 0.4, False, []),
         ({"psnr": 29.9, "psnr_ceiling": None}, 0.4, False, []),
