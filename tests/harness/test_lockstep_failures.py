@@ -43,6 +43,7 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     assert (broken.status, broken.steps, broken.scores, broken.views) == ("diverged", 9, {}, [])
     assert broken.reason == "not finite at step 9: weight of coarse.density_head.weight"
     assert [point.step for point in broken.curve] == [6], "what was scored before stays"
+    assert set(broken.properties) == {"flops_per_evaluation", "rays_per_step"}, "known before the first step"
     write_cell(tmp_path, broken)
     for method in ("nerf", "nerf_matched"):
         assert without_time(cells[method]) == without_time(trained[method])
