@@ -3,6 +3,7 @@
     OUT/records/run.json                         RunRecord: plan, scenes, provenance, wall-clock phases
     OUT/records/cells/<scene>.<method>.<seed>.json   CellRecord
     OUT/records/comparisons.json                 list of Comparison
+    OUT/records/targets.json                     TargetsRecord (`harness.targets_record`)
     OUT/records/images/…png                      renders and ground truth that cells refer to
 
 A file is written beside its place and renamed into it, so a killed run leaves whole files or none.
@@ -203,6 +204,11 @@ class Comparison:
     pairs: int
     left_aside: int
     """Cells that could not be paired because one of them diverged or failed; never silently dropped."""
+    simultaneous: tuple[float, float] | None = None
+    """The interval that the verdict is taken from: of the `family`'s, all hold the truth together in 95 %.
+    None in runs recorded before families were looked at, whose verdicts are from `interval`."""
+    family: int = 1
+    """As many comparisons are looked at together (`harness.comparisons.family_of`)."""
 
 
 def finite_or_none(value: float | None) -> float | None:
@@ -287,7 +293,8 @@ def read_comparisons(out: Path) -> list[Comparison]:
         return []
     try:
         rows = json.loads(path.read_text(encoding="utf-8"))
-        return [Comparison(**{**row, "interval": _pair(row["interval"])}) for row in rows]
+        pairs = [{name: _pair(row.get(name)) for name in ("interval", "simultaneous")} for row in rows]
+        return [Comparison(**{**row, **pair}) for row, pair in zip(rows, pairs, strict=True)]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise _damaged(path, error) from error
 

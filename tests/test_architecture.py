@@ -25,6 +25,7 @@ ALLOWED = {
     "reports": {
         "reports",
         "harness.records",
+        "harness.targets_record",
         "harness.speed_record",
         "harness.chart_record",
         "harness.stability_record",

@@ -3,9 +3,10 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from harness.comparisons import METRICS, compare, score_on_curve
+from harness.comparisons import METRICS, compare, differences, family_of, judged, keyed, score_on_curve
 from harness.records import CellRecord, Comparison
 from tests.harness.cells import cell, checkpoint, diverged
 
@@ -63,9 +64,48 @@ def test_the_direction_of_a_metric_is_minded() -> None:
         for method, score in zip(("nerf", "qnerf"), scores, strict=True):
             shifted = {**score, "flip": score["flip"] + (0.001 * seed if method == "nerf" else 0.0)}
             cells.append(cell("lego", method, seed, [checkpoint(10, 10.0, 20.0)], scores=shifted))
-    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="flip")
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="flip", budget="steps")
     assert row.difference == pytest.approx(-0.101)
     assert row.verdict == "better"
+
+
+def test_families_are_the_declared_ones() -> None:
+    scenes = ("a", "b", "c")
+    cells = [
+        quick(method, seed, 20.0 + seed + (method == "qnerf"), scene)
+        for method in ("nerf", "qnerf") for scene in scenes for seed in range(2)
+    ]  # fmt: skip
+    families = {(row.metric, row.scene): row.family for row in compare(cells, ["nerf", "qnerf"])}
+    others = len(METRICS) - 1
+    assert families["psnr", "all"] == 1
+    assert families["psnr", "b"] == 3
+    assert families["ssim", "all"] == others
+    assert families["ssim", "b"] == 3 * others
+    assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
+
+
+def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
+    """2 ± 1 dB of one scene: better by itself, not settled among eight."""
+    gains = np.array([1.0, 2.0, 3.0]) * 0.5 + 1.0
+    for scenes, said in ((("a",), "better"), (tuple("abcdefgh"), "inconclusive")):
+        cells = [quick("nerf", seed, 20.0, scene) for scene in scenes for seed in range(3)]
+        cells += [quick("qnerf", seed, 20.0 + gains[seed], scene) for scene in scenes for seed in range(3)]
+        row = of(compare(cells, ["nerf", "qnerf"]), scene="a", metric="psnr", budget="steps")
+        assert row.interval is not None
+        assert row.simultaneous is not None
+        assert (row.interval[0] > 0, row.family, row.verdict) == (True, len(scenes), said)
+        assert (row.simultaneous[0] > 0) == (said == "better")
+
+
+def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
+    """What two scenes do in the same seed is lined up, whatever is missing in between."""
+    cells = [quick("nerf", seed, 20.0, scene) for scene in "ab" for seed in range(3)]
+    cells += [quick("qnerf", seed, 21.0 + seed, "a") for seed in (0, 2)] + [quick("qnerf", 2, 25.0, "b")]
+    table = differences(*keyed(cells), "qnerf", "nerf", "psnr", "steps")
+    np.testing.assert_array_equal(table["a"], [1.0, math.nan, 3.0])
+    np.testing.assert_array_equal(table["b"], [math.nan, math.nan, 5.0])
+    one = judged(table, "psnr", 1)
+    assert (one.difference, one.pairs, one.left_aside, one.verdict) == (3.5, 3, 3, "inconclusive")
 
 
 def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_control() -> None:
@@ -93,7 +133,9 @@ def test_without_the_control_there_is_one_reference_and_alone_there_is_none() ->
 def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
     rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
     assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS)
-    assert {row.metric for row in rows if row.budget == "seconds"} == {"psnr", "ssim", "rmse_linear"}
+    assert {row.metric for row in rows if row.budget == "seconds"} == {
+        "psnr", "ssim", "rmse_linear", "flip", "depth_rmse",
+    }  # fmt: skip
     assert {row.scene for row in rows} == {"lego", "all"}
 
 
@@ -103,7 +145,9 @@ def test_all_takes_each_scene_as_one_unit() -> None:
     cells += [quick("qnerf", seed, 24.0, "b") for seed in range(3)]
     row = of(compare(cells, ["nerf", "qnerf"]), scene="all", metric="psnr", budget="steps")
     assert row.difference == 3.0  # of 2 and 4
-    assert row.interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-4)
+    # scenes 2 and 4: their mean square over 2, that of the seeds' means over 3, and of the rest over 6; times 2 / 1
+    error = math.sqrt(2 * (1 / 2 + (1 / 6) / 3 + (1 / 6) / 6))
+    assert row.interval == pytest.approx((3 - 12.7062 * error, 3 + 12.7062 * error), rel=0.05)  # 4000 resamples
     assert row.pairs == 6
 
 

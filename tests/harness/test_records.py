@@ -69,6 +69,7 @@ def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) ->
     rows = [
         Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0),
         Comparison("lego", "qnerf", "nerf", "ssim", "seconds", None, None, "inconclusive", None, 0, 3),
+        Comparison("lego", "qnerf", "nerf", "ssim", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, (-0.1, 0.3), 48),
     ]
     write_run(tmp_path, one_run())
     write_comparisons(tmp_path, rows)
