@@ -7,6 +7,7 @@ from baselines.ablations import BANDWIDTH, PARTIAL, WEAKENED
 from baselines.composition import Parts
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
+from baselines.repaired import CANDIDATES, MEANING
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ CATALOG: dict[str, Method] = {
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
+    **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
     "voxels_drjit": Method(
         None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
     ),

@@ -4,6 +4,9 @@ Matrix products run in the chosen precision on float32 master weights; encoding,
 run in float32 always.
 """
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
 from typing import cast
 
 import torch
@@ -111,6 +114,11 @@ class NetworkField(nn.Module):
         assert logits is not None
         return self.amplifier.before_and_after(raw)[1], torch.sigmoid(logits)
 
+    @torch.no_grad()
+    def raw_in_box(self) -> Float[Tensor, " points"]:
+        """Raw densities at points that are the same in every call, evenly spread over the box."""
+        return self._outputs(self.box.from_unit(_evenly_spread().to(self.box.lower)), None, None)[0]
+
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Raw density [points] and, with a view, colour logits [points, 3], both float32."""
         position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
@@ -152,6 +160,34 @@ class NetworkField(nn.Module):
 
     def _weight(self, layer: nn.Linear) -> Tensor:
         return layer.weight.to(self.dtype)
+
+
+@contextmanager
+def training_step(fields: Iterable[NetworkField]) -> Iterator[None]:
+    """What a step of training goes through: means of density that belong to a field move at its end, by what was
+    evaluated within, unless it is left by an error. Whatever is evaluated outside leaves them alone.
+    """
+    amplifiers = {field: field.amplifier for field in fields}
+    for amplifier in amplifiers.values():
+        amplifier.begin_step()
+    try:
+        yield
+    except BaseException:
+        for amplifier in amplifiers.values():
+            amplifier.drop_step()
+        raise
+    for field, amplifier in amplifiers.items():
+        amplifier.end_step(field.raw_in_box)
+
+
+@cache
+def _evenly_spread() -> Float[Tensor, "points 3"]:
+    """In the unit cube: the first points of a Sobol sequence."""
+    return torch.quasirandom.SobolEngine(3).draw(MEAN_POINTS)
+
+
+MEAN_POINTS = 512
+"""At which a mean over the box is measured each step: a tenth of what the step evaluates at reduced size."""
 
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:

@@ -43,6 +43,10 @@ def parser() -> argparse.ArgumentParser:
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
     _add_plan_options(rates)
     rates.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    repair = commands.add_parser("repair", help="which candidate becomes qnerf_repaired, by a fixed protocol, as JSON")
+    repair.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    repair.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache")
+    repair.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     pairs = commands.add_parser("equivalence", help="what empty-space skipping and precision change in scores, as JSON")
     _add_plan_options(pairs)
     pairs.add_argument("--changes", nargs="+", default=["grid", "precision"], choices=("grid", "precision"))
@@ -99,6 +103,8 @@ def main(arguments: list[str]) -> int:
     try:
         if options.command == "sweep":
             return _sweep(options, show)
+        if options.command == "repair":
+            return _repair(options, show)
         if options.command == "equivalence":
             return _equivalence(options, show)
         if options.command == "omissions":
@@ -210,6 +216,27 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
     result = as_json(rows, plan)
     write_json(options.out, result)
     show.line(f"best: {result['best']}")
+    return 0
+
+
+def _repair(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.device import chosen_device, multiplies_bfloat16, use_threads
+    from harness.records import write_json
+    from harness.repair_search import as_json, search, search_plan
+    from harness.runner import view_set_folders
+
+    device = chosen_device(options.device)
+    _check_file(options.out)
+    use_threads(1)  # processor seconds count every thread
+    plan = search_plan(multiplies_bfloat16(device))
+    rows = []
+    for row in search(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
+        rows.append(row)
+        score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
+        show.line(f"{row.scene} seed {row.seed} {row.method}: {score} on validation views, {row.steps} steps")
+    result = as_json(rows, plan)
+    write_json(options.out, result)
+    show.line(f"chosen: {result['chosen']}")
     return 0
 
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from baselines.catalog import CATALOG
 from baselines.contract import Box, Precision, Rays, Rendering
-from baselines.field import NetworkField
+from baselines.field import NetworkField, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
@@ -110,11 +110,13 @@ class Trainer:
             )
             for group in self.optimiser.param_groups:
                 group["lr"] = rate
-            loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
-            if not math.isfinite(loss_value := loss.item()):
-                raise Diverged(self.step, "loss" if _all_finite(self._weights()) else self._first_not_finite("weight"))
-            norms = self._clipped_gradient(loss, noted)
-            self.optimiser.step()
+            with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
+                loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
+                if not math.isfinite(loss_value := loss.item()):
+                    where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
+                    raise Diverged(self.step, where)
+                norms = self._clipped_gradient(loss, noted)
+                self.optimiser.step()
             self.optimiser.zero_grad(set_to_none=True)
             if not _all_finite(self._weights()):
                 raise Diverged(self.step, self._first_not_finite("weight"))

@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 from jaxtyping import Bool, Int
-from torch import Tensor
+from torch import Tensor, nn
 
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.contract import Rays
@@ -23,17 +23,18 @@ from harness.stability.small_training import at_an_end, new_trainer, not_made_of
 from harness.stability_record import Outcome, Whose, judged
 from harness.trainer import Diverged, Trainer
 
-WHOSE: dict[str, Whose] = {"none": "ours", "listing2": "paper", "equation4": "paper"}
+PRINTED = ("listing2", "equation4")
+WHOSE: dict[str, Whose] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
 """A reading of the amplifier; what is not printed anywhere is ours."""
 
 
 def amplifier_with(reading: str, **scalars: float) -> Amplifier:
-    """A reading with α and β set; those that it does not have are left out."""
+    """A reading with α and β set; those that it does not have, or that follow from others, are left out."""
     amplifier = AMPLIFIERS[reading]()
     with torch.no_grad():
         for name, value in scalars.items():
-            if hasattr(amplifier, name):
-                getattr(amplifier, name).fill_(value)
+            if isinstance(weight := getattr(amplifier, name, None), nn.Parameter):
+                weight.fill_(value)
     return amplifier
 
 
@@ -226,7 +227,7 @@ def extremes(situation: Situation) -> Iterator[Finding]:
     """A5: outputs and gradients at extreme inputs; how much of a field is dead over a real training."""
     rows: list[list[str | float | None]] = []
     for reading, whose_it_is in WHOSE.items():
-        has_alpha = hasattr(AMPLIFIERS[reading](), "alpha")
+        has_alpha = isinstance(getattr(AMPLIFIERS[reading](), "alpha", None), nn.Parameter)
         bad: list[str] = []
         for alpha in ALPHAS if has_alpha else (1.0,):
             worst_dead, inverted = 0.0, False

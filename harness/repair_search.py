@@ -1,0 +1,179 @@
+"""Which candidate becomes `qnerf_repaired`: all of them at equal time, on validation views of scenes and seeds that no
+verdict is taken from. Candidates and rule stood here before any result; nothing in it can be set.
+"""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from baselines.repaired import CANDIDATES, EXCLUDED
+from harness import evaluate
+from harness.batches import Batches
+from harness.evidence.trainings import SEARCHED
+from harness.ground_truth import read_views
+from harness.learner import Learner, learner_for
+from harness.lockstep import box_of, needs_view_direction, stream_of
+from harness.needed import for_scene
+from harness.plan import PROFILES, Plan
+from harness.schedule import Budget
+from harness.solo import psnr_on
+from harness.stopwatch import Stopwatch
+from harness.trainer import Diverged
+from scenes.errors import InputError
+from scenes.view_set import ViewSet
+
+SEEDS = (1_000, 1_001)
+"""Outside of the seeds that verdicts use."""
+SECONDS = 16.0
+"""Training time of each cell: 400 to 600 steps of NeRF at reduced size, as busy as a core is."""
+REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip")
+"""Trained beside the candidates, so that one sees where they stand; no candidates."""
+RULE = (
+    "The best mean PSNR over validation views, scenes and seeds after equal training time. A candidate that diverges "
+    "anywhere is out. One whose mean is within one standard error, of the paired differences over scenes and seeds, of "
+    "the best ties with it; of those that tie the first in the order of candidates, the simplest, is chosen."
+)
+
+
+@dataclass(frozen=True)
+class RepairRow:
+    """One method on one scene with one seed."""
+
+    method: str
+    scene: str
+    seed: int
+    psnr_val: float | None
+    """Mean over the validation views; None where training diverged."""
+    steps: int
+    seconds: float
+    """Of training: of the processor on a CPU, so that what else runs there does not count, else by the wall."""
+    network_evaluations: int
+    alpha: float | None
+    beta: float | None
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One candidate over all scenes and seeds."""
+
+    method: str
+    mean: float | None
+    """None where it is out."""
+    behind: float | None
+    """The best less this one, in dB."""
+    standard_error: float | None
+    """Of `behind`."""
+    ties: bool
+
+
+def search_plan(precision_as_planned: bool) -> Plan:
+    """The profile `reduced` on the scenes and seeds of the search, at equal time."""
+    plan = PROFILES["reduced"]
+    return replace(
+        plan,
+        scenes=SEARCHED,
+        methods=(*CANDIDATES, *REFERENCES),
+        seeds=SEEDS,
+        budget=Budget(steps=None, seconds=SECONDS),
+        train=plan.train if precision_as_planned else replace(plan.train, precision="float32"),
+    )
+
+
+def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[RepairRow]:
+    """Every method of `plan` on every scene with every seed; decoded images go to `scratch`, a folder on a disk."""
+    for scene, folder in folders.items():
+        views = read_views(folder, plan.views, scratch, scored_on="val")
+        if not views.val.names:
+            raise InputError(f"{folder}: has no validation views (transforms_val.json), which a search scores on")
+        for seed in plan.seeds:
+            yield from _together(plan, views, scene, seed, device)
+
+
+def standings(rows: list[RepairRow]) -> list[Standing]:
+    """The candidates in their own order. Raises `ValueError` where none has a score everywhere."""
+    scores = {name: _scores(rows, name) for name in CANDIDATES if any(row.method == name for row in rows)}
+    whole = {name: values for name, values in scores.items() if np.isfinite(values).all()}
+    if not whole:
+        raise ValueError("every candidate diverged somewhere: there is nothing to choose")
+    best = max(whole.values(), key=lambda values: float(values.mean()))
+    return [_standing(name, best, whole.get(name)) for name in scores]
+
+
+def chosen(table: list[Standing]) -> str:
+    """By `RULE`."""
+    return next(one.method for one in table if one.ties)
+
+
+def as_json(rows: list[RepairRow], plan: Plan) -> dict[str, Any]:
+    table = standings(rows)
+    return {
+        "what": "candidates for qnerf_repaired at equal training time, on validation views",
+        "rule": RULE,
+        "candidates": {name: asdict(parts) for name, parts in CANDIDATES.items()},
+        "excluded": EXCLUDED,
+        "references": list(REFERENCES),
+        "settings": plan.settings(),
+        "rows": [asdict(row) for row in rows],
+        "standings": [asdict(one) for one in table],
+        "chosen": chosen(table),
+    }
+
+
+def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.device) -> Iterator[RepairRow]:
+    """In turn on the same batches, each until its own time is spent: what slows the machine slows them all."""
+    settings, stream = for_scene(plan.train, views), stream_of(scene, seed)
+    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
+    box, directed = box_of(views, device), needs_view_direction(views)
+    active: list[Learner] = []
+    for method in plan.methods:
+        learner = learner_for(method, box, settings, plan.budget, stream, device, directed)
+        learner.clock = Stopwatch(device, time.process_time if device.type == "cpu" else time.perf_counter)
+        learner.warm_up(*batches.batch(stream, 0, settings.rays))
+        active.append(learner)
+    turn = 0
+    while active:
+        first = turn % len(active)
+        for learner in active[first:] + active[:first]:
+            try:
+                learner.train_on(*batches.batch(stream, learner.step, settings.rays))
+                if learner.progress < 1.0:
+                    continue
+                score = psnr_on(learner, views, views.val, plan.score.chunk)
+            except Diverged:
+                score = None
+            active.remove(learner)
+            yield _row(learner, scene, seed, score)
+        turn += 1
+
+
+def _row(learner: Learner, scene: str, seed: int, score: float | None) -> RepairRow:
+    return RepairRow(
+        learner.method,
+        scene,
+        seed,
+        score,
+        learner.step,
+        learner.clock.seconds,
+        learner.network_evaluations,
+        **learner.amplifier_scalars(),
+    )
+
+
+def _scores(rows: list[RepairRow], method: str) -> np.ndarray:
+    """Of all scenes and seeds, always in the same order; NaN where training diverged."""
+    mine = sorted((row.scene, row.seed, row.psnr_val) for row in rows if row.method == method)
+    return np.array([math.nan if score is None else score for _, _, score in mine], dtype=np.float64)
+
+
+def _standing(method: str, best: np.ndarray, scores: np.ndarray | None) -> Standing:
+    if scores is None:
+        return Standing(method, None, None, None, ties=False)
+    behind = best - scores
+    error = float(behind.std(ddof=1)) / behind.size**0.5 if behind.size > 1 else 0.0
+    return Standing(method, float(scores.mean()), float(behind.mean()), error, float(behind.mean()) <= error)
