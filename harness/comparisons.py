@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from harness.records import CellRecord, Comparison
-from harness.statistics import Verdict, over_scenes, verdict
+from harness.statistics import Verdict, detectable, over_scenes, verdict
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,13 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int) -> Judgement:
     if not there:
         return Judgement(None, None, None, None, "inconclusive", 0, aside)
     result = over_scenes(there, family)
-    said = verdict(result, METRICS[metric].smallest_of_interest, METRICS[metric].higher_is_better)
+    of_interest = METRICS[metric].smallest_of_interest
+    said = verdict(result, of_interest, METRICS[metric].higher_is_better)
     return Judgement(
         result.mean,
         result.interval,
         result.simultaneous,
-        result.smallest_detectable,
+        detectable(result, of_interest),
         # a difference of survivors says nothing of those that did not survive
         "inconclusive" if aside else said,
         int(sum(np.isfinite(values).sum() for values in there.values())),

@@ -2,12 +2,12 @@
 
 The units are scenes and seeds, never pixels or views. Over several scenes the standard error is that of a crossed
 bootstrap (Owen 2007, The pigeonhole bootstrap): scenes and seeds are drawn with replacement independently of each
-other, and every drawn pair counts. Its interval is Student's, with the scenes as units: the percentiles of a few
-hundred distinct means do not reach the levels that many comparisons at once ask for.
+other, and every drawn pair counts. Its interval is Student's, with the scenes as units (fewer where seeds matter): the
+percentiles of a few hundred distinct means do not reach the levels that many comparisons at once ask for.
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -57,24 +57,48 @@ def over_scenes(differences: dict[str, np.ndarray], family: int = 1) -> PairedDi
         return paired_difference(only[np.isfinite(only)], family)
     table = np.array(list(differences.values()), dtype=np.float64)
     mean = float(np.nanmean(table, axis=1).mean())
-    return _difference(mean, crossed_error(table), len(table), family)
+    error, freedom = crossed(table)
+    return _difference(mean, error, len(table), family, freedom)
 
 
 def crossed_error(table: np.ndarray) -> float:
-    """Standard error of the mean of `table` [scenes, seeds] by crossed bootstrap, corrected for few scenes.
+    """Standard error of the mean of `table` [scenes, seeds] by crossed bootstrap; see `crossed`."""
+    return crossed(table)[0]
 
-    A little too large on purpose: what differs in one cell alone counts up to three times. Raises `ValueError` with
-    fewer than two scenes or for a scene without any difference.
+
+def crossed(table: np.ndarray) -> tuple[float, float]:
+    """Standard error of the mean of `table` [scenes, seeds] by crossed bootstrap, and its degrees of freedom.
+
+    A little too large on purpose: what differs in one cell alone counts up to three times. Its three parts, of scenes
+    drawn alone, of seeds drawn alone, and the rest, are each corrected for how few were drawn from; the degrees of
+    freedom are Satterthwaite's, and no more than the scenes have: where what differs from seed to seed in all scenes
+    alike outweighs the rest, many scenes do not make up for few seeds. Raises `ValueError` with fewer than two scenes
+    or for a scene without any difference.
     """
     scenes, seeds = table.shape
     there = np.isfinite(table)
     if scenes < 2 or not there.any(axis=1).all():
         raise ValueError(f"a crossed bootstrap needs two scenes or more, each with a difference; got {table}")
     rows, columns = _counts(scenes, seeds)
-    weights = np.einsum("bi,bj,ij->b", rows, columns, there.astype(np.float64))
-    sums = np.einsum("bi,bj,ij->b", rows, columns, np.where(there, table, 0.0))
-    means = sums[weights > 0] / weights[weights > 0]
-    return float(means.std() * (scenes / (scenes - 1)) ** 0.5)
+    values, weights = np.where(there, table, 0.0), there.astype(np.float64)
+    by_scene = _variance(rows, np.ones_like(columns), values, weights) * scenes / (scenes - 1)
+    by_seed = _variance(np.ones_like(rows), columns, values, weights)
+    rest = _variance(rows, columns, values, weights) * scenes / (scenes - 1) - by_scene
+    rest = max(rest - by_seed * scenes / (scenes - 1), 0.0)
+    if seeds == 1:
+        return by_scene**0.5, scenes - 1.0
+    by_seed *= seeds / (seeds - 1)
+    total = by_scene + by_seed + rest
+    if total == 0:
+        return 0.0, scenes - 1.0
+    spread = by_scene**2 / (scenes - 1) + by_seed**2 / (seeds - 1) + rest**2 / ((scenes - 1) * (seeds - 1))
+    return total**0.5, min(total**2 / spread, scenes - 1.0)
+
+
+def _variance(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray) -> float:
+    """Of the means of resampled tables; one that drew nothing that is there is left out."""
+    sums, counts = ((rows @ one * columns).sum(axis=1) for one in (values, weights))
+    return float((sums[counts > 0] / counts[counts > 0]).var())
 
 
 @cache
@@ -87,18 +111,38 @@ def _counts(scenes: int, seeds: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _difference(mean: float, error: float | None, units: int, family: int) -> PairedDifference:
+def _difference(
+    mean: float, error: float | None, units: int, family: int, freedom: float | None = None
+) -> PairedDifference:
+    """`freedom` is one less than `units` where it is not given."""
     if error is None:
         return PairedDifference(mean, None, None, units, None)
-    alone, together = (critical(units - 1, many) * error for many in (1, family))
-    found = together + float(student.ppf(POWER, units - 1)) * error
+    freedom = units - 1.0 if freedom is None else freedom
+    alone, together = (critical(freedom, many) * error for many in (1, family))
+    found = together + _quantile(POWER, freedom) * error
     return PairedDifference(mean, (mean - alone, mean + alone), found, units, (mean - together, mean + together))
 
 
-@cache
-def critical(freedom: int, family: int = 1) -> float:
+def critical(freedom: float, family: int = 1) -> float:
     """Half-width, in standard errors, of one of `family` two-sided intervals that hold together in 95 %."""
-    return float(student.ppf(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom))
+    return _quantile(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom)
+
+
+@lru_cache(maxsize=4096)
+def _quantile(share: float, freedom: float) -> float:
+    return float(student.ppf(share, freedom))
+
+
+def detectable(result: PairedDifference, smallest_of_interest: float) -> float | None:
+    """The true difference of which `verdict` would say better or worse in 80 % of repetitions, not only tell from 0.
+
+    Larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
+    interest.
+    """
+    if result.simultaneous is None or result.smallest_detectable is None:
+        return None
+    half = (result.simultaneous[1] - result.simultaneous[0]) / 2
+    return max(half, smallest_of_interest - half) + result.smallest_detectable - half
 
 
 def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_better: bool) -> Verdict:
