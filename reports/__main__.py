@@ -1,6 +1,7 @@
 """python -m reports OUT: records in, report.html and summary.json out; the page's path is printed last.
 
-Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone.
+Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone. The studies of an
+evidence.json stand in report.html, or alone in evidence.html.
 """
 
 import argparse
@@ -8,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
 from harness.records import DamagedRecord, records_folder
 from harness.speed_record import SpeedRecord
 from harness.stability_record import STABILITY_FILE, StabilityRecord, broken
@@ -22,9 +24,10 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="python -m reports",
         description="Build report.html and summary.json from the records of a run, speed.html from its speed.json, "
-        "stability.html from its stability.json.",
-        epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, "
-        "3 done, but some cell diverged or failed, or a stability check of what is ours failed.",
+        "stability.html from its stability.json, and the studies of its evidence.json, in report.html or alone in "
+        "evidence.html.",
+        epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
+        "stability check of what is ours failed, or a check of the evidence does not hold.",
     )
     made.add_argument("out", metavar="OUT", type=Path, help="the output folder of a run, for instance out/latest")
     made.add_argument("--quiet", action="store_true", help="print nothing but the paths of the pages")
@@ -46,21 +49,24 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build(out: Path, quiet: bool, publish: Path | None) -> int:
     """Reads, writes, prints; what is heavy is imported only once the records are known to be sound."""
+    from reports.evidence_load import find_evidence
     from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
     from reports.speed_load import FILE, find_speed
     from reports.stability_load import find_stability
 
     try:
-        speed, stability = find_speed(out), find_stability(out)
+        speed, stability, evidence = find_speed(out), find_stability(out), find_evidence(out)
+        beside = {FILE: speed, STABILITY_FILE: stability, EVIDENCE_FILE: evidence}
         if publish is not None:
-            for found, file in ((speed, FILE), (stability, STABILITY_FILE)):
+            for file, found in beside.items():
                 if found is not None:
                     refuse_quick(found.settings, out / file)
-        alone = speed is None and stability is None
+        alone = all(found is None for found in beside.values())
         if alone and out.is_dir() and not records_folder(out).is_dir():
             raise NoRecords(
-                f"{out}: no {records_folder(out).name}/, no {FILE} and no {STABILITY_FILE} in it; give the output "
-                "folder of a run, of `nox -s speed` or of `nox -s stability`, for instance out/latest"
+                f"{out}: no {records_folder(out).name}/, no {FILE}, no {STABILITY_FILE} and no {EVIDENCE_FILE} in it; "
+                "give the output folder of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for "
+                "instance out/latest"
             )
         records = read_records(out) if alone or holds_run(out) else None
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
@@ -72,8 +78,10 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
         codes.append(build_speed(speed, out, publish, records is not None))
     if stability is not None:
         codes.append(build_stability(stability, out, quiet, publish, records is not None))
+    if evidence is not None:
+        codes.append(build_evidence(evidence, out, quiet, publish, records is not None))
     if records is not None:
-        codes.append(build_report(records, quiet, publish, stability))
+        codes.append(build_report(records, quiet, publish, stability, evidence))
     return max(codes)
 
 
@@ -116,15 +124,40 @@ def build_stability(record: StabilityRecord, out: Path, quiet: bool, publish: Pa
     return SOME_FAILED if broken(record) else 0
 
 
-def build_report(records: "Records", quiet: bool, publish: Path | None, stability: StabilityRecord | None) -> int:
+def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+    """What the studies found, on a page of its own where no report is built; 3 where a check does not hold."""
+    from reports.evidence_view import check_said, headline
+
+    if publish is not None:
+        from reports.evidence_publish import write_published_evidence
+
+        write_published_evidence(record, publish)
+    if not quiet:
+        print(headline(record))
+        for study, check in failed_checks(record):
+            print(f"{study.info.id}: {check_said(check)}")
+    if not beside_report:
+        from reports.evidence_page import write_evidence_page
+
+        print(write_evidence_page(record, out))
+    return SOME_FAILED if failed_checks(record) else 0
+
+
+def build_report(
+    records: "Records",
+    quiet: bool,
+    publish: Path | None,
+    stability: StabilityRecord | None,
+    evidence: EvidenceRecord | None,
+) -> int:
     """The page and the numbers of a run."""
     from reports.headline import headline
     from reports.page import write_page
     from reports.summary import write_summary
 
     out = records.out
-    write_summary(records, out / "summary.json")
-    write_page(records, out / "report.html", stability)
+    write_summary(records, out / "summary.json", evidence)
+    write_page(records, out / "report.html", stability, evidence)
     if publish is not None:
         from reports.publish import write_published
 

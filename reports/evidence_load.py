@@ -36,9 +36,10 @@ def _contradiction(record: EvidenceRecord) -> str | None:
 
 def _stray(study: StudyRecord) -> str | None:
     """A line or table of another chapter would be shown nowhere; an interval that runs backwards says nothing."""
-    lost = next((one for one in (*study.series, *study.tables) if one.item != 0), None)
+    items = {one.name: one.item for one in study.series} | {one.title: one.item for one in study.tables}
+    lost = next((name for name, item in items.items() if item != 0), None)
     if lost is not None:
-        return f"{getattr(lost, 'name', getattr(lost, 'title', ''))!r} belongs to item {lost.item}, not 0"
+        return f"{lost!r} belongs to item {items[lost]}, not 0"
     return next(filter(None, map(_backwards, study.effects)), None)
 
 

@@ -1,7 +1,6 @@
 """Records → report.html: one self-contained file that works offline and asks nothing of anyone."""
 
 import re
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,14 +9,16 @@ from markupsafe import Markup, escape
 
 from harness.evidence_record import EvidenceRecord
 from harness.stability_record import StabilityRecord
-from reports import claims as paper_claims
 from reports import error_maps, palette, properties, shell, wording
-from reports.claims_table import claims_grid
+from reports.claims import claims
+from reports.claims_table import chapters
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
+from reports.evidence_view import evidence as evidence_shown
 from reports.figure import Panel, svg
+from reports.first_screen import first_screen
 from reports.grid import Grid
-from reports.headline import headline, roles, smallest_detectable
+from reports.headline import headline, roles
 from reports.histograms import amplified_methods, amplifier_over_time, density_histograms
 from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
@@ -44,11 +45,14 @@ def page(records: Records, tried: StabilityRecord | None = None, evidence: Evide
     environment.filters["named"] = lambda text: named(text, colours)
     environment.filters["signed"] = wording.signed
     environment.filters["interval"] = wording.interval
-    content = _content(records) | {"stability": stability(tried, records.out) if tried else None}
+    content = _content(records, evidence) | {
+        "stability": stability(tried, records.out) if tried else None,
+        "evidence": evidence_shown(evidence) if evidence else None,
+    }
     return environment.get_template("page.html").render(
         **content,
         policy=CONTENT_POLICY,
-        style=shell.style("page.css", *(["stability.css"] if tried else [])),
+        style=shell.style("page.css", *(["stability.css"] if tried else []), *(["evidence.css"] if evidence else [])),
         title=content["headline"].title,
         stability_page=STABILITY_PAGE if tried else "",
         speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
@@ -59,6 +63,7 @@ def page(records: Records, tried: StabilityRecord | None = None, evidence: Evide
 
 SECTIONS = (
     ("psnr", "PSNR"),
+    ("evidence", "Evidence"),
     ("convergence", "Convergence"),
     ("work", "Error against cost"),
     ("pictures", "Pictures"),
@@ -77,22 +82,21 @@ SECTIONS = (
 )
 
 
-def _content(records: Records) -> dict[str, Any]:
+def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any]:
     """What each section shows; an empty one is left out with its entry in the contents."""
-    run = records.run
+    run, found = records.run, claims(records, evidence)
     return {
         "records": records,
         "run": run,
         "headline": headline(records),
         "cast": roles(records),
-        "detectable": smallest_detectable(records),
+        "first": first_screen(records, found, evidence),
         "facts": facts(records),
         "scale": in_a_line(records),
         "at_paper_scale": is_paper_scale(records),
         "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
         "failed": records.failed,
         "not_tested": run.not_tested,
-        "tally": tally(records),
         "warned": sum(bool(cell.warnings) for cell in records.cells),
         "warning_kinds": properties.warning_kinds(records),
         "psnr": {
@@ -117,7 +121,7 @@ def _content(records: Records) -> dict[str, Any]:
             over_time=plots(amplifier_over_time(records), "over-time"),
         ),
         "amplified_methods": amplified_methods(records),
-        "claims": claims_grid(records) if run.paper else None,
+        "claims": chapters(found, in_a_line(records)),
         "failures": filled(properties.failures_grid(records)),
         "warnings": filled(properties.warnings_grid(records)),
         "properties": filled(properties.properties_grid(records)),
@@ -139,15 +143,6 @@ def _some(**parts: list[Plot]) -> dict[str, list[Plot]] | None:
 
 def plots(panels: list[Panel], name: str) -> list[Plot]:
     return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]
-
-
-def tally(records: Records) -> list[tuple[str, int]]:
-    """How many of the paper's claims hold, do not, are undecided or were not tested."""
-    if not records.run.paper:
-        return []
-    found = Counter(claim.verdict for claim in paper_claims.claims(records))
-    order: tuple[paper_claims.Verdict, ...] = ("holds", "does not hold", "inconclusive", paper_claims.UNTESTED)
-    return [(verdict, found[verdict]) for verdict in order if found[verdict]]
 
 
 def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -14,6 +14,7 @@ RUN_PAGE = "report.html"
 SPEED_PAGE = "speed.html"
 SPEED_FILE = "speed.json"
 STABILITY_PAGE = "stability.html"
+EVIDENCE_PAGE = "evidence.html"
 
 HERE = Path(__file__).parent
 
@@ -64,6 +65,14 @@ def plain(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return wording.NOTHING if value is None else str(value)
+
+
+def groups_of(
+    origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Where a record comes from, as groups of name and value; those with nothing in them are left out."""
+    groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
+    return [(title, rows) for title, rows in groups if rows]
 
 
 def write_whole(text: str, path: Path) -> None:

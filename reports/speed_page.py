@@ -90,12 +90,8 @@ def _known(origin: dict[str, Any], name: str) -> str:
 
 def provenance(record: SpeedRecord) -> list[tuple[str, list[tuple[str, str]]]]:
     """Groups of name and value: how to get the same again, and how long that takes."""
-    groups = [
-        ("Machine and versions", shell.flat(record.provenance)),
-        ("Settings", shell.flat(record.settings)),
-        ("Wall time", [(_named(name), wording.duration(seconds)) for name, seconds in record.seconds.items()]),
-    ]
-    return [(title, rows) for title, rows in groups if rows]
+    spent = [(_named(name), wording.duration(seconds)) for name, seconds in record.seconds.items()]
+    return shell.groups_of(record.provenance, record.settings, spent)
 
 
 def _named(key: str) -> str:

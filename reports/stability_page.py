@@ -29,12 +29,7 @@ def provenance(record: StabilityRecord) -> list[tuple[str, list[tuple[str, str]]
     """Groups of name and value: how to get the same again, and how long that takes."""
     spent = [(f"{case.info.id} {case.info.title}", wording.duration(case.seconds)) for case in record.cases]
     total = [("all cases", wording.duration(sum(case.seconds for case in record.cases)))] if spent else []
-    groups = [
-        ("Machine and versions", shell.flat(record.provenance)),
-        ("Settings", shell.flat(record.settings)),
-        ("Wall time", [*total, *spent]),
-    ]
-    return [(title, rows) for title, rows in groups if rows]
+    return shell.groups_of(record.provenance, record.settings, [*total, *spent])
 
 
 def write_stability_page(record: StabilityRecord, out: Path, beside_report: bool = False) -> Path:

@@ -103,7 +103,7 @@ def _legend(axes: Axes, y: float, tones: set[Tone]) -> None:
 def curves(record: StabilityRecord) -> Figure | None:
     """The first chart of each chosen chapter, side by side."""
     series = [one for case in record.cases for one in case.series]
-    chosen = [found for item in CHAPTERS_DRAWN if (found := _first(of_item(series, item)))]
+    chosen = [found for item in CHAPTERS_DRAWN if (found := first_chart(of_item(series, item)))]
     if not chosen:
         return None
     across = min(2, len(chosen))
@@ -113,18 +113,25 @@ def curves(record: StabilityRecord) -> Figure | None:
     for axes in list(grid.flat)[len(chosen) :]:
         axes.set_visible(False)
     for axes, (title, group, pens) in zip(grid.flat, chosen, strict=False):
-        paint(axes, panel(title, group, pens))
-        axes.set_title(title, fontsize=9, loc="left", color=palette.INK.light)
-        _keys(axes, dict.fromkeys(one.name for one in group), pens)
+        chart(axes, title, group, pens)
     return figure
 
 
-def _first(series: list[Series]) -> tuple[str, list[Series], dict[str, Pen]] | None:
+def chart(axes: Axes, title: str, group: list[Series], pens: dict[str, Pen]) -> None:
+    """One chart as the page shows it, with its title above and its key below."""
+    paint(axes, panel(title, group, pens))
+    axes.set_title(title, fontsize=9, loc="left", color=palette.INK.light)
+    keys(axes, dict.fromkeys(one.name for one in group), pens)
+
+
+def first_chart(series: list[Series]) -> tuple[str, list[Series], dict[str, Pen]] | None:
+    """Title, lines and pens of the first chart of a chapter, where it has one."""
     charts = panels_of(series)
     return (*charts[0], pens_in(series)) if charts else None
 
 
-def _keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
+def keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
+    """What the lines of a chart are, below it."""
     handles = [
         axes.plot(
             [], [], label=name, color=pens[name].colour.light, marker=pens[name].marker, markersize=4.6,

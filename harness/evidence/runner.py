@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from harness.chart_record import Series, Table
+from harness.comparisons import METRICS
 from harness.device import keep_freed_memory, multiplies_bfloat16, use_threads
 from harness.evidence.situation import Situation
 from harness.evidence.studies import STUDIES, Study, measure_of
@@ -40,7 +41,9 @@ def run(
     device = torch.device(machine.device)
     use_threads(machine.threads)
     keep_freed_memory()
-    record = _claimed(out, resume, {"quick": quick, "device": machine.device}, device)
+    interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
+    settings = {"quick": quick, "device": machine.device, "smallest_of_interest": interest}
+    record = _claimed(out, resume, settings, device)
     missing = [name for name in studies if name not in {one.info.id for one in record.studies}]
     show.line(f"evidence: {len(missing)} studies, about {sum(STUDIES[name].seconds for name in missing) / 60:.0f} min")
     with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:

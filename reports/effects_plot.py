@@ -1,0 +1,203 @@
+"""Effects → forest plots as plain data: a row an effect, its place on an axis that every row shares, verdict in words.
+
+Places are shares of the axis in per cent, so that a page may draw a row as wide as its column is. An interval that
+reaches beyond the axis ends at its edge, and the row says so: three scenes and forty comparisons at once make
+intervals of which the axis would show nothing else.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from matplotlib.ticker import MaxNLocator
+
+from harness.evidence_record import Effect
+from reports.figure import tick
+from reports.table import METRICS, Metric
+from reports.wording import after, counted, interval, of_any_size, signed
+
+BUDGETS = {"steps": "at equal steps", "seconds": "at equal training time"}
+WIDEST = 1.6
+"""On either side of 0 an axis reaches at most so many times as far as the largest difference there,"""
+LEAST = 0.25
+"""and is thought to be at least this share of the largest one on any side."""
+MARGIN = 0.06
+READABLE = 16
+"""Rows that stay in sight without unfolding."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A horizontal bar from `start` to `end`, in per cent of the axis; cut where it goes on beyond it."""
+
+    start: float
+    end: float
+    cut_start: bool
+    cut_end: bool
+
+    @property
+    def length(self) -> float:
+        return self.end - self.start
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    against: str
+    note: str
+    difference: str
+    interval: str
+    verdict: str
+    tone: str
+    dot: float | None
+    """None where there is no difference."""
+    alone: Mark | None
+    together: Mark | None
+    title: str
+    """Everything that is known of the effect in a line."""
+
+
+@dataclass(frozen=True)
+class Group:
+    scene: str
+    rows: list[Row]
+
+
+@dataclass(frozen=True)
+class Forest:
+    """Everything of one metric at one budget; `groups` are scenes."""
+
+    title: str
+    unit: str
+    groups: list[Group]
+    folded: list[Group]
+    zero: float
+    band: Mark | None
+    """± the smallest effect of interest, where it is known."""
+    of_interest: str
+    ticks: list[tuple[float, str]]
+    family: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Differences from `low` to `high`; 0 lies between."""
+
+    low: float
+    high: float
+
+    def place(self, value: float) -> float:
+        """In per cent of the axis."""
+        return round(100 * (value - self.low) / (self.high - self.low), 2)
+
+    def mark(self, pair: tuple[float, float] | None) -> Mark | None:
+        """None where nothing of `pair` lies on the axis."""
+        if pair is None or pair[0] > self.high or pair[1] < self.low:
+            return None
+        start, end = max(pair[0], self.low), min(pair[1], self.high)
+        return Mark(self.place(start), self.place(end), start > pair[0], end < pair[1])
+
+    def ticks(self) -> list[tuple[float, str]]:
+        inside = [at for at in MaxNLocator(6).tick_values(self.low, self.high) if self.low <= at <= self.high]
+        return [(self.place(at), tick(round(float(at), 10))) for at in inside]
+
+
+def forests(effects: list[Effect], of_interest: dict[str, float]) -> list[Forest]:
+    """By metric and budget in the order of the record; forests of one metric share their axis.
+
+    `of_interest`: metric → the smallest effect that matters to anybody, from the record's settings.
+    """
+    found = []
+    for name in dict.fromkeys(one.metric for one in effects):
+        chosen = [one for one in effects if one.metric == name]
+        axis = axis_of(chosen, of_interest.get(name, 0.0))
+        for budget in dict.fromkeys(one.budget for one in chosen):
+            found.append(_forest([one for one in chosen if one.budget == budget], axis, of_interest.get(name)))
+    return found
+
+
+def axis_of(effects: Iterable[Effect], of_interest: float) -> Axis:
+    """Around every difference, the intervals as far as `WIDEST` allows, and the band of interest."""
+    there = list(effects)
+    values = [one.difference for one in there if one.difference is not None]
+    ends = [end for one in there for pair in (one.interval, one.simultaneous) for end in pair or ()]
+    least = 1.5 * of_interest or LEAST * max(map(abs, values), default=0.0) or max(map(abs, ends), default=0.0) or 1.0
+    above = max([*values, LEAST * max(map(abs, values), default=0.0), least])
+    below = max([*(-value for value in values), LEAST * max(map(abs, values), default=0.0), least])
+    high = min(max([*ends, *values, least]), WIDEST * above)
+    low = -min(max([-end for end in [*ends, *values]] + [least]), WIDEST * below)
+    margin = MARGIN * (high - low)
+    return Axis(low - margin, high + margin)
+
+
+def _forest(effects: list[Effect], axis: Axis, of_interest: float | None) -> Forest:
+    metric = metric_of(effects[0].metric)
+    groups = _groups(effects)
+    seen = 0
+    shown: list[_Effects] = []
+    for group in groups:
+        if shown and seen + len(group.rows) > READABLE:
+            break
+        shown.append(group)
+        seen += len(group.rows)
+    drawn = [Group(group.scene, [row_of(one, metric, axis) for one in group.rows]) for group in groups]
+    families = sorted({one.family for one in effects})
+    return Forest(
+        f"{metric.label} {BUDGETS[effects[0].budget]}",
+        metric.unit,
+        drawn[: len(shown)],
+        drawn[len(shown) :],
+        axis.place(0.0),
+        axis.mark((-of_interest, of_interest)) if of_interest else None,
+        f"±{of_any_size(of_interest)}{after(metric.unit)}" if of_interest else "",
+        axis.ticks(),
+        " or ".join(counted(many, "comparison") for many in families),
+    )
+
+
+@dataclass(frozen=True)
+class _Effects:
+    scene: str
+    rows: list[Effect]
+
+
+def _groups(effects: list[Effect]) -> list[_Effects]:
+    """By scene, all scenes together first."""
+    scenes = sorted(dict.fromkeys(one.scene for one in effects), key=lambda scene: scene != "all")
+    return [_Effects(scene_said(scene), [one for one in effects if one.scene == scene]) for scene in scenes]
+
+
+def scene_said(scene: str) -> str:
+    return "all scenes" if scene == "all" else scene
+
+
+def metric_of(name: str) -> Metric:
+    """What is known of a metric; one that this version does not know keeps its name."""
+    return next((one for one in METRICS if one.name == name), Metric(name, name, "", 3, True, ""))
+
+
+def row_of(one: Effect, metric: Metric, axis: Axis) -> Row:
+    aside = f"{counted(one.left_aside, 'pair')} left aside" if one.left_aside else ""
+    note = "; ".join(filter(None, (one.note, aside)))
+    inside = one.difference is not None and axis.low <= one.difference <= axis.high
+    return Row(
+        one.name,
+        one.against,
+        note,
+        signed(one.difference, metric.digits),
+        interval(one.interval, metric.digits),
+        one.verdict,
+        one.verdict,
+        axis.place(one.difference) if one.difference is not None and inside else None,
+        axis.mark(one.interval),
+        axis.mark(one.simultaneous),
+        told(one, metric),
+    )
+
+
+def told(one: Effect, metric: Metric) -> str:
+    """`φ encoding on lego: +0.31 dB; alone [+0.11, +0.51], together with 23 others [−0.09, +0.71]; inconclusive`"""
+    subject = f"{one.name} against {one.against}" if one.against else one.name
+    figure = f"{signed(one.difference, metric.digits)}{after(metric.unit)}"
+    alone = f"95 % interval {interval(one.interval, metric.digits)}" if one.interval else "no interval"
+    others = f", of {one.family} at once {interval(one.simultaneous, metric.digits)}" if one.simultaneous else ""
+    return f"{subject}, {scene_said(one.scene)}, {BUDGETS[one.budget]}: {figure}; {alone}{others}; {one.verdict}"
