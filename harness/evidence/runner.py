@@ -84,7 +84,8 @@ def measured(study: Study, situation: Situation) -> StudyRecord:
 def line_of(one: Check) -> str:
     """`share of A/A comparisons called better or worse: 0.013 (at most 0.05)`"""
     figure = "no figure" if one.figure is None else f"{one.figure:.3g}{one.unit and ' ' + one.unit}"
-    limits = [f"at least {one.low:.3g}"] * (one.low is not None) + [f"at most {one.high:.3g}"] * (one.high is not None)
+    ends = (("at least", one.low), ("at most", one.high))
+    limits = [f"{word} {limit:.3g}" for word, limit in ends if limit is not None]
     note = f"; {one.why}" if one.why else ""
     return f"{one.what}: {figure} ({', '.join(limits)}){note}"
 
