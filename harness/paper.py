@@ -1,33 +1,308 @@
-"""What the paper prints, to stand beside what is measured."""
+"""The ledger: every number that the paper prints, once, with all the places where it stands.
 
+An entry's `rule` says what kind of statement it is, and so who judges it (`reports.claims.RULES`); `of` says of what.
+Entries that repeat the shape of a table are made from that table (`harness.paper_tables`), in the paper's order.
+"""
+
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
-TABLE1 = {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000}
-TABLE2 = {
-    "chair": {"nerf": 33.0, "qnerf": 34.4},
-    "drums": {"nerf": 25.0, "qnerf": 26.2},
-    "ficus": {"nerf": 30.1, "qnerf": 31.6},
-    "hotdog": {"nerf": 36.2, "qnerf": 38.0},
-    "lego": {"nerf": 32.5, "qnerf": 34.0},
-    "materials": {"nerf": 29.6, "qnerf": 31.0},
-    "mic": {"nerf": 32.9, "qnerf": 34.4},
-    "ship": {"nerf": 28.7, "qnerf": 30.2},
-    "average": {"nerf": 31.0, "qnerf": 32.5},
-}
-TABLE3 = {
-    "iterations_to_30_db": {"nerf": 150_000, "qnerf": 123_000},
-    "hours_to_30_db": {"nerf": 4.2, "qnerf": 3.4},
-    "final_psnr": {"nerf": 31.0, "qnerf": 32.5},
-    "speedup_percent": 18,
-}
-TABLE4 = [
-    {"configuration": "Baseline NeRF", "method": "nerf", "psnr": 32.5, "ssim": 0.961},
-    {"configuration": "+ φ-Encoding", "method": "nerf_phi_encoding", "psnr": 33.2, "ssim": 0.967},
-    {"configuration": "+ Quantum Amplifier", "method": "nerf_phi_encoding_amplifier", "psnr": 33.8, "ssim": 0.972},
-    {"configuration": "+ φ-Skip (Full Q-NeRF)", "method": "qnerf", "psnr": 34.0, "ssim": 0.974},
-]
+from harness.paper_tables import ORIGINAL_NERF, TABLE1, TABLE2, TABLE3, TABLE4
+
+Number = int | float
+
+
+@dataclass(frozen=True)
+class Printed:
+    """One printed number."""
+
+    id: str
+    where: tuple[str, ...]
+    """Every place of the paper that states it."""
+    printed: Number | tuple[Number, Number] | None
+    """A range as a pair; None where the paper says it in words alone."""
+    statement: str
+    """What the paper says, in a sentence without the number."""
+    rule: str
+    """How it is put to the test, a key of `reports.claims.RULES`."""
+    unit: str = ""
+    of: dict[str, str] = field(default_factory=dict)
+    """What it is about: scene, method, against, metric, axis, component."""
+
+
+NAMES = {"nerf": "NeRF", "qnerf": "Q-NeRF"}
+LABELS = {"psnr": "PSNR", "ssim": "SSIM"}
+NOTE = "Epistemological Note"
+SCENES = tuple(name for name in TABLE2 if name != "average")
+
+ABSTRACT = (
+    Printed(
+        "abstract-psnr-range",
+        ("Abstract", NOTE),
+        (1.2, 1.8),
+        "Q-NeRF gains this much PSNR over vanilla NeRF, scene by scene",
+        "range of gains",
+        "dB",
+    ),
+    Printed(
+        "abstract-faster",
+        ("Abstract", NOTE, "Table 3", "§10"),
+        18,
+        "Q-NeRF needs this much fewer iterations to reach 30 dB (“faster convergence”)",
+        "saving",
+        "%",
+        {"axis": "steps"},
+    ),
+    Printed(
+        "abstract-sloc", ("Abstract", NOTE, "§10"), 427, "Source lines of the core Q-NeRF module", "lines", "lines"
+    ),
+)
+
+ARCHITECTURE = (
+    Printed("eq3-last-band", ("Eq. 3",), 10, "Exponent of φ in the last cosine, for L = 10", "listing 1"),
+    *(
+        Printed(f"table1-{name.replace('_', '-')}", ("Table 1",), value, words, "setting", "", {"setting": name})
+        for name, value, words in (
+            ("position_bands", 10, "Frequency bands of a position, L"),
+            ("direction_bands", 4, "Frequency bands of a direction, L"),
+            ("depth", 8, "Layers of the density MLP"),
+            ("width", 256, "Width of the density MLP"),
+            ("colour_layers", 2, "Layers of the colour MLP"),
+            ("colour_width", 128, "Width of the colour MLP"),
+        )
+    ),
+    Printed("table1-skip", ("Table 1", "Eq. 5", "§5.2"), 6, "The φ skip follows layer ⌊φ·8/2⌋", "skip layer"),
+    *(
+        Printed(f"table1-{name}", ("Table 1",), weights, f"Weights, {words}", "weights", "weights", {"component": name})
+        for (name, weights), words in zip(
+            TABLE1.items(), ("density MLP", "density head", "colour MLP", "total"), strict=True
+        )
+    ),
+    Printed(
+        "table1-sum",
+        ("Table 1",),
+        TABLE1["total"],
+        "The total is the sum of the printed parts",
+        "sum of weights",
+        "weights",
+    ),
+)
+
+SCORES = (
+    *(
+        Printed(
+            f"table2-{scene}-{method}",
+            ("Table 2",),
+            row[method],
+            f"{NAMES[method]} reaches this PSNR on {scene}",
+            "score",
+            "dB",
+            {"scene": scene, "method": method, "metric": "psnr"},
+        )
+        for scene, row in TABLE2.items()
+        if scene != "average"
+        for method in NAMES
+    ),
+    *(
+        Printed(
+            f"table2-average-{method}",
+            ("Table 2", "Table 3"),
+            TABLE2["average"][method],
+            f"{NAMES[method]} reaches this PSNR on average",
+            "score",
+            "dB",
+            {"scene": "all", "method": method, "metric": "psnr"},
+        )
+        for method in NAMES
+    ),
+    *(
+        Printed(
+            f"table2-{scene}",
+            ("Table 2",),
+            row["delta"],
+            f"Q-NeRF gains over NeRF on {scene}",
+            "gain",
+            "dB",
+            {"scene": scene, "method": "qnerf", "against": "nerf", "metric": "psnr"},
+        )
+        for scene, row in TABLE2.items()
+        if scene != "average"
+    ),
+    Printed(
+        "table2-average",
+        ("Table 2", "§10"),
+        1.5,
+        "Q-NeRF gains over NeRF on average",
+        "gain",
+        "dB",
+        {"scene": "all", "method": "qnerf", "against": "nerf", "metric": "psnr"},
+    ),
+    Printed("table2-differences", ("Table 2",), 9, "Rows whose Δ is Q-NeRF less NeRF", "differences of rows", "rows"),
+    *(
+        Printed(
+            f"table2-mean-{column}",
+            ("Table 2",),
+            TABLE2["average"][column],
+            f"The average of column {name} is the mean of its rows",
+            "mean of rows",
+            "dB",
+            {"column": column},
+        )
+        for column, name in (*NAMES.items(), ("delta", "Δ"))
+    ),
+    Printed(
+        "table2-range",
+        ("Abstract", "Table 2"),
+        (1.2, 1.8),
+        "The range of the gains is that of column Δ",
+        "range of rows",
+        "dB",
+    ),
+    Printed(
+        "setup-scenes", ("§7.1",), 8, "Scenes of the data set, as many as Table 2 has rows", "scenes of rows", "scenes"
+    ),
+    Printed(
+        "table2-source",
+        ("Table 2", "§7.1"),
+        None,
+        "The NeRF column was trained as §7.1 says: 1024 rays, 200 000 iterations",
+        "source of the baseline",
+        "scenes",
+    ),
+)
+
+EFFICIENCY = (
+    *(
+        Printed(
+            f"table3-{name}-{method}",
+            ("Table 3",),
+            TABLE3[key][method],
+            f"{NAMES[method]} needs this {words} to reach 30 dB",
+            "time to target",
+            unit,
+            {"method": method, "axis": axis},
+        )
+        for name, key, words, unit, axis in (
+            ("iterations", "iterations_to_30_db", "many iterations", "steps", "steps"),
+            ("hours", "hours_to_30_db", "long", "h", "seconds"),
+        )
+        for method in NAMES
+    ),
+    Printed(
+        "table3-hours",
+        ("Table 3",),
+        19,
+        "Q-NeRF needs this much less training time to reach 30 dB: what the printed hours come to",
+        "saving",
+        "%",
+        {"axis": "seconds"},
+    ),
+    *(
+        Printed(
+            f"table3-speedup-{name}",
+            ("Table 3",),
+            TABLE3["speedup_percent"],
+            f"The speedup is what the printed {name} save",
+            "ratio of times",
+            "%",
+            {"row": row},
+        )
+        for name, row in (("iterations", "iterations_to_30_db"), ("hours", "hours_to_30_db"))
+    ),
+    *(
+        Printed(
+            f"table3-final-{method}",
+            ("Table 3",),
+            TABLE3["final_psnr"][method],
+            f"{NAMES[method]}’s final PSNR is Table 2’s average",
+            "final is average",
+            "dB",
+            {"method": method},
+        )
+        for method in NAMES
+    ),
+)
+
+
+def _step(metric: str, place: int) -> Number:
+    """What row `place` of Table 4 adds to the row above it."""
+    return round(TABLE4[place][metric] - TABLE4[place - 1][metric], {"psnr": 1, "ssim": 3}[metric])
+
+
+def _row(place: int) -> str:
+    return str(TABLE4[place]["configuration"]).removeprefix("+ ")
+
+
+ABLATION = (
+    *(
+        Printed(
+            f"table4-{row['method']}-{metric}-value",
+            ("Table 4",),
+            row[metric],
+            f"{_row(place)} reaches this {LABELS[metric]} on lego",
+            "score",
+            "dB" if metric == "psnr" else "",
+            {"scene": "lego", "method": str(row["method"]), "metric": metric},
+        )
+        for place, row in enumerate(TABLE4)
+        for metric in LABELS
+    ),
+    *(
+        Printed(
+            f"table4-{TABLE4[place]['method']}-{metric}",
+            ("Table 4", "§10, footnote 1") if (place, metric) == (1, "psnr") else ("Table 4",),
+            _step(metric, place),
+            f"{_row(place)} adds {LABELS[metric]} to the row above it on lego",
+            "added part",
+            "dB" if metric == "psnr" else "",
+            {
+                "scene": "lego",
+                "method": str(TABLE4[place]["method"]),
+                "against": str(TABLE4[place - 1]["method"]),
+                "metric": metric,
+            },
+        )
+        for metric in LABELS
+        for place in (1, 2, 3)
+    ),
+    *(
+        Printed(
+            f"table4-lego-{method}",
+            ("Table 2", "Table 4"),
+            TABLE2["lego"][method],
+            f"{NAMES[method]} on lego has the PSNR of Table 2",
+            "row of table 2",
+            "dB",
+            {"method": method},
+        )
+        for method in NAMES
+    ),
+    Printed(
+        "footnote1-table", ("§10, footnote 1",), 7, "Number of the table that holds the ablation", "number of a table"
+    ),
+)
+
+ELSEWHERE = (
+    Printed("section8.1-retrieval", ("§8.1",), None, "Cached views are retrieved instantly", "retrieval"),
+    Printed(
+        "footnote2-files", ("§10, footnote 2",), 189, "Source files of their vision subsystem", "their code", "files"
+    ),
+    Printed("footnote2-lines", ("§10, footnote 2",), 44_000, "Lines of their vision subsystem", "their code", "lines"),
+    Printed("footnote2-tests", ("§10, footnote 2",), 30, "Test files of their vision subsystem", "their code", "files"),
+)
+
+LEDGER: tuple[Printed, ...] = (*ABSTRACT, *ARCHITECTURE, *SCORES, *EFFICIENCY, *ABLATION, *ELSEWHERE)
+"""In the paper's order. `tests/harness/test_paper.py` holds them against the numbers of the paper's text."""
 
 
 def printed() -> dict[str, Any]:
-    """All tables, as a run record keeps them."""
-    return {"table1": TABLE1, "table2": TABLE2, "table3": TABLE3, "table4": TABLE4, "sloc": 427}
+    """All tables and the ledger as plain data, as a run record keeps them."""
+    return {
+        "table1": TABLE1,
+        "table2": TABLE2,
+        "table3": TABLE3,
+        "table4": TABLE4,
+        "sloc": 427,
+        "original_nerf": ORIGINAL_NERF,
+        "ledger": [asdict(one) for one in LEDGER],
+    }

@@ -27,6 +27,9 @@ from harness.records import (
     write_comparisons,
     write_run,
 )
+from harness.source_lines import core_module_lines
+from harness.survival import targets
+from harness.targets_record import write_targets
 
 
 def run(
@@ -66,6 +69,7 @@ def run(
                 show.trained(event.task, event.share)
     cells = [cell for cell in read_cells(out) if (cell.scene, cell.method, cell.seed) in set(plan.cells())]
     write_comparisons(out, compare(cells, list(plan.methods)))
+    write_targets(out, targets(cells, list(plan.methods)))
     costly = False
     write(finished=True)
     if verify:
@@ -210,7 +214,6 @@ def _run_record(
     finished: bool,
 ) -> RunRecord:
     from baselines.catalog import CATALOG
-    from harness.table1 import parameters_at_paper_size
 
     return RunRecord(
         profile=plan.profile,
@@ -218,7 +221,7 @@ def _run_record(
         scenes=scenes,
         methods={name: CATALOG[name].title for name in plan.methods},
         deviations=deviations(plan),
-        paper={**printed(), "parameters_measured": parameters_at_paper_size("qnerf")},
+        paper={**printed(), **_measured_beside()},
         seeds=list(plan.seeds),
         settings=plan.settings(),
         provenance=origin,
@@ -226,6 +229,18 @@ def _run_record(
         finished=finished,
         not_tested=not_tested(plan),
     )
+
+
+def _measured_beside() -> dict[str, Any]:
+    """What stands beside the paper's printed numbers and needs no training."""
+    from harness.table1 import parameters_at_paper_size
+
+    lines = core_module_lines()
+    return {
+        "parameters_measured": parameters_at_paper_size("qnerf"),
+        "sloc_measured": sum(lines.values()),
+        "sloc_files": lines,
+    }
 
 
 @contextmanager

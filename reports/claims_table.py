@@ -1,56 +1,113 @@
-"""The paper's claims as a table: printed, measured, verdict, and at which scale."""
+"""The ledger as tables: what the paper prints, what was measured, the verdict, and how and at which scale."""
 
-from reports.claims import UNTESTED, Claim, claims
+from dataclasses import dataclass
+
+from reports.claims import KINDS
 from reports.grid import Column, Entry, Grid
-from reports.load import Records
-from reports.scale import in_a_line
+from reports.ledger import UNTESTED, VERDICTS, Claim
 from reports.wording import NOTHING, count, interval, number, signed
 
 TONES = {"holds": "holds", "does not hold": "fails", "inconclusive": "", UNTESTED: "muted"}
+MARKS = {"holds": "✓", "does not hold": "✕", "inconclusive": "?", UNTESTED: "–"}
+FOLDED = ("levels", "others")
+"""Kinds of which hardly anything is judged: there, but closed."""
 
 
-def claims_grid(records: Records) -> Grid:
-    """A row a claim. The scale is the run's and stands above the table, except where it is another."""
-    columns = [Column("source", numeric=False), Column("claim", numeric=False), Column("printed")]
-    columns += [Column("measured"), Column("verdict", numeric=False)]
+@dataclass(frozen=True)
+class Chapter:
+    """All claims of a kind."""
+
+    title: str
+    grid: Grid
+    folded: bool
+
+
+def chapters(found: list[Claim], here: str) -> list[Chapter]:
+    """One table a kind of statement, each in the paper's order. `here` is the run's scale, which stands above them."""
+    of_kind = {kind: [claim for claim in found if claim.kind == kind] for kind in KINDS}
+    return [
+        Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]), kind in FOLDED)
+        for kind, some in of_kind.items()
+        if some
+    ]
+
+
+def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
+    columns = [Column("claim", numeric=False), Column("printed", small="where"), Column("measured", small="interval")]
+    columns += [Column("verdict", small="at which scale", numeric=False), Column("how it is measured", numeric=False)]
     rows = []
-    here = in_a_line(records)
-    for claim in claims(records):
+    for claim in found:
         scale = "" if claim.verdict == UNTESTED else "at this run’s scale" if claim.scale == here else claim.scale
-        row = [Entry(claim.source), Entry(claim.statement, claim.note), Entry(printed_text(claim))]
+        row = [Entry(claim.statement), Entry(printed_text(claim), claim.source.replace(", ", "\n"))]
         row.append(Entry(measured_text(claim), interval_text(claim)))
-        row.append(Entry(claim.verdict, scale, TONES[claim.verdict]))
+        row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
+        row.append(Entry(claim.how, claim.note))
         rows.append(row)
-    return Grid("Printed and measured", columns, rows)
+    return Grid(caption, columns, rows)
+
+
+def tally_grid(found: list[Claim]) -> Grid:
+    """How many of each kind hold, do not, are undecided, were not tested."""
+    columns = [Column("", numeric=False), *(Column(f"{MARKS[verdict]} {verdict}") for verdict in VERDICTS)]
+    rows = []
+    for kind, words in KINDS.items():
+        some = [claim.verdict for claim in found if claim.kind == kind]
+        if some:
+            counts = [some.count(verdict) for verdict in VERDICTS]
+            entries = [_counted(many, verdict) for many, verdict in zip(counts, VERDICTS, strict=True)]
+            rows.append([Entry(words), *entries])
+    whole = [sum(claim.verdict == verdict for claim in found) for verdict in VERDICTS]
+    total = [Entry(f"{len(found)} printed statements"), *(Entry(str(many)) for many in whole)]
+    return Grid("What became of what the paper prints", columns, rows, [total])
+
+
+def _counted(many: int, verdict: str) -> Entry:
+    return Entry(str(many), tone=TONES[verdict]) if many else Entry("·", tone="muted")
 
 
 def printed_text(claim: Claim) -> str:
-    """+1.2 to +1.8 dB, +1.4 dB, 257 weights, 18 %."""
+    """+1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:
-        return NOTHING
+        return "in words" if claim.kind != "others" else NOTHING
     if isinstance(claim.printed, tuple):
-        return f"{signed(claim.printed[0], claim.digits)} to {signed(claim.printed[1], claim.digits)} {claim.unit}"
+        low, high = (_value(claim, value, claim.digits) for value in claim.printed)
+        return f"{low} to {high} {claim.unit}".strip()
     return _with_unit(claim, claim.printed, claim.digits)
 
 
 def measured_text(claim: Claim) -> str:
+    """A range where it was one that was asked for."""
+    if claim.measured is None and claim.interval is not None:
+        return f"{' to '.join(_value(claim, value, claim.digits) for value in claim.interval)} {claim.unit}"
     return NOTHING if claim.measured is None else _with_unit(claim, claim.measured, _finer(claim))
 
 
 def interval_text(claim: Claim) -> str:
-    if claim.interval is None:
+    """Nothing where there is none."""
+    if claim.interval is None or claim.measured is None:
         return ""
-    if claim.unit == "%":
-        return f"[{number(claim.interval[0], 0)}, {number(claim.interval[1], 0)}]"
-    return interval(claim.interval, _finer(claim))
+    digits = _finer(claim)
+    if _is_difference(claim):
+        return interval(claim.interval, digits)
+    return f"[{', '.join(_value(claim, value, digits) for value in claim.interval)}]"
+
+
+def _is_difference(claim: Claim) -> bool:
+    """Whether a sign belongs to it."""
+    return claim.kind == "gains" and claim.unit != "%"
 
 
 def _finer(claim: Claim) -> int:
-    return {1: 2, 3: 4}.get(claim.digits, claim.digits)
+    """One decimal more than printed, where the figure has decimals at all; percentages get one."""
+    return 1 if claim.unit == "%" else claim.digits + 1 if claim.digits else 0
+
+
+def _value(claim: Claim, value: int | float, digits: int) -> str:
+    if _is_difference(claim):
+        return signed(value, digits)
+    return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
 
 
 def _with_unit(claim: Claim, value: int | float, digits: int) -> str:
-    if claim.unit in ("weights", "lines"):
-        return count(round(value))
-    text = number(value, digits) if claim.unit == "%" else signed(value, digits)
-    return f"{text} {claim.unit}".strip()
+    unit = claim.unit if claim.unit in ("dB", "%", "h") else ""
+    return f"{_value(claim, value, digits)} {unit}".strip()

@@ -3,7 +3,7 @@
 from collections import Counter
 
 from harness.records import LeftOut
-from reports.claims import COMPONENTS
+from reports.claims_code import COMPONENTS
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.wording import count, duration, interval, listed, signed, significant

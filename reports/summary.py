@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from harness.evidence_record import EvidenceRecord
 from harness.records import CellRecord, finite_or_none, write_json
 from reports.claims import claims
 from reports.headline import headline
@@ -13,7 +14,7 @@ from reports.table import METRICS
 SCHEMA = 1
 
 
-def summary(records: Records) -> dict[str, Any]:
+def summary(records: Records, evidence: EvidenceRecord | None = None) -> dict[str, Any]:
     """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why."""
     run = records.run
     return {
@@ -37,7 +38,7 @@ def summary(records: Records) -> dict[str, Any]:
         ],
         "cells": [_cell(cell) for cell in records.cells],
         "comparisons": [asdict(one) for one in records.comparisons],
-        "claims": [_claim(one.__dict__) for one in claims(records)],
+        "claims": [_claim(one.__dict__) for one in claims(records, evidence)],
         "left_out": [{"scene": scene.name, **asdict(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": run.not_tested,
@@ -73,10 +74,11 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:
-    shown = ("id", "source", "printed", "measured", "interval", "scale", "verdict", "statement", "unit", "note")
-    return {name: claim[name] for name in shown}
+    judged = ("id", "source", "printed", "measured", "interval", "scale", "verdict")
+    explained = ("statement", "unit", "how", "note")
+    return {name: claim[name] for name in (*judged, *explained)}
 
 
-def write_summary(records: Records, path: Path) -> None:
+def write_summary(records: Records, path: Path, evidence: EvidenceRecord | None = None) -> None:
     """Whole or not at all; NaN and Infinity are refused."""
-    write_json(path, summary(records))
+    write_json(path, summary(records, evidence))

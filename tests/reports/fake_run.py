@@ -12,6 +12,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 
+from harness.paper import printed
 from harness.records import (
     CellRecord,
     Checkpoint,
@@ -37,31 +38,10 @@ STEPS = (50, 100, 200, 400, 800, 1600)
 GAIN = {"nerf": 0.0, "nerf_matched": 0.9, "qnerf": 0.8}
 SLOWNESS = {"nerf": 1.0, "nerf_matched": 0.97, "qnerf": 1.06}
 PAPER = {
-    "table1": {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000},
+    **printed(),
     "parameters_measured": {"density_net": 493_056, "density_head": 257, "colour_net": 53_251, "total": 546_566},
-    "table2": {
-        scene: {"nerf": nerf, "qnerf": qnerf}
-        for scene, nerf, qnerf in (
-            ("chair", 33.0, 34.4),
-            ("drums", 25.0, 26.2),
-            ("ficus", 30.1, 31.6),
-            ("hotdog", 36.2, 38.0),
-            ("lego", 32.5, 34.0),
-            ("materials", 29.6, 31.0),
-            ("mic", 32.9, 34.4),
-            ("ship", 28.7, 30.2),
-        )
-    },
-    "table3": {
-        "iterations_to_30_db": {"nerf": 150_000, "qnerf": 123_000},
-        "hours_to_30_db": {"nerf": 4.2, "qnerf": 3.4},
-    },
-    "table4": [
-        {"method": "nerf", "configuration": "Baseline NeRF", "psnr": 32.5, "ssim": 0.961},
-        {"method": "nerf_phi", "configuration": "+ φ-Encoding", "psnr": 33.2, "ssim": 0.967},
-        {"method": "qnerf", "configuration": "+ φ-Skip (Full Q-NeRF)", "psnr": 34.0, "ssim": 0.974},
-    ],
-    "sloc": 427,
+    "sloc_measured": 690,
+    "sloc_files": {"encoding": 90, "amplifier": 600},
 }
 
 

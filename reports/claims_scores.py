@@ -1,0 +1,114 @@
+"""Abstract and Table 2: how much better, and how good."""
+
+from harness.records import Comparison, finite_or_none
+from reports.headline import roles
+from reports.judging import half_unit, interval_of_mean, judge_gain, judge_level
+from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed
+from reports.wording import counted, interval, listed, signed
+
+MARGINS = {"psnr": 0.2, "ssim": 0.005}
+"""Smallest differences of interest, as the harness declares them for its comparisons."""
+
+PAIRED = (
+    "difference of mean test {metric} at equal steps, paired over the same seeds{units}; interval 95 %, together with "
+    "the others that are looked at with it"
+)
+
+
+def interval_judged(one: Comparison) -> Pair | None:
+    """The one that verdicts are taken from; runs recorded before there were families have only their own."""
+    return one.simultaneous or one.interval
+
+
+def gain(bench: Bench, entry: Printed) -> Finding:
+    """A gain of one method over another, on a scene or over all."""
+    scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
+    one = bench.records.comparison(scene, method, against, metric)
+    how = PAIRED.format(metric=metric.upper(), units=", scenes as units" if scene == "all" else "")
+    if one is None or not isinstance(entry.printed, int | float):
+        return Finding(UNTESTED, how, note=f"{method} was not compared with {against} {_where(scene)} in this run")
+    pair = interval_judged(one)
+    verdict = judge_gain(entry.printed, half_unit(entry.printed, entry.unit), one.difference, pair, one.left_aside)
+    return Finding(verdict, how, one.difference, pair, note=_note(bench, scene))
+
+
+def range_of_gains(bench: Bench, entry: Printed) -> Finding:
+    """1.2–1.8 dB on all scenes: refuted by their mean, established only by every one of the paper's scenes.
+
+    That every scene gains at least the lower end implies that their mean does. So it *does not hold* where the mean's
+    interval ends below the lower end, and *holds* where the interval of each printed scene lies at or above it.
+    """
+    how = "mean over scenes against the lower end; holds only if every scene of Table 2 reaches it"
+    one = bench.records.comparison("all", "qnerf", "nerf")
+    if one is None or one.difference is None or not isinstance(entry.printed, tuple):
+        return Finding(UNTESTED, how, note="Q-NeRF was not compared with NeRF in this run")
+    low = entry.printed[0]
+    rounding, pair = half_unit(low, entry.unit), interval_judged(one)
+    of_mean = judge_gain(low, rounding, one.difference, pair, one.left_aside)
+    rows = {name: bench.records.comparison(name, "qnerf", "nerf") for name in bench.scenes_of_table2()}
+    there = {name: row.difference for name, row in rows.items() if row and row.difference is not None}
+    each = [
+        judge_gain(low, rounding, row.difference, interval_judged(row), row.left_aside) if row else UNTESTED
+        for row in rows.values()
+    ]
+    verdict = of_mean
+    if of_mean == "holds" and any(one != "holds" for one in each):
+        verdict = "inconclusive"
+    spread = f"scenes from {signed(min(there.values()))} to {signed(max(there.values()))} dB" if len(there) > 1 else ""
+    return Finding(verdict, how, one.difference, pair, note="; ".join(filter(None, [spread, _note(bench, "all")])))
+
+
+def score(bench: Bench, entry: Printed) -> Finding:
+    """How good a method gets. At another scale, or on other pictures than the paper's, the value only stands beside."""
+    scene, method, metric = (entry.of[name] for name in ("scene", "method", "metric"))
+    how = f"mean test {metric.upper()} of this run’s {method}; interval 95 % over seeds"
+    scenes = [name.lower() for name in bench.scenes_of_table2()] if scene == "all" else [scene]
+    ran = [name for name in scenes if name in bench.records.scenes]
+    by_seed: dict[int, list[float]] = {}
+    lost = 0
+    for name in ran:
+        for cell in bench.records.cells_of(name, method):
+            value = finite_or_none(cell.scores.get(metric))
+            if cell.status == "done" and value is not None:
+                by_seed.setdefault(cell.seed, []).append(value)
+            else:
+                lost += 1
+    means = [sum(values) / len(values) for values in by_seed.values() if len(values) == len(ran)]
+    if not means:
+        return Finding(UNTESTED, how, note=f"{method} has no score {_where(scene)} in this run")
+    pair = interval_of_mean(means)
+    missing = [name for name in scenes if name not in ran]
+    notes = [
+        f"without {listed(missing)}" if missing else "",
+        f"{counted(lost, 'cell')} without a score" if lost else "",
+    ]
+    measured = sum(means) / len(means)
+    elsewhere = all(not one.rendered for one in bench.records.run.scenes)
+    if not (bench.at_paper_scale and elsewhere):
+        notes.append("other pictures than the paper’s" if bench.at_paper_scale else "")
+        return Finding(UNTESTED, how, measured, pair, note="; ".join(filter(None, notes)))
+    printed = entry.printed if isinstance(entry.printed, int | float) else float("nan")
+    verdict = "inconclusive" if missing or lost else judge_level(printed, MARGINS[metric], pair)
+    notes.append("on the view sets that were given: whether these are the paper’s, this program cannot tell")
+    return Finding(verdict, how, measured, pair, note="; ".join(filter(None, notes)))
+
+
+def _where(scene: str) -> str:
+    return "over all scenes" if scene == "all" else f"on {scene}"
+
+
+def _note(bench: Bench, scene: str) -> str:
+    """What is left of a gain over the baseline once bandwidth is matched, and what could not be paired."""
+    records, parts = bench.records, []
+    missing = [name.lower() for name in bench.scenes_of_table2() if name.lower() not in records.scenes]
+    if scene == "all" and missing:
+        parts.append(f"without {', '.join(missing)}")
+    over_baseline = records.comparison(scene, "qnerf", "nerf")
+    if over_baseline and over_baseline.left_aside:
+        parts.append(f"{counted(over_baseline.left_aside, 'cell')} without a score")
+    control = roles(records).control
+    one = records.comparison(scene, "qnerf", control) if control else None
+    if one is not None and one.difference is not None:
+        shown = f"{signed(one.difference)} {interval(one.interval)}".strip()
+        parts.append(f"against {control}: {shown} ({one.verdict})")
+    return "; ".join(parts)

@@ -1,0 +1,125 @@
+"""The first screen: the question, the answer, how sure it is, at what scale, and what was not tested.
+
+It is built from the ledger, the run's comparisons and, where it lies beside, the evidence; it computes nothing.
+"""
+
+from dataclasses import dataclass
+
+from harness.evidence_record import Check, EvidenceRecord
+from reports.claims_table import MARKS, TONES, interval_text, measured_text, printed_text, tally_grid
+from reports.grid import Grid
+from reports.headline import roles, smallest_detectable
+from reports.ledger import UNTESTED, Claim
+from reports.load import Records
+from reports.wording import NARROW, NOTHING, interval, listed, number, signed
+
+PRINCIPAL = {
+    "abstract-psnr-range": "PSNR gain, every scene",
+    "table2-average": "PSNR gain, average",
+    "abstract-faster": "fewer iterations to 30 dB",
+    "table4-nerf_phi_encoding-psnr": "φ encoding adds, on lego",
+    "table4-nerf_phi_encoding_amplifier-psnr": "then the amplifier",
+    "table4-qnerf-psnr": "then the φ skip",
+    "table1-total": "weights",
+}
+"""Claims of the first screen, in a few words each."""
+
+CALIBRATION = "calibration"
+"""The study of the evidence that puts the comparer to the test."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One principal claim."""
+
+    words: str
+    source: str
+    printed: str
+    measured: str
+    interval: str
+    verdict: str
+    mark: str
+    tone: str
+    note: str
+
+
+@dataclass(frozen=True)
+class FirstScreen:
+    question: str
+    lines: list[Line]
+    sure: list[str]
+    """How sure the answer is: sentences, made from figures."""
+    tally: Grid | None
+
+
+def first_screen(records: Records, found: list[Claim], evidence: EvidenceRecord | None) -> FirstScreen:
+    by_id = {claim.id: claim for claim in found}
+    lines = [_line(words, by_id[name]) for name, words in PRINCIPAL.items() if name in by_id]
+    tally = tally_grid(found) if found else None
+    return FirstScreen(question(records, by_id), lines, how_sure(records, evidence), tally)
+
+
+def question(records: Records, by_id: dict[str, Claim]) -> str:
+    """What the paper claims, asked; without its numbers, what this run can answer."""
+    gain, faster = by_id.get("abstract-psnr-range"), by_id.get("abstract-faster")
+    if gain and faster and "qnerf" in records.methods:
+        speed = printed_text(faster).replace(" ", NARROW)
+        return f"Does Q-NeRF gain {printed_text(gain)} over NeRF and converge {speed} faster, as printed?"
+    cast = roles(records)
+    if not cast.contenders:
+        return f"How does {cast.baseline} do?"
+    return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
+
+
+def _line(words: str, claim: Claim) -> Line:
+    return Line(
+        words,
+        claim.source,
+        printed_text(claim),
+        measured_text(claim),
+        interval_text(claim),
+        claim.verdict,
+        MARKS[claim.verdict],
+        TONES[claim.verdict],
+        claim.note if claim.verdict == UNTESTED and claim.measured is not None else "",
+    )
+
+
+def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
+    """The interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
+    said = []
+    cast = roles(records)
+    one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    if one is not None and one.difference is not None and one.interval is not None:
+        said.append(
+            f"{one.method} less {one.against} at equal steps: {signed(one.difference)} dB, 95{NARROW}% interval "
+            f"{interval(one.interval)} over scenes and seeds."
+        )
+    elif one is not None and one.difference is not None:
+        said.append(f"{one.method} less {one.against}: {signed(one.difference)} dB; too few units for an interval.")
+    said += filter(None, [smallest_detectable(records)])
+    return [*said, *calibration(evidence)]
+
+
+def calibration(evidence: EvidenceRecord | None) -> list[str]:
+    """What the study of the comparer measured, in a sentence a check; or that there was none."""
+    study = evidence.study(CALIBRATION) if evidence else None
+    if study is None:
+        return ["Whether the comparer itself errs as often as it says was not measured beside this run."]
+    return [_checked(check) for check in study.checks]
+
+
+def _checked(check: Check) -> str:
+    figure = NOTHING if check.figure is None else _figure(check.figure, check.unit)
+    limits = [
+        f"{words} {_figure(limit, check.unit)}"
+        for words, limit in (("at least", check.low), ("at most", check.high))
+        if limit is not None
+    ]
+    wanted = f" (wanted: {' and '.join(limits)})" if limits else ""
+    failed = "" if check.holds else " – this check does not hold"
+    return f"Comparer: {check.what}: {figure}{wanted}{failed}."
+
+
+def _figure(value: float, unit: str) -> str:
+    return f"{number(value, 1)}{NARROW}{unit}" if unit else number(value, 2)
