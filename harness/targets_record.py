@@ -44,7 +44,7 @@ class ReachCurve:
     """A scene's name, or `all`."""
     axis: Axis
     time: list[float]
-    """Rising; the share holds from here to the next one. The last is where the curve ends."""
+    """Rising; the share holds from here to the next one. Before the first it is 0; the last is where the curve ends."""
     share: list[float]
     """0 … 1, equally long."""
     at_risk: list[int]
@@ -64,10 +64,11 @@ class TargetComparison:
     against: str
     axis: Axis
     horizon: float
-    """The common end of watching: the shortest that a finished run of the two methods was watched."""
+    """The common end of watching: the shortest that a finished run of the two methods was watched on the scene. Of
+    `all` the shortest of the scenes', which each keep their own."""
     saving: float | None
     """Per cent of `against`'s time, from the mean of the logarithms of the ratios; below 0 where `method` needs more.
-    None where there is no pair."""
+    None where no pair tells anything."""
     interval: tuple[float, float] | None
     """95 %, of this comparison alone, in per cent."""
     simultaneous: tuple[float, float] | None

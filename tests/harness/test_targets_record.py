@@ -31,7 +31,7 @@ RECORD = TargetsRecord(
     "nerf",
     "24 dB",
     [Reach("lego", "nerf", 0, "steps", 312.5, "reached"), Reach("lego", "nerf", 1, "steps", 1000.0, "never", "ended")],
-    [ReachCurve("nerf", "all", "steps", [0.0, 312.5, 1000.0], [0.0, 0.5, 0.5], [2, 2, 1])],
+    [ReachCurve("nerf", "all", "steps", [312.5, 1000.0], [0.5, 0.5], [2, 1])],
     [SAVING, NOTHING],
 )
 

@@ -1,0 +1,221 @@
+"""Times to a target: hand-written curves, a slow Kaplan–Meier, and simulated runs whose truth is known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.comparisons import duels
+from harness.records import CellRecord
+from harness.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
+from harness.targets_record import Reach, TargetComparison, read_targets, write_targets
+from tests.harness.cells import cell, checkpoint, diverged
+
+
+def run(method: str, seed: int, scores: list[float], scene: str = "lego", pace: float = 0.1) -> CellRecord:
+    """Scored after 10, 100, 1000 … steps, of `pace` seconds each."""
+    curve = [checkpoint(10 ** (k + 1), pace * 10 ** (k + 1), score) for k, score in enumerate(scores)]
+    return cell(scene, method, seed, curve)
+
+
+def of(cells: list[CellRecord], axis: str = "steps", scene: str = "lego", target: float = 24.0) -> TargetComparison:
+    return compared(cells, "qnerf", "nerf", axis, target, scene)  # type: ignore[arg-type]
+
+
+def test_the_first_crossing_is_linear_in_log_time() -> None:
+    points = [(10.0, 20.0), (100.0, 24.0), (1000.0, 22.0), (10000.0, 26.0)]
+    assert first_reached(points, 20.0) == (10.0, "earlier")
+    assert first_reached(points, 22.0) == (pytest.approx(math.sqrt(10.0 * 100.0)), "reached")
+    assert first_reached(points, 24.0) == (pytest.approx(100.0), "reached")
+    assert first_reached(points, 25.0) == (pytest.approx(1000.0 * 10**0.75), "reached")
+    assert first_reached(points, 26.5) == (10000.0, "never")
+
+
+def test_what_is_known_of_a_run() -> None:
+    soon = reach(run("nerf", 0, [20, 24, 26]), "seconds", 22)
+    assert (soon.time, soon.known, soon.why) == (pytest.approx(math.sqrt(10)), "reached", "")
+    late = reach(run("nerf", 0, [20, 24, 26]), "steps", 27)
+    assert (late.time, late.known, late.why) == (1000.0, "never", "ended at 26.00 dB")
+    fallen = replace(run("nerf", 0, [20, 28]), status="diverged", steps=150)
+    assert (reach(fallen, "steps", 22).known, reach(fallen, "steps", 22).why) == ("never", "diverged")
+    assert reach(diverged("lego", "nerf", 0), "steps", 22).time == 7.0
+    unscored = cell("lego", "nerf", 0, [checkpoint(10, 1.0, None)])
+    assert (reach(unscored, "steps", 22).known, reach(unscored, "steps", 22).why) == ("never", "has no score")
+
+
+@pytest.mark.parametrize(
+    ("best", "target"),
+    [
+        ([31.0, 30.0, 20.0, 20.0], 30.0),
+        ([31.0, 29.9, 20.0, 20.0], 29.0),
+        ([25.7, 24.2, 23.9], 24.0),
+        ([24.0], 24.0),
+        ([24.0, None], 24.0),
+        ([24.0, None, None], None),
+        ([], None),
+    ],
+)
+def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None], target: float | None) -> None:
+    runs = [diverged("lego", "nerf", k) if b is None else run("nerf", k, [10.0, b]) for k, b in enumerate(best)]
+    found, why = chosen_target(runs, "nerf")
+    assert found == target
+    assert "nerf" in why
+    if target is not None:
+        reached = sum(b is not None and b >= target for b in best)
+        assert f"{reached} of {len(best)}" in why
+        assert 2 * reached >= len(best)
+
+
+def test_the_target_knows_nothing_of_the_other_methods() -> None:
+    baseline = [run("nerf", seed, [20.0, 24.5, 25.5]) for seed in range(3)]
+    with_others = targets(
+        [*baseline, *(run("qnerf", seed, [10.0, 31.0, 35.0]) for seed in range(3))], ["nerf", "qnerf"]
+    )
+    assert (with_others.target, with_others.printed, with_others.baseline) == (25.0, False, "nerf")
+
+
+def slow_kaplan_meier(reaches: list[Reach]) -> dict[float, float]:
+    """Event time → share, one run after another."""
+    end = max(one.time for one in reaches)
+    watched = [(end if one.why == "diverged" else one.time, one.known != "never") for one in reaches]
+    left, found = 1.0, {}
+    for time in sorted({time for time, event in watched if event}):
+        dead = sum(1 for at, event in watched if event and at == time)
+        left *= 1 - dead / sum(1 for at, _ in watched if at >= time)
+        found[time] = 1 - left
+    return found
+
+
+def test_kaplan_meier_of_a_textbook() -> None:
+    """Remission of leukaemia, 6-MP arm (Gehan 1965): 6 6 6 6+ 7 9+ 10 10+ 11+ 13 16 17+ 19+ 20+ 22 23 25+ 32+ 32+ 34+
+    35+, whose survival is printed everywhere."""
+    events = [6, 6, 6, 7, 10, 13, 16, 22, 23]
+    censored = [6, 9, 10, 11, 17, 19, 20, 25, 32, 32, 34, 35]
+    reaches = [Reach("a", "m", k, "steps", float(t), "reached") for k, t in enumerate(events)]
+    reaches += [Reach("a", "m", k, "steps", float(t), "never", "ended at 1 dB") for k, t in enumerate(censored)]
+    times, share, at_risk = kaplan_meier(reaches)
+    assert times == [6, 7, 10, 13, 16, 22, 23, 35]
+    assert 1 - np.array(share) == pytest.approx([0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448, 0.448], abs=5e-4)
+    assert at_risk == [21, 17, 15, 12, 11, 7, 6, 1]
+
+
+def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> None:
+    draw = np.random.default_rng(0)
+    for _ in range(50):
+        kinds = draw.choice(["reached", "never", "earlier"], 12)
+        why = draw.choice(["diverged", "ended at 3 dB"], 12)
+        reaches = [
+            Reach("a", "m", k, "steps", float(draw.integers(1, 9)), kind, str(why[k]) if kind == "never" else "")
+            for k, kind in enumerate(kinds)
+        ]
+        times, share, _ = kaplan_meier(reaches)
+        slow = slow_kaplan_meier(reaches)
+        found = dict(zip(times, share, strict=True))
+        assert {time: found[time] for time in slow} == pytest.approx(slow)
+    half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
+    half += [Reach("a", "m", k, "steps", 1.0, "never", "diverged") for k in range(5)]
+    assert kaplan_meier(half)[1][-1] == pytest.approx(0.5)  # and not 1, as if the diverged had never been
+
+
+def test_a_saving_is_the_mean_ratio_of_times() -> None:
+    """10 → 100 steps for 20 → 24 dB: 24 after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000."""
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
+    cells += [run("qnerf", seed, [22, 26, 30]) for seed in range(3)]
+    one = of(cells)
+    assert one.saving == pytest.approx(100 * (1 - 10**-0.5))
+    assert one.difference == pytest.approx(10**1.5 - 100)
+    assert (one.verdict, one.pairs, one.never, one.earlier, one.horizon) == ("better", 3, (0, 0), (0, 0), 1000.0)
+    slower = compared(cells, "nerf", "qnerf", "steps", 24.0, "lego")
+    assert (slower.saving, slower.verdict) == (pytest.approx(100 * (1 - 10**0.5)), "worse")
+
+
+def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
+    """nerf is scored after 1, 10 and 100 s, qnerf after 2, 20 and 200 s, with the same scores."""
+    cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(3)]
+    cells += [run("qnerf", seed, [20, 22, 24], pace=0.2) for seed in range(3)]
+    at_21 = of(cells, "seconds", target=21.0)
+    assert (at_21.horizon, at_21.never, at_21.verdict) == (100.0, (0, 0), "worse")
+    assert at_21.saving == pytest.approx(-100.0)
+    # nerf after 84 s, qnerf after 168 s, of which nobody watched more than 100 with both
+    at_limit = of(cells, "seconds", target=22 + 2 * math.log10(8.4))
+    assert (at_limit.never, at_limit.saving) == ((3, 0), pytest.approx(-100 * (100 / 84 - 1)))
+
+
+def test_a_run_that_never_gets_there_counts_as_long_as_it_was_watched() -> None:
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(4)]
+    cells += [run("qnerf", seed, [20, 24, 28]) for seed in range(3)]
+    for lost in (run("qnerf", 3, [10, 11, 12]), replace(diverged("lego", "qnerf", 3))):
+        one = of([*cells, lost])
+        assert one.difference == pytest.approx((1000 - 100) / 4)
+        assert one.saving == pytest.approx(100 * (1 - 10**0.25))
+        assert (one.pairs, one.never, one.left_aside) == (4, (1, 0), 0)
+        assert one.verdict == "inconclusive"
+    assert of(cells).verdict == "inconclusive"  # the fourth run of qnerf does not exist
+    assert of(cells).left_aside == 1
+
+
+def test_where_nobody_gets_there_or_all_were_there_before_nothing_is_equivalent() -> None:
+    cells = [run(method, seed, [20, 24, 28]) for method in ("nerf", "qnerf") for seed in range(3)]
+    assert of(cells).verdict == "equivalent"
+    for target in (29.0, 19.0):
+        one = of(cells, target=target)
+        assert (one.saving, one.interval, one.verdict, one.pairs) == (None, None, "inconclusive", 3)
+    both = [replace(one, scene="mic") for one in cells] + [
+        run(m, s, [2, 3, 4]) for m in ("nerf", "qnerf") for s in (0, 1, 2)
+    ]
+    assert of(both, scene="all").saving == 0
+    assert of(both, scene="all").verdict == "inconclusive"
+
+
+def test_who_was_there_at_the_first_checkpoint_cannot_seem_quicker_than_that() -> None:
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)] + [run("qnerf", s, [25, 26, 28]) for s in range(3)]
+    one = of(cells)
+    assert one.earlier == (3, 0)
+    assert one.saving == pytest.approx(90.0)  # 10 steps or fewer against 100
+
+
+def simulated(draw: np.random.Generator, ratio: float, spread: float, seeds: int = 3) -> list[CellRecord]:
+    """Four scenes with paces of their own; `ratio` of the time to every score, times noise of each run."""
+    found = []
+    for k in range(4):
+        for method, share in (("nerf", 1.0), ("qnerf", ratio)):
+            for seed in range(seeds):
+                slow = share * math.exp(draw.normal(0, spread)) * (1 + 0.2 * k)
+                scores = [20 + 4 * math.log10(step / slow / 10) for step in (10, 100, 1000, 10000)]
+                found.append(run(method, seed, scores, scene=f"scene{k}"))
+    return found
+
+
+def test_a_known_saving_is_held_by_95_percent_of_intervals_and_a_null_is_not_called() -> None:
+    draw = np.random.default_rng(1)
+    held, called = [], []
+    for _ in range(25):
+        one = of(simulated(draw, 0.8, 0.15), scene="all", target=23.0)
+        assert one.interval is not None
+        held.append(one.interval[0] <= 20.0 <= one.interval[1])
+        called.append(of(simulated(draw, 1.0, 0.15), scene="all", target=23.0).verdict in ("better", "worse"))
+    assert np.mean(held) > 0.95 - 4 * math.sqrt(0.05 * 0.95 / 25)
+    assert np.mean(called) < 0.05 + 4 * math.sqrt(0.05 * 0.95 / 25)
+
+
+def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: object) -> None:
+    cells = simulated(np.random.default_rng(2), 0.8, 0.1)
+    cells[0] = diverged(cells[0].scene, "nerf", 0)
+    cells[7] = replace(diverged(cells[7].scene, "qnerf", 1), status="not_available")
+    methods = ["nerf", "qnerf"]
+    record = targets(cells, methods)
+    assert len(record.reaches) == 2 * (len(cells) - 1)  # each axis; a cell that was not available is no run
+    assert len(record.comparisons) == 2 * len(duels(methods)) * 5
+    assert {(one.scene, one.family) for one in record.comparisons} == {("all", 1)} | {
+        (f"scene{k}", 4) for k in range(4)
+    }
+    assert len(record.curves) == 2 * 2 * 5
+    for curve in record.curves:
+        assert curve.time == sorted(curve.time)
+        assert curve.share == sorted(curve.share)
+        assert 0 <= curve.share[-1] <= 1
+    write_targets(tmp_path, record)  # type: ignore[arg-type]
+    assert read_targets(tmp_path) == record  # type: ignore[arg-type]
+    nothing = targets([diverged("lego", "nerf", 0)], ["nerf", "qnerf"])
+    assert (nothing.target, nothing.reaches, nothing.comparisons) == (None, [], [])
