@@ -51,12 +51,12 @@ TRAININGS: dict[str, Training] = {
     "all_images": Training(WEAKENED, DIRECTED, 600),
     "half_images": Training(("nerf",), DIRECTED, 600, train_views=50),
     "quarter_images": Training(("nerf",), DIRECTED, 600, train_views=25),
-    "factorial": Training(_factorial(), FACTORIAL_SCENES, 500),
-    "bandwidth_100": Training(LADDERS, TEXTURED, 1000, train_views=60, test_views=4),
-    "bandwidth_200": Training(LADDERS, TEXTURED, 1000, resolution=200, train_views=60, test_views=4),
-    "bandwidth_400": Training(LADDERS, TEXTURED, 1000, resolution=400, train_views=60, test_views=4),
+    "factorial": Training(_factorial(), FACTORIAL_SCENES, 400),
+    "bandwidth_100": Training(LADDERS, TEXTURED, 600, train_views=60, test_views=4),
+    "bandwidth_200": Training(LADDERS, TEXTURED, 600, resolution=200, train_views=60, test_views=4),
+    "bandwidth_400": Training(LADDERS, TEXTURED, 600, resolution=400, train_views=60, test_views=4),
     "repaired": Training(
-        ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 800, checkpoints=4
+        ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 600, checkpoints=4
     ),
 }
 
