@@ -1,4 +1,4 @@
-"""`python -m scenes render NAME… | integrators NAME | sheet OUT.png`: in a process of its own, which Dr.Jit may end.
+"""`python -m scenes render | integrators | noise | repeats | sheet …`: in a process of its own, which Dr.Jit may end.
 
 `render` prints one JSON object a line: `{"scene", "done", "total"}` for each view, then
 `{"scene", "path", "variant", "seconds"}`. Exit codes: 0 done, 1 our own error, 2 bad input.
@@ -20,11 +20,15 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.command == "render":
             _render(options)
+        elif options.command == "repeats":
+            _repeats(options)
         elif options.command == "integrators":
             from scenes.integrators import compared
 
             found = compared(options.name, options.resolution, options.views, options.spp, options.variant)
             print(json.dumps(asdict(found)))
+        elif options.command == "noise":
+            _noise(options)
         else:
             from scenes.sheet import write_sheet
 
@@ -57,6 +61,33 @@ def _render(options: argparse.Namespace) -> None:
         print(json.dumps({"scene": name, "path": str(path), "variant": variant, "seconds": seconds}), flush=True)
 
 
+def _noise(options: argparse.Namespace) -> None:
+    from scenes.noise_study import again, errors
+    from scenes.variant import choose_variant
+
+    variant, settings = choose_variant(options.variant), (options.resolution, options.spp, options.reference_spp)
+    if not options.folders and not options.scenes:
+        raise InputError("noise: name view sets with --folders or scenes with --scenes")
+    for one in (*options.folders, *options.scenes):
+        found = again(one, variant) if isinstance(one, Path) else errors(one, *settings, options.repeats, variant)
+        for row in found:
+            print(json.dumps({"item": str(one), **asdict(row)}), flush=True)
+
+
+def _repeats(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from scenes.repeats import repeated
+
+    for name in options.names:
+        renders = repeated(
+            name, options.view, options.resolution, options.spp, options.stream, options.count, options.variant
+        )
+        path = options.out / f"{name}.npy"
+        np.save(path, np.stack([image.astype(np.float32) for image in renders]))
+        print(json.dumps({"scene": name, "path": str(path)}), flush=True)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m scenes", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -73,12 +104,27 @@ def _parser() -> argparse.ArgumentParser:
     integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
     integrators.add_argument("--views", type=int, default=4, metavar="N")
     integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples a pixel")
+    noise = commands.add_parser("noise", help="stored views rendered again, and error against samples, as JSON lines")
+    noise.add_argument("--folders", type=Path, nargs="+", default=[], metavar="DIR", help="view sets: test views again")
+    noise.add_argument("--scenes", nargs="+", default=[], metavar="NAME", help="a test view at each of --spp")
+    noise.add_argument("--resolution", type=int, default=100, metavar="PX")
+    noise.add_argument("--spp", type=int, nargs="+", default=[1, 4, 16, 64, 256], metavar="N", help="samples a pixel")
+    noise.add_argument("--reference-spp", type=int, default=2048, metavar="N", help="of what errors are taken from")
+    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders that are timed")
+    repeats = commands.add_parser("repeats", help="one view again and again with independent noise, as OUT/NAME.npy")
+    repeats.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
+    repeats.add_argument("names", nargs="+", metavar="NAME")
+    repeats.add_argument("--view", type=int, default=0, metavar="N", help="of the 200 test views")
+    repeats.add_argument("--resolution", type=int, default=48, metavar="PX")
+    repeats.add_argument("--spp", type=int, default=256, metavar="N", help="samples a pixel of one render")
+    repeats.add_argument("--stream", default="", metavar="TEXT", help="of random numbers; others are independent")
+    repeats.add_argument("--count", type=int, default=16, metavar="N", help="renders")
     sheet = commands.add_parser("sheet", help="render a labelled contact sheet")
     sheet.add_argument("out", type=Path, metavar="OUT.png")
     sheet.add_argument("names", nargs="*", metavar="NAME", help="default: the eight classics")
     sheet.add_argument("--resolution", type=int, default=400, metavar="PX")
     sheet.add_argument("--spp", type=int, default=256, metavar="N")
-    for command in (render, integrators, sheet):
+    for command in (render, integrators, noise, repeats, sheet):
         command.add_argument("--variant", help="Mitsuba variant (default: the fastest that works)")
     return parser
 

@@ -1,0 +1,143 @@
+"""Whether the PSNR ceiling that a view set states is what a second, independent render says."""
+
+import statistics
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from harness.chart_record import Series, Table
+from harness.evidence.noise_process import noise_rows
+from harness.evidence.scores_at_hand import scores_at_hand
+from harness.evidence.situation import Finding, Situation
+from harness.evidence.wording import listed
+from harness.evidence_record import Check
+from harness.lockstep import REFERENCE_LIMITED_DB
+from harness.metrics import psnr_from_mse
+from harness.runner import view_set_folders
+from harness.statistics import critical
+
+TOLERANCE_DB = 0.1
+TRAINING = "a_a"
+"""Whose view sets are looked at: those of the profile `reduced`, all classics."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Two ceilings of one scene: means over its test views, dB."""
+
+    scene: str
+    stated: float
+    again: float
+    """From the stored images and those of the second render."""
+    halves: float
+    """What the view set's formula says of the second render."""
+    error: float | None
+    """Standard error of stated less again: views have noise of their own. None with one view."""
+    views: int
+
+    @property
+    def difference(self) -> float:
+        return self.stated - self.again
+
+    def excess(self) -> float | None:
+        """Standard errors by which the two differ more than they may; 0 where they do not."""
+        over = abs(self.difference) - TOLERANCE_DB
+        if over <= 0.0:
+            return 0.0
+        return over / self.error if self.error else None
+
+
+def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
+    """From the mean square errors that noise causes in each view."""
+    levels = [[psnr_from_mse(one) for one in values] for values in (stated, again, halves)]
+    apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
+    error = statistics.stdev(apart) / len(apart) ** 0.5 if len(apart) > 1 else None
+    means = [statistics.fmean(one) for one in levels]
+    return Agreement(scene, means[0], means[1], means[2], error, len(apart))
+
+
+def ceilings(situation: Situation) -> Iterator[Finding]:
+    """Sentences, two checks, and a table of the scenes."""
+    plan = situation.plan(TRAINING)
+    if situation.quick:
+        plan = replace(plan, scenes=plan.scenes[:2])
+    folders = view_set_folders(plan, situation.view_sets, situation.show)
+    rows = noise_rows("folders", [str(folders[name]) for name in plan.scenes], say=situation.show.line)
+    found = []
+    for name in plan.scenes:
+        of_scene = rows[str(folders[name])]
+        found.append(agreement(name, *([row[key] for row in of_scene] for key in ("stored", "again", "halves"))))
+    sample = rows[str(folders[plan.scenes[0]])][0]
+    yield from judged(found)
+    yield (
+        f"Stored and new images have {sample['spp']} samples a pixel, in two halves each, and are compared in the "
+        "float colours that scores use: the 8-bit pictures beside them play no part. The second render is by "
+        f"{sample['variant']}."
+    )
+    yield from limited(found, scores_at_hand(situation.out, plan.views.resolution))
+    yield Series(
+        "Ceiling stated and measured again", 0, "scenes", "stated ceiling, dB", "ceiling from a second render, dB",
+        [one.stated for one in found], [one.again for one in found], log_x=False, log_y=False,
+    )  # fmt: skip
+
+
+def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
+    """The answer, its checks and its table."""
+    within = [one for one in found if abs(one.difference) <= TOLERANCE_DB]
+    mean = statistics.fmean(one.difference for one in found)
+    known = [one.error for one in found if one.error is not None]
+    error = sum(one**2 for one in known) ** 0.5 / len(found) if len(known) == len(found) else None
+    worst = max(found, key=lambda one: abs(one.difference))
+    yield (
+        f"{len(within)} of {len(found)} ceilings lie within {TOLERANCE_DB} dB of what a second render says; over all "
+        f"scenes the stated ceiling is {_signed(mean)} dB off{_give_or_take(error)}, at most "
+        f"{_signed(worst.difference)} dB{_give_or_take(worst.error)} ({worst.scene})."
+    )
+    yield Check(
+        "ceiling stated less ceiling from a second render, mean over scenes", mean, -TOLERANCE_DB, TOLERANCE_DB, "dB",
+        f"standard error {error:.3f} dB" if error is not None else "no standard error: one view a scene",
+    )  # fmt: skip
+    excesses = [one.excess() for one in found]
+    judged_ones = [one for one in excesses if one is not None]
+    yield Check(
+        f"largest excess of a scene's difference over {TOLERANCE_DB} dB",
+        max(judged_ones) if len(judged_ones) == len(found) else None,
+        high=_limit(found),
+        unit="standard errors",
+        why="of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies"
+        if len(judged_ones) == len(found)
+        else "a scene with a single view has no standard error",
+    )
+    columns = ["scene", "stated, dB", "second render, dB", "difference, dB", "standard error, dB",
+               "formula on the second render, dB", "views"]  # fmt: skip
+    yield Table(
+        "ceilings", 0, "PSNR ceilings of the test views", columns,
+        [[one.scene, one.stated, one.again, one.difference, one.error, one.halves, float(one.views)] for one in found],
+    )  # fmt: skip
+
+
+def limited(found: Sequence[Agreement], scores: dict[str, float]) -> Iterator[str]:
+    """How far the best scores at hand stay below."""
+    room = {one.scene: one.again - scores[one.scene] for one in found if one.scene in scores}
+    if not room:
+        yield "No trained cell is at hand in this folder to stand beside the ceilings."
+        return
+    near = [name for name, value in room.items() if value < REFERENCE_LIMITED_DB]
+    least = min(room, key=lambda name: room[name])
+    said = f"{listed(near)} are reference-limited" if near else "none is reference-limited"
+    yield (
+        f"The best cells of this folder stay {room[least]:.1f} dB ({least}) to {max(room.values()):.1f} dB below the "
+        f"ceiling of their scene; within {REFERENCE_LIMITED_DB:g} dB of it {said}."
+    )
+
+
+def _limit(found: Sequence[Agreement]) -> float:
+    """Student's, for as many scenes as there are, with the views that the poorest of them has."""
+    return critical(max(1, min(one.views for one in found) - 1), len(found))
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3f}".replace("-", "−")
+
+
+def _give_or_take(error: float | None) -> str:
+    return "" if error is None else f" ± {error:.3f}"
