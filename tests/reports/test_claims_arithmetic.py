@@ -1,0 +1,104 @@
+"""The paper's own figures: what they give, and that a wrong figure would be found."""
+
+from dataclasses import replace
+
+import pytest
+
+from reports import claims_arithmetic as arithmetic
+from reports.claims import claims
+from reports.ledger import OWN_FIGURES, UNTESTED, Bench, Printed, entries
+from reports.load import Records
+from tests.reports.fake_run import PAPER
+
+
+def bench(whole: Records, **tables) -> Bench:
+    records = replace(whole, run=replace(whole.run, paper={**PAPER, **tables}))
+    return Bench(records, None, None, "here", False)
+
+
+def entry(name: str, **changes) -> Printed:
+    return replace(next(one for one in entries(PAPER) if one.id == name), **changes)
+
+
+def changed(table: str, row: str, **values) -> dict:
+    return {table: {**PAPER[table], row: {**PAPER[table][row], **values}}}
+
+
+@pytest.mark.parametrize(
+    ("name", "verdict", "measured"),
+    [
+        ("eq3-last-band", "does not hold", 9),
+        ("table1-skip", "holds", 6),
+        ("table1-sum", "holds", 1_367_257),
+        ("table2-differences", "holds", 9),
+        ("table2-mean-nerf", "holds", 31.0),
+        ("table2-mean-qnerf", "holds", 32.475),
+        ("table2-mean-delta", "holds", 1.475),
+        ("setup-scenes", "holds", 8),
+        ("table2-source", "inconclusive", 8),
+        ("table3-speedup-iterations", "holds", 18.0),
+        ("table3-speedup-hours", "inconclusive", 100 * (1 - 3.4 / 4.2)),
+        ("table3-final-nerf", "holds", 31.0),
+        ("table3-final-qnerf", "holds", 32.5),
+        ("table4-lego-nerf", "holds", 32.5),
+        ("table4-lego-qnerf", "holds", 34.0),
+        ("footnote1-table", "does not hold", 4),
+    ],
+)
+def test_what_the_papers_figures_give(whole: Records, name, verdict, measured):
+    claim = next(one for one in claims(whole) if one.id == name)
+    assert claim.verdict == verdict
+    assert claim.measured == pytest.approx(measured)
+    assert claim.scale == OWN_FIGURES
+
+
+def test_hours_leave_room_for_the_printed_speedup_by_rounding_alone(whole: Records):
+    found = arithmetic.ratio_of_times(bench(whole), entry("table3-speedup-hours"))
+    assert found.interval == pytest.approx((100 * (1 - 3.45 / 4.15), 100 * (1 - 3.35 / 4.25)))
+    assert "19.0 % as printed" in found.note
+    assert "as a ratio of speeds 24 %" in found.note
+    slow = changed("table3", "hours_to_30_db", qnerf=3.7)
+    assert arithmetic.ratio_of_times(bench(whole, **slow), entry("table3-speedup-hours")).verdict == "does not hold"
+
+
+@pytest.mark.parametrize(
+    ("judge", "name", "table", "row", "values"),
+    [
+        (arithmetic.differences_of_rows, "table2-differences", "table2", "mic", {"delta": 1.6}),
+        (arithmetic.mean_of_rows, "table2-mean-qnerf", "table2", "mic", {"qnerf": 35.5}),
+        (arithmetic.range_of_rows, "table2-range", "table2", "drums", {"delta": 1.1}),
+        (arithmetic.final_is_average, "table3-final-qnerf", "table2", "average", {"qnerf": 32.4}),
+        (arithmetic.row_of_table2, "table4-lego-nerf", "table2", "lego", {"nerf": 32.6}),
+    ],
+)
+def test_a_wrong_figure_is_found(whole: Records, judge, name, table, row, values):
+    assert judge(bench(whole), entry(name)).verdict == "holds"
+    assert judge(bench(whole, **changed(table, row, **values)), entry(name)).verdict == "does not hold"
+
+
+def test_a_wrong_sum_and_a_wrong_layer_are_found(whole: Records):
+    assert arithmetic.sum_of_weights(bench(whole), entry("table1-sum", printed=1_400_000)).verdict == "holds"
+    assert arithmetic.sum_of_weights(bench(whole), entry("table1-sum", printed=1_510_000)).verdict == "does not hold"
+    assert arithmetic.skip_layer(bench(whole), entry("table1-skip", printed=5)).verdict == "does not hold"
+    assert arithmetic.listing_1(bench(whole), entry("eq3-last-band", printed=9)).verdict == "holds"
+
+
+def test_the_wrong_row_is_named(whole: Records):
+    found = arithmetic.differences_of_rows(
+        bench(whole, **changed("table2", "mic", delta=1.6)), entry("table2-differences")
+    )
+    assert (found.measured, found.note) == (8, "not mic")
+
+
+def test_a_baseline_of_its_own_is_counted(whole: Records):
+    found = arithmetic.source_of_baseline(bench(whole, **changed("table2", "mic", nerf=33.1)), entry("table2-source"))
+    assert found.measured == 7
+    assert "equal in 7 of 8 scenes" in found.note
+
+
+def test_a_record_without_the_tables_tests_nothing(whole: Records):
+    records = replace(whole, run=replace(whole.run, paper={"ledger": PAPER["ledger"]}))
+    bare = {one.id: one for one in claims(records)}
+    assert bare["table1-sum"].verdict == UNTESTED
+    untested = {one.verdict for name, one in bare.items() if name.startswith(("table2-mean", "table3-sp", "table3-f"))}
+    assert untested == {UNTESTED}
