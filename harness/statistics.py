@@ -97,7 +97,10 @@ def crossed(table: np.ndarray) -> tuple[float, float]:
 
 def _variance(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray) -> float:
     """Of the means of resampled tables; one that drew nothing that is there is left out."""
-    sums, counts = ((rows @ one * columns).sum(axis=1) for one in (values, weights))
+    sums = np.einsum("bj,bj->b", rows @ values, columns)
+    if weights.all():
+        return float(sums.var()) / weights.size**2
+    counts = np.einsum("bj,bj->b", rows @ weights, columns)
     return float((sums[counts > 0] / counts[counts > 0]).var())
 
 
