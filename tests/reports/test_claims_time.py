@@ -1,0 +1,117 @@
+"""Table 3 from the record of when a score was reached: what is censored turns no verdict."""
+
+from dataclasses import replace
+
+import pytest
+
+from harness.targets_record import Reach, TargetComparison, TargetsRecord, write_targets
+from reports.claims import claims
+from reports.claims_time import saving, time_to_target, verdict_of
+from reports.ledger import UNTESTED, Bench, entries
+from reports.load import Records
+from tests.reports.fake_run import PAPER
+
+ONE = TargetComparison(
+    scene="all", method="qnerf", against="nerf", axis="steps", horizon=1600.0, saving=12.0, interval=(9.0, 15.0),
+    simultaneous=(8.0, 16.0), family=1, verdict="better", smallest_detectable=5.0, difference=-100.0,
+    difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), left_aside=0,
+)  # fmt: skip
+LEDGER = {one.id: one for one in entries(PAPER)}
+
+
+def record(one: TargetComparison = ONE, target: float = 30.0, printed: bool = True) -> TargetsRecord:
+    reaches = [
+        Reach("chair", method, seed, axis, time, "reached")
+        for method, time in (("nerf", 1000.0), ("qnerf", 900.0))
+        for axis in ("steps", "seconds")
+        for seed in (0, 1, 2)
+    ]
+    return TargetsRecord(target, printed, "nerf", "chosen", reaches, [], [one, replace(one, axis="seconds")])
+
+
+def bench(whole: Records, targets: TargetsRecord | None) -> Bench:
+    return Bench(whole, None, targets, "here", False)
+
+
+@pytest.mark.parametrize(
+    ("pair", "verdict"),
+    [((8.0, 16.0), "does not hold"), ((8.0, 20.0), "inconclusive"), ((17.6, 25.0), "holds"), (None, "inconclusive")],
+)
+def test_at_the_printed_target_the_interval_judges(pair, verdict):
+    assert verdict_of(18, 0.5, replace(ONE, simultaneous=pair, interval=pair), True) == verdict
+
+
+@pytest.mark.parametrize("pair", [(8.0, 16.0), (17.6, 25.0)])
+def test_at_a_lower_target_it_is_not_tested(pair):
+    assert verdict_of(18, 0.5, replace(ONE, simultaneous=pair), False) == UNTESTED
+
+
+@pytest.mark.parametrize("is_printed", [True, False])
+def test_who_never_gets_where_everybody_else_gets_is_not_faster(is_printed):
+    assert verdict_of(18, 0.5, replace(ONE, never=(6, 0)), is_printed) == "does not hold"
+
+
+@pytest.mark.parametrize("changes", [{"never": (5, 0)}, {"never": (6, 1)}, {"pairs": 1, "never": (1, 0)}])
+def test_short_of_that_a_lower_target_settles_nothing(changes):
+    assert verdict_of(18, 0.5, replace(ONE, **changes), False) == UNTESTED
+
+
+@pytest.mark.parametrize(
+    ("pair", "changes", "verdict"),
+    [
+        ((8.0, 16.0), {"never": (0, 1)}, "inconclusive"),
+        ((8.0, 16.0), {"earlier": (1, 0)}, "inconclusive"),
+        ((8.0, 16.0), {"never": (1, 0)}, "does not hold"),
+        ((8.0, 16.0), {"earlier": (0, 1)}, "does not hold"),
+        ((19.0, 25.0), {"never": (1, 0)}, "inconclusive"),
+        ((19.0, 25.0), {"earlier": (0, 1)}, "inconclusive"),
+        ((19.0, 25.0), {"never": (0, 1)}, "holds"),
+        ((19.0, 25.0), {"earlier": (1, 0)}, "holds"),
+        ((8.0, 16.0), {"left_aside": 1}, "inconclusive"),
+        ((19.0, 25.0), {"left_aside": 1}, "inconclusive"),
+        ((19.0, 25.0), {"left_aside": 1, "never": (6, 0)}, "inconclusive"),
+    ],
+)
+def test_a_verdict_that_the_censored_runs_could_turn_is_none(pair, changes, verdict):
+    assert verdict_of(18, 0.5, replace(ONE, simultaneous=pair, **changes), True) == verdict
+
+
+def test_a_saving_at_a_lower_target_stands_beside(whole: Records):
+    found = saving(bench(whole, record(replace(ONE, never=(2, 0)), 24.0, False)), LEDGER["abstract-faster"])
+    assert (found.verdict, found.measured, found.interval) == (UNTESTED, 12.0, (8.0, 16.0))
+    assert found.note == "at 24.0 dB instead of 30 dB; 2 of 6 runs of Q-NeRF never reached it"
+
+
+def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
+    targets = record()
+    targets = replace(targets, comparisons=[ONE, replace(ONE, axis="seconds", saving=3.0, simultaneous=(1.0, 5.0))])
+    found = [saving(bench(whole, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
+    assert [(one.measured, one.verdict) for one in found] == [(12.0, "does not hold"), (3.0, "does not hold")]
+
+
+def test_times_themselves_are_never_judged(whole: Records):
+    steps, hours = (
+        time_to_target(bench(whole, record()), LEDGER[f"table3-{name}-qnerf"]) for name in ("iterations", "hours")
+    )
+    assert (steps.verdict, steps.measured) == (UNTESTED, 900.0)
+    assert hours.measured == pytest.approx(0.25)
+    lower = time_to_target(bench(whole, record(target=24.0, printed=False)), LEDGER["table3-hours-qnerf"])
+    assert (lower.measured, lower.verdict) == (None, UNTESTED)
+
+
+def test_a_median_of_those_that_got_there_is_none_of_all(whole: Records):
+    targets = record()
+    lost = replace(targets.reaches[-1], known="never")
+    found = time_to_target(bench(whole, replace(targets, reaches=[*targets.reaches[:-1], lost])),
+                           LEDGER["table3-hours-qnerf"])  # fmt: skip
+    assert (found.measured, found.note) == (None, "1 of 3 runs not seen to reach it")
+
+
+def test_without_a_record_nothing_is_tested(whole: Records):
+    found = {one.id: one for one in claims(whole)}["abstract-faster"]
+    assert (found.verdict, found.measured) == (UNTESTED, None)
+
+
+def test_the_record_beside_the_run_is_read(whole: Records):
+    write_targets(whole.out, record())
+    assert {one.id: one for one in claims(whole)}["abstract-faster"].measured == 12.0
