@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable
 
 from harness.evidence_record import EvidenceRecord
-from harness.targets_record import read_targets
 from reports import claims_arithmetic as arithmetic
 from reports import claims_code as code
 from reports import claims_scores as scores
@@ -60,7 +59,7 @@ def claims(records: Records, evidence: EvidenceRecord | None = None) -> list[Cla
 
     Raises `ValueError` for a ledger that cannot be read.
     """
-    bench = Bench(records, evidence, read_targets(records.out), in_a_line(records), is_paper_scale(records))
+    bench = Bench(records, evidence, records.targets, in_a_line(records), is_paper_scale(records))
     return [_judged(bench, entry) for entry in entries(records.run.paper)]
 
 

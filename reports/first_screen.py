@@ -110,9 +110,9 @@ def calibration(evidence: EvidenceRecord | None) -> list[str]:
 
 
 def _checked(check: Check) -> str:
-    figure = NOTHING if check.figure is None else _figure(check.figure, check.unit)
+    figure = NOTHING if check.figure is None else _figure(check.figure, check)
     limits = [
-        f"{words} {_figure(limit, check.unit)}"
+        f"{words} {_figure(limit, check)}"
         for words, limit in (("at least", check.low), ("at most", check.high))
         if limit is not None
     ]
@@ -121,5 +121,8 @@ def _checked(check: Check) -> str:
     return f"Comparer: {check.what}: {figure}{wanted}{failed}."
 
 
-def _figure(value: float, unit: str) -> str:
-    return f"{number(value, 1)}{NARROW}{unit}" if unit else number(value, 2)
+def _figure(value: float, check: Check) -> str:
+    """A share as a percentage."""
+    if check.what.startswith("share") and not check.unit:
+        return f"{number(100 * value, 1)}{NARROW}%"
+    return f"{number(value, 2)}{NARROW}{check.unit}".strip()

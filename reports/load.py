@@ -24,6 +24,7 @@ from harness.records import (
     read_run,
     records_folder,
 )
+from harness.targets_record import TARGETS_FILE, TargetsRecord, read_targets
 
 REMEDY = "delete it and run again with --resume"
 
@@ -52,6 +53,8 @@ class Records:
     run: RunRecord
     cells: list[CellRecord]
     comparisons: list[Comparison]
+    targets: TargetsRecord | None = None
+    """When a score was reached; None in runs recorded before that was noted."""
 
     @property
     def folder(self) -> Path:
@@ -114,10 +117,11 @@ def read_records(out: Path) -> Records:
     run = _sound(folder / "run.json", RunRecord, lambda: read_run(out))
     cells = [_sound(path, CellRecord, partial(read_cell, path)) for path in paths]
     comparisons = _sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out))
+    targets = _sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: read_targets(out))
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, unsorted.methods
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
-    return Records(out, run, cells, comparisons)
+    return Records(out, run, cells, comparisons, targets)
 
 
 def _in_order(first: list[str], then: Iterable[str]) -> list[str]:

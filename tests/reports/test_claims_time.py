@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from harness.records import DamagedRecord
 from harness.targets_record import Reach, TargetComparison, TargetsRecord, write_targets
 from reports.claims import claims
 from reports.claims_time import saving, time_to_target, verdict_of
 from reports.ledger import UNTESTED, Bench, entries
-from reports.load import Records
+from reports.load import Records, read_records
 from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(
@@ -114,4 +115,11 @@ def test_without_a_record_nothing_is_tested(whole: Records):
 
 def test_the_record_beside_the_run_is_read(whole: Records):
     write_targets(whole.out, record())
-    assert {one.id: one for one in claims(whole)}["abstract-faster"].measured == 12.0
+    assert {one.id: one for one in claims(read_records(whole.out))}["abstract-faster"].measured == 12.0
+
+
+def test_a_damaged_record_of_targets_names_the_file(whole: Records):
+    path = whole.out / "records" / "targets.json"
+    path.write_text('{"schema": 1}', encoding="utf-8")
+    with pytest.raises(DamagedRecord, match=r"targets\.json"):
+        read_records(whole.out)

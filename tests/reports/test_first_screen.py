@@ -1,0 +1,98 @@
+"""The question, the answer, how sure, and what was not tested: each made from figures."""
+
+from dataclasses import replace
+
+import pytest
+
+from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord
+from harness.paper import LEDGER
+from reports.claims import claims
+from reports.first_screen import PRINCIPAL, calibration, first_screen
+from reports.load import Records, read_records
+from reports.page import page
+from tests.reports.fake_run import write_fake_run
+from tests.reports.test_claims_time import ONE, record
+
+
+def shown(records: Records, evidence: EvidenceRecord | None = None):
+    return first_screen(records, claims(records, evidence), evidence)
+
+
+def calibrated(*checks: Check) -> EvidenceRecord:
+    info = StudyInfo("calibration", "title", "question?", "method")
+    return EvidenceRecord({}, {}, [StudyRecord(info, checks=list(checks))])
+
+
+def test_the_principal_claims_are_entries_of_the_ledger():
+    assert set(PRINCIPAL) <= {one.id for one in LEDGER}
+
+
+def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records):
+    said = shown(whole)
+    assert said.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
+    first, average, faster, *_, weights = said.lines
+    assert (first.printed, first.measured, first.interval) == ("+1.2 to +1.8 dB", "+0.81 dB", "[+0.69, +0.93]")
+    assert (average.printed, average.verdict, average.mark) == ("+1.5 dB", "does not hold", "✕")
+    assert (faster.printed, faster.measured, faster.verdict) == ("18 %", "–", "not tested at this scale")
+    assert (weights.printed, weights.measured) == ("1\u202f370\u202f000", "546\u202f566")
+
+
+def test_without_the_papers_numbers_the_question_is_the_runs(whole: Records):
+    bare = shown(replace(whole, run=replace(whole.run, paper={})))
+    assert (bare.lines, bare.tally) == ([], None)
+    assert bare.question == "How does qnerf compare with nerf?"
+
+
+def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
+    methods = {"nerf": "", "nerf_matched": ""}
+    records = read_records(write_fake_run(tmp_path / "run", methods=methods, pictures=False, with_diverged=False))
+    assert shown(records).question == "How does nerf_matched compare with nerf?"
+
+
+def test_what_is_known_of_an_untested_claim_stands_below_it(whole: Records):
+    faster = shown(replace(whole, targets=record(ONE, 24.0, False))).lines[2]
+    assert (faster.verdict, faster.measured, faster.interval) == ("not tested at this scale", "12.0 %", "[8.0, 16.0]")
+    assert faster.note == "at 24.0 dB instead of 30 dB"
+
+
+def test_how_sure(whole: Records):
+    sure = shown(whole).sure
+    assert sure[0] == (
+        "qnerf less nerf at equal steps: +0.81 dB, 95\u202f% interval [+0.69, +0.93] over scenes and seeds."
+    )
+    assert sure[1] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
+    assert "was not measured beside this run" in sure[2]
+
+
+@pytest.mark.parametrize(
+    ("check", "sentence"),
+    [
+        (
+            Check("share of A/A comparisons that are called better or worse", 0.024, high=0.05),
+            "Comparer: share of A/A comparisons that are called better or worse: 2.4\u202f% "
+            "(wanted: at most 5.0\u202f%).",
+        ),
+        (
+            Check("share of planted effects that are found", 0.71, low=0.8),
+            "Comparer: share of planted effects that are found: 71.0\u202f% "
+            "(wanted: at least 80.0\u202f%) – this check does not hold.",
+        ),
+        (Check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
+        (Check("spread", 0.21, 0.1, 0.3, "dB"), "Comparer: spread: 0.21\u202fdB (wanted: at least 0.10\u202fdB and at "
+         "most 0.30\u202fdB)."),
+    ],
+)  # fmt: skip
+def test_the_calibration_is_told_with_its_limits(check, sentence):
+    assert calibration(calibrated(check)) == [sentence]
+
+
+def test_the_page_opens_with_all_of_it(whole: Records):
+    evidence = calibrated(Check("share of planted effects that are found", 0.846, low=0.8))
+    text = page(whole, None, evidence)
+    top = text[: text.index("<nav")]
+    places = [
+        top.index(words)
+        for words in ("as printed?", "<h1>", "PSNR gain, every scene", "Every printed number", "How sure",
+                      "84.6\u202f%", "At what scale", "What was not tested")
+    ]  # fmt: skip
+    assert places == sorted(places)
