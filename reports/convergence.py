@@ -9,23 +9,18 @@ from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
 from reports.table import curves_frame
 
-Axis = Literal["step", "seconds", "network_evaluations"]
+Axis = Literal["step", "seconds"]
 
 NEAR_DB = 2.0
 
-LABELS: dict[str, str] = {
-    "step": "training step",
-    "seconds": "training seconds",
-    "network_evaluations": "network evaluations",
-    "psnr": "test PSNR (dB)",
-    "rmse_linear": "test error (linear RMSE)",
-}
+LABELS: dict[Axis, str] = {"step": "training step", "seconds": "training seconds"}
+SCORE = "test PSNR (dB)"
 
 
 def convergence(records: Records, axis: Axis) -> list[Panel]:
     """One panel a scene, the mean over all scenes first."""
     curves = curves_frame(records)
-    panels = curve_panels(records, curves, axis, "psnr")
+    panels = curve_panels(records, curves, axis)
     floors = {scene.name: (scene.psnr_floor, scene.psnr_ceiling) for scene in records.run.scenes}
     with_lines = []
     for panel in panels:
@@ -34,18 +29,18 @@ def convergence(records: Records, axis: Axis) -> list[Panel]:
     return with_common_limits(with_lines, "x")
 
 
-def curve_panels(records: Records, curves: pd.DataFrame, axis: Axis, score: str) -> list[Panel]:
-    """`score` against `axis` in each scene and, with more than one scene, in their mean."""
+def curve_panels(records: Records, curves: pd.DataFrame, axis: Axis) -> list[Panel]:
+    """PSNR against `axis` in each scene and, with more than one scene, in their mean."""
     colours = {method: colour.light for method, colour in colours_of(records.methods).items()}
     panels = []
     everywhere = mean_over_scenes(curves, records.scenes)
     if len(records.scenes) > 1 and not everywhere.empty:
-        panels.append(_panel("all scenes (mean)", everywhere, colours, axis, score))
+        panels.append(_panel("all scenes (mean)", everywhere, colours, axis))
     for scene in records.scenes:
         chosen = curves[curves["scene"] == scene]
-        if chosen[[axis, score]].dropna().empty:
+        if chosen[[axis, "psnr"]].dropna().empty:
             continue
-        panels.append(_panel(scene, chosen, colours, axis, score))
+        panels.append(_panel(scene, chosen, colours, axis))
     return panels
 
 
@@ -53,50 +48,50 @@ def mean_over_scenes(curves: pd.DataFrame, scenes: list[str]) -> pd.DataFrame:
     """Per method, seed and step, where every scene has a finished score there."""
     done = curves[(curves["status"] == "done")].dropna(subset=["psnr"])
     grouped = done.groupby(["method", "seed", "step"], sort=True)
-    means = grouped[["seconds", "network_evaluations", "psnr", "rmse_linear"]].mean()
+    means = grouped[["seconds", "psnr"]].mean()
     means["many"] = grouped["scene"].nunique()
     return means[means["many"] == len(scenes)].reset_index().assign(status="done")
 
 
-def traces_of(curves: pd.DataFrame, colours: dict[str, str], axis: str, score: str) -> tuple[Trace, ...]:
+def traces_of(curves: pd.DataFrame, colours: dict[str, str], axis: Axis) -> tuple[Trace, ...]:
     """Thin lines for the seeds, then thick means, then crosses."""
     thin, thick, crosses = [], [], []
     for method, colour in colours.items():
         of_method = curves[curves["method"] == method]
         finished = []
         for seed, of_seed in of_method.groupby("seed"):
-            points = of_seed.dropna(subset=[axis, score])
+            points = of_seed.dropna(subset=[axis, "psnr"])
             points = points[points[axis] > 0]
             if points.empty:
                 continue
-            x, y = tuple(map(float, points[axis])), tuple(map(float, points[score]))
+            x, y = tuple(map(float, points[axis])), tuple(map(float, points["psnr"]))
             thin.append(Trace(f"{method} seed {seed}", colour, "thin", x, y))
             if set(of_seed["status"]) == {"diverged"}:
                 crosses.append(Trace(f"{method} seed {seed} diverged", colour, "cross", x[-1:], y[-1:]))
             elif set(of_seed["status"]) == {"done"}:
                 finished.append(points)
         if finished:
-            thick.append(_mean_trace(method, colour, finished, axis, score))
+            thick.append(_mean_trace(method, colour, finished, axis))
     return (*thin, *[trace for trace in thick if trace.x], *crosses)
 
 
-def _mean_trace(method: str, colour: str, finished: list[pd.DataFrame], axis: str, score: str) -> Trace:
+def _mean_trace(method: str, colour: str, finished: list[pd.DataFrame], axis: Axis) -> Trace:
     """The mean over the finished seeds, at the steps that they share."""
     together = pd.concat(finished)
     by_step = together.groupby("step").agg(
-        x=(axis if axis != "step" else "seconds", "mean"), y=(score, "mean"), many=(score, "size")
+        x=(axis if axis != "step" else "seconds", "mean"), y=("psnr", "mean"), many=("psnr", "size")
     )
     shared = by_step[by_step["many"] == len(finished)]
     x = shared.index if axis == "step" else shared["x"]
     return Trace(f"{method} mean", colour, "line", tuple(map(float, x)), tuple(map(float, shared["y"])))
 
 
-def _panel(title: str, curves: pd.DataFrame, colours: dict[str, str], axis: str, score: str) -> Panel:
-    traces = traces_of(curves, colours, axis, score)
+def _panel(title: str, curves: pd.DataFrame, colours: dict[str, str], axis: Axis) -> Panel:
+    traces = traces_of(curves, colours, axis)
     ends = [f"{trace.label.removesuffix(' mean')} {trace.y[-1]:.4g}" for trace in traces if trace.kind == "line"]
     ends += [trace.label for trace in traces if trace.kind == "cross"]
-    alt = f"{title}: {LABELS[score]} against {LABELS[axis]}. At the end: {', '.join(ends) or 'no finished run'}."
-    return Panel(title, LABELS[axis], LABELS[score], traces, alt, "log", "log" if score == "rmse_linear" else "linear")
+    alt = f"{title}: {SCORE} against {LABELS[axis]}. At the end: {', '.join(ends) or 'no finished run'}."
+    return Panel(title, LABELS[axis], SCORE, traces, alt, "log", "linear")
 
 
 def _with_level(panel: Panel, label: str, level: float | None) -> Panel:

@@ -15,12 +15,14 @@ import matplotlib
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from reports import palette
 from reports.wording import MINUS, scientific, significant
 
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "zero", "band"]
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "zero", "band", "area"]
 Scale = Literal["linear", "log", "symlog"]
 
 MANY_DECADES = 6.0
@@ -53,7 +55,8 @@ STYLE: dict[Any, Any] = {
 class Trace:
     """Points of one kind and colour; `x` and `y` are equally long.
 
-    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`. A `line` may be dashed, a `mark`
+    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is the union of polygons
+    that turn the same way, with NaN between them. A `line` may be dashed, a `mark`
     has a shape (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
     """
 
@@ -95,6 +98,7 @@ def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
     """The same limits on every panel, so that the eye may compare across them."""
     for axis in axes:
         values = [v for panel in panels for trace in panel.traces for v in (*getattr(trace, axis), *_high(trace, axis))]
+        values = [value for value in values if not math.isnan(value)]
         if not values:
             continue
         log = bool(panels) and getattr(panels[0], f"{axis}_scale") == "log"
@@ -187,9 +191,9 @@ def subdivisions(decades: float) -> tuple[float, ...]:
 
 def tick(value: float) -> str:
     """A short label: 0.05, 20, 5k, 2M."""
-    if abs(value) >= 1e12:
+    if abs(value) >= 1e18:
         return scientific(value, 1)
-    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+    for size, letter in ((1e15, "P"), (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
         if abs(value) >= size:
             return f"{value / size:g}{letter}".replace("-", MINUS)
     if value != 0 and abs(value) < 1e-3:
@@ -267,6 +271,15 @@ def _band(axes: Axes, trace: Trace) -> None:
         axes.fill_between(trace.x, trace.y, trace.y_high, color=trace.colour, alpha=0.18, linewidth=0)
 
 
+def _area(axes: Axes, trace: Trace) -> None:
+    """One path for all polygons: where they overlap, they are filled once."""
+    ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
+    parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
+    corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
+    outline = Path.make_compound_path(*(Path(one, closed=True) for one in corners))
+    axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
+
+
 _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "line": _line,
     "thin": _thin,
@@ -278,6 +291,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "mark": _mark,
     "zero": _zero,
     "band": _band,
+    "area": _area,
 }
 
 

@@ -27,7 +27,7 @@ from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale
 from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
-from reports.work_precision import error_against
+from reports.work_view import work
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def page(records: Records, tried: StabilityRecord | None = None, evidence: Evide
     return environment.get_template("page.html").render(
         **content,
         policy=CONTENT_POLICY,
-        style=shell.style("page.css", *(["stability.css"] if tried else []), *(["evidence.css"] if evidence else [])),
+        style=_style(content),
         title=content["headline"].title,
         stability_page=STABILITY_PAGE if tried else "",
         speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
@@ -65,7 +65,7 @@ SECTIONS = (
     ("psnr", "PSNR"),
     ("evidence", "Evidence"),
     ("convergence", "Convergence"),
-    ("work", "Error against cost"),
+    ("work", "Error against run time"),
     ("pictures", "Pictures"),
     ("metrics", "Other scores"),
     ("amplifier", "Amplifier"),
@@ -80,6 +80,12 @@ SECTIONS = (
     ("comparisons", "Every comparison"),
     ("provenance", "Provenance"),
 )
+
+
+def _style(content: dict[str, Any]) -> Markup:
+    """What the sections that are there need."""
+    own = [f"{name}.css" for name in ("stability", "evidence", "work") if content[name]]
+    return shell.style("page.css", *own) + (content["work"].rules if content["work"] else "")
 
 
 def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any]:
@@ -108,10 +114,7 @@ def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any
             steps=plots(convergence(records, "step"), "steps"),
             seconds=plots(convergence(records, "seconds"), "seconds"),
         ),
-        "work": _some(
-            seconds=plots(error_against(records, "seconds"), "error"),
-            evaluations=plots(error_against(records, "network_evaluations"), "evaluations"),
-        ),
+        "work": work(records),
         "pictures": views(records),
         "amplified_by": error_maps.AMPLIFIED,
         "delta_e_white": error_maps.DELTA_E_WHITE,

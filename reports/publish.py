@@ -1,6 +1,7 @@
 """Small PNG plots for a README, from the records of a run, beside a copy of its numbers."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -8,27 +9,34 @@ import matplotlib.image
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reports.convergence import traces_of
-from reports.figure import STYLE, tick
+from reports.figure import STYLE, Panel, paint
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
 from reports.pictures import read, seed_shown
 from reports.psnr_table import tone_of
 from reports.summary import write_summary
-from reports.table import cells_frame, curves_frame
+from reports.table import cells_frame
+from reports.work_precision import EVERYWHERE, diagrams
 
 DOTS_PER_INCH = 130
 
 
 def write_published(records: Records, folder: Path) -> list[Path]:
-    """psnr.png, error_vs_time.png, views.png (where pictures were kept) and summary.json; gives what was written."""
+    """psnr.png, error_vs_time.png, work_precision.png, views.png (where pictures were kept) and summary.json.
+
+    Gives what was written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json")
     written = [folder / "summary.json"]
     with matplotlib.rc_context(STYLE):
-        figures = {"psnr": psnr_dots(records), "error_vs_time": error_against_time(records), "views": contact(records)}
+        figures = {
+            "psnr": psnr_dots(records),
+            "error_vs_time": error_against_time(records),
+            "work_precision": work_precision(records),
+            "views": contact(records),
+        }
         for name, figure in figures.items():
             if figure is not None:
                 save(figure, folder / f"{name}.png")
@@ -70,35 +78,37 @@ def psnr_dots(records: Records) -> Figure:
 
 def error_against_time(records: Records) -> Figure | None:
     """Linear RMSE against training seconds, a panel a scene."""
-    curves = curves_frame(records)
-    scenes = [scene for scene in records.scenes if curves.loc[curves["scene"] == scene, "rmse_linear"].notna().any()]
-    if not scenes:
+    found = next((one for one in diagrams(records) if (one.measure.name, one.cost.name) == ("rmse", "seconds")), None)
+    panels = [panel for panel in found.panels if panel.title != EVERYWHERE] if found else []
+    return _side_by_side(records, [(panel.title, panel) for panel in panels], (2.5, 2.1), 4)
+
+
+def work_precision(records: Records) -> Figure | None:
+    """Every error that was measured along training against training seconds, over all scenes together."""
+    found = [one for one in diagrams(records) if one.cost.name == "seconds"]
+    return _side_by_side(records, [(one.measure.label, one.panels[0]) for one in found], (3.4, 2.9), 2)
+
+
+def _side_by_side(
+    records: Records, panels: list[tuple[str, Panel]], size: tuple[float, float], most: int
+) -> Figure | None:
+    """Panels under titles, at most so many in a row; None where there are none."""
+    if not panels:
         return None
-    across = min(4, len(scenes))
-    down = math.ceil(len(scenes) / across)
-    figure = Figure(figsize=(2.5 * across + 0.4, 2.1 * down + 0.6), layout="constrained")
-    colours = {method: colour.light for method, colour in colours_of(records.methods).items()}
-    grid = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
-    for place, axes in enumerate(grid.flat):
-        if place >= len(scenes):
-            axes.set_visible(False)
-            continue
-        for trace in traces_of(curves[curves["scene"] == scenes[place]], colours, "seconds", "rmse_linear"):
-            if trace.kind == "cross":
-                axes.plot(trace.x, trace.y, "x", color=trace.colour, markersize=7, mew=2)
-            else:
-                thick = trace.kind == "line"
-                axes.plot(trace.x, trace.y, color=trace.colour, lw=1.8 if thick else 0.7, alpha=1 if thick else 0.45)
-        axes.set_title(scenes[place], fontsize=9, loc="left", color=INK.light)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-    for axis in (grid.flat[0].xaxis, grid.flat[0].yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=6))
-        axis.set_major_formatter(FuncFormatter(lambda at, _: tick(at)))
-        axis.set_minor_formatter(NullFormatter())
-    figure.supxlabel("training seconds", fontsize=9, color=MUTED.light)
-    figure.supylabel("test error (linear RMSE)", fontsize=9, color=MUTED.light)
-    _legend(grid.flat[0], records, "")
+    across = min(most, len(panels))
+    down = math.ceil(len(panels) / across)
+    figure = Figure(figsize=(size[0] * across + 0.4, size[1] * down + 0.6), layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False)
+    for axes in list(grid.flat)[len(panels) :]:
+        axes.set_visible(False)
+    for axes, (title, panel) in zip(grid.flat, panels, strict=False):
+        paint(axes, replace(panel, x_label="", y_label=""))
+        axes.set_title(title, fontsize=9, loc="left", color=INK.light)
+    first = panels[0][1]
+    figure.supxlabel(first.x_label, fontsize=9, color=MUTED.light)
+    alike = {panel.y_label for _, panel in panels} == {first.y_label}
+    figure.supylabel(f"test error ({first.y_label})" if alike else "test error", fontsize=9, color=MUTED.light)
+    _legend(grid.flat[0], records, "cross: a seed that did not finish" if records.failed else "")
     return figure
 
 
