@@ -131,6 +131,8 @@ def answer(found: list[Effect]) -> str:
         said = "Both: how far the frequencies reach changes PSNR, and so does φ for 2 at the same reach"
     elif base:
         said = "The base: φ for 2 at the same reach changes PSNR; how far the frequencies reach is not told to"
+    elif nothing and all(one.verdict == "equivalent" for one in by_factor[REACH]):
+        said = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
     else:
         said = "Not settled: neither reach nor base is told from 0 on any scene at any resolution"
     counts = listed(
@@ -191,7 +193,7 @@ def _left_aside(trained: dict[int, Trained]) -> Iterator[str]:
         lost = [cell for cell in one.cells if cell.status != "done"]
         if lost:
             names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)
-            yield f"At {px} px {len(lost)} cells have no score, and no verdict is taken where they belong: {names}."
+            yield f"At {px} px these have no score, and no verdict is taken where they belong: {names}."
 
 
 def _table(trained: Trained, px: int) -> Table:

@@ -128,9 +128,7 @@ def _limits(cells: list[CellRecord]) -> Iterator[str]:
     """What bounds an effect, or stands behind it, and what was left aside."""
     for reading in READINGS:
         amplified = [design_of(reading).methods[corner] for corner in product((False, True), repeat=3) if corner[1]]
-        fields = [
-            cell.properties for cell in cells if cell.method in amplified and "largest_density" in cell.properties
-        ]
+        fields = [cell.properties for cell in cells if cell.method in amplified and cell.status == "done"]
         if fields:
             density, opacity = (
                 max(float(one[what] or 0.0) for one in fields) for what in ("largest_density", "opacity_unit_slab")
