@@ -7,7 +7,7 @@ from baselines.ablations import BANDWIDTH, PARTIAL, WEAKENED
 from baselines.composition import Parts
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
-from baselines.repaired import CANDIDATES, MEANING
+from baselines.repaired import CANDIDATES, MEANING, REPAIRED
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ CATALOG: dict[str, Method] = {
     "qnerf": Method(QNERF, "Q-NeRF as listed: φ encoding, amplifier of Listing 2, φ skip"),
     "qnerf_theorem": Method(QNERF_THEOREM, "Q-NeRF with the amplifier of Eq. 4 on density itself"),
     "qnerf_listing4": Method(QNERF_LISTING4, "Q-NeRF as listed, also with the quadrature of Listing 4"),
+    "qnerf_repaired": Method(REPAIRED, f"Q-NeRF repaired: {MEANING[REPAIRED.amplifier]}"),
     **{name: Method(parts, "NeRF with " + parts_named(name)) for name, parts in PARTIAL.items()},
     "nerf_phi_far": Method(BANDWIDTH["nerf_phi_far"], "NeRF with φ^k as far as 2^k reaches: bandwidth control"),
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),

@@ -24,6 +24,9 @@ _AMPLIFIERS = (
 CANDIDATES: dict[str, Parts] = {f"qnerf_{name}": replace(QNERF, amplifier=name) for name in _AMPLIFIERS}
 """In the order in which a tie is decided: the simpler one first."""
 
+REPAIRED = CANDIDATES["qnerf_running_mean"]
+"""What `docs/repair_search.json` chose."""
+
 MEANING = {
     "running_mean": "Eq. 4 on NeRF's density, about a running mean over training samples",
     "running_mean_preactivation": "Eq. 4 before the softplus, about a running mean over training samples",

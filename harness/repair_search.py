@@ -2,6 +2,7 @@
 verdict is taken from. Candidates and rule stood here before any result; nothing in it can be set.
 """
 
+import json
 import math
 import time
 from collections.abc import Iterator
@@ -42,6 +43,9 @@ RULE = (
     "the best ties with it; of those that tie the first in the order of candidates, the simplest, is chosen."
 )
 
+PUBLISHED = Path(__file__).parents[1] / "docs" / "repair_search.json"
+"""What the search gave when it was done for `baselines.repaired.REPAIRED`."""
+
 
 @dataclass(frozen=True)
 class RepairRow:
@@ -72,6 +76,25 @@ class Standing:
     standard_error: float | None
     """Of `behind`."""
     ties: bool
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search that is done."""
+
+    rows: list[RepairRow]
+    standings: list[Standing]
+    chosen: str
+
+
+def read_search(path: Path = PUBLISHED) -> Search:
+    """Raises `InputError` where the file is not what `python -m harness repair` writes."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        rows, table = (data[name] for name in ("rows", "standings"))
+        return Search([RepairRow(**row) for row in rows], [Standing(**one) for one in table], data["chosen"])
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"{path}: {error}; write it with `python -m harness repair --out {path}`") from error
 
 
 def search_plan(precision_as_planned: bool) -> Plan:

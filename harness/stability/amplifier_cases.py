@@ -18,12 +18,11 @@ from harness.chart_record import Series, Table
 from harness.metrics import psnr_from_mse
 from harness.records import finite_or_none
 from harness.seeds import generator_for
-from harness.stability.situation import Finding, Situation, whose
+from harness.stability.situation import PRINTED, Finding, Situation, whose
 from harness.stability.small_training import at_an_end, new_trainer, not_made_of_parts, setup, trained
 from harness.stability_record import Outcome, Whose, judged
 from harness.trainer import Diverged, Trainer
 
-PRINTED = ("listing2", "equation4")
 WHOSE: dict[str, Whose] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
 """A reading of the amplifier; what is not printed anywhere is ours."""
 
@@ -251,7 +250,7 @@ def extremes(situation: Situation) -> Iterator[Finding]:
         what="jump of density over the threshold of β = 2, within 2e-7 of raw density",
         why="a step of the density field, at which the boost has no gradient",
     )  # fmt: skip
-    for method in ("nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"):
+    for method in ("nerf", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired"):
         if method in situation.methods:
             yield from _dead_over_training(situation, method)
 

@@ -12,7 +12,9 @@ from harness.stability_record import PICTURES_FOLDER, Outcome, Picture, Whose
 Finding = Outcome | Series | Table | Picture
 Measure = Callable[["Situation"], Iterator[Finding]]
 
-METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "voxels_drjit")
+METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
+PRINTED = ("listing2", "equation4")
+"""Amplifiers as the paper has them; others are ours, and must pass."""
 
 
 @dataclass(frozen=True)
@@ -58,5 +60,5 @@ def whose(method: str) -> Whose:
     from baselines.catalog import CATALOG
 
     parts = CATALOG[method].parts
-    printed = parts is not None and (parts.amplifier != "none" or parts.quadrature == "listing4")
+    printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
     return "paper" if printed else "ours"

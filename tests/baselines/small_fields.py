@@ -1,15 +1,18 @@
 """Small fields of every method, as fresh and as after training, with rays and points to ask them for."""
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 from torch import Tensor
 
+from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import Box, NetworkSize, Rays, Rendering
 from baselines.field import NetworkField
+from baselines.numerics.encoding import PHI
 from baselines.rendering import Sampling, render_rays
 from tests.baselines.analytic import rays_at
 
@@ -19,8 +22,9 @@ BOX = Box(torch.tensor([-1.0, -0.8, -1.2]), torch.tensor([1.0, 1.0, 0.8]))
 WHITE = torch.ones(3)
 PARTS: dict[str, Parts] = {name: method.parts for name, method in CATALOG.items() if method.parts is not None}
 """Of every method that is a network."""
-UNAMPLIFIED = [name for name, parts in PARTS.items() if parts.amplifier == "none"]
-AMPLIFIED = [name for name in PARTS if name not in UNAMPLIFIED]
+OF_THE_POINT = [name for name, parts in PARTS.items() if AMPLIFIERS[parts.amplifier]().pointwise]
+OF_THE_CALL = [name for name in PARTS if name not in OF_THE_POINT]
+"""Methods whose density depends on what else is asked for in a call: the paper's amplifiers as printed."""
 
 every_method = pytest.mark.parametrize("method", PARTS)
 every_depth = pytest.mark.parametrize("depth", [4, 5, 8])
@@ -56,5 +60,16 @@ def roughened(field: NetworkField, alpha: float | None = None) -> NetworkField:
                 weight.copy_(0.1 * torch.randn(weight.shape, generator=generator))
         field.density_head.weight *= 8.0
         if alpha is not None:
-            field.amplifier.alpha.fill_(alpha)  # type: ignore[attr-defined]
+            set_alpha(field.amplifier, alpha)
     return field
+
+
+@torch.no_grad()
+def set_alpha(amplifier: Amplifier, alpha: float) -> None:
+    """Moves the weight that α follows from so that α > 0 is `alpha`; an amplifier without one stays as it is."""
+    if isinstance(weight := getattr(amplifier, "alpha", None), torch.nn.Parameter):
+        weight.fill_(alpha)
+    elif hasattr(amplifier, "rho"):
+        softplus_of_rho = alpha * math.log(2.0) * PHI
+        rho = softplus_of_rho + math.log(-math.expm1(-softplus_of_rho))
+        amplifier.rho.fill_(rho)  # type: ignore[operator, union-attr]

@@ -11,11 +11,11 @@ from baselines.contract import RadianceField
 from baselines.field import NetworkField
 from baselines.qnerf import QNERF
 from tests.baselines.small_fields import (
-    AMPLIFIED,
     EIGHT,
+    OF_THE_CALL,
+    OF_THE_POINT,
     PARTS,
     SMALL,
-    UNAMPLIFIED,
     every_depth,
     every_method,
     field_of,
@@ -123,10 +123,10 @@ def test_beta_gets_no_gradient_where_nothing_is_above_the_threshold() -> None:
     assert field.amplifier.beta.grad == 0.0  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("method", UNAMPLIFIED)
+@pytest.mark.parametrize("method", OF_THE_POINT)
 @pytest.mark.parametrize("chunk", [1, 16, 50])
-def test_chunks_do_not_matter_without_an_amplifier(method: str, chunk: int) -> None:
-    field, some = roughened(field_of(method)), some_rays(100)
+def test_chunks_do_not_matter_where_density_is_of_the_point(method: str, chunk: int) -> None:
+    field, some = roughened(field_of(method), alpha=0.9), some_rays(100)
     whole = render(field, PARTS[method], some)
     parts = [render(field, PARTS[method], some.part(i, i + chunk)) for i in range(0, 100, chunk)]
     for name in ("colour", "opacity"):
@@ -141,19 +141,19 @@ def chunk_difference(field: NetworkField, method: str, chunk: int = 4) -> float:
     return float((torch.cat(pieces) - render(field, parts, some).colour).abs().max())
 
 
-@pytest.mark.parametrize("method", AMPLIFIED)
-def test_chunks_do_matter_with_an_amplifier_once_alpha_has_moved(method: str) -> None:
+@pytest.mark.parametrize("method", OF_THE_CALL)
+def test_chunks_do_matter_with_a_mean_of_the_call_once_alpha_has_moved(method: str) -> None:
     """A documented property of the paper's operators: their mean is that of the call."""
     assert chunk_difference(roughened(field_of(method), alpha=1.0), method) > 1e-4
 
 
-@pytest.mark.parametrize("method", [name for name in AMPLIFIED if name != "qnerf_listing4"])
+@pytest.mark.parametrize("method", [name for name in OF_THE_CALL if name != "qnerf_listing4"])
 def test_chunks_do_not_matter_at_the_initial_alpha(method: str) -> None:
     """Eq. 4 is the identity there, up to rounding about a mean that differs."""
     assert chunk_difference(roughened(field_of(method)), method) <= 1e-4
 
 
-@pytest.mark.parametrize("method", AMPLIFIED)
+@every_method
 def test_bounded_density_is_bounded(method: str) -> None:
     field = roughened(field_of(method), alpha=2.0)
     sigma = field.density(some_points(500)[0])

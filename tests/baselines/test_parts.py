@@ -14,6 +14,7 @@ from baselines.field import NetworkField
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.numerics.encoding import PHI
 from baselines.qnerf import QNERF, QNERF_LISTING4
+from baselines.repaired import CANDIDATES
 from tests.baselines.small_fields import (
     BOX,
     PARTS,
@@ -95,9 +96,12 @@ def test_combinations_of_nothing_and_of_everything() -> None:
 
 def test_catalogue_holds_every_combination_once() -> None:
     parts = list(PARTS.values())
-    assert len(set(parts)) == len(parts) == 8 + 4 + 1 + 1 + 4, (
-        "2³ combinations, those with Eq. 4, listing 4, the control, and the four other controls"
+    assert len(set(parts)) == 8 + 4 + 1 + 1 + 4 + len(CANDIDATES), (
+        "2³ combinations, those with Eq. 4, listing 4, the control, four other controls, candidates of the repaired"
     )
+    twice = [name for name, one in PARTS.items() if parts.count(one) > 1]
+    assert len(twice) == 2, "a candidate, and that it was chosen"
+    assert twice[0] == "qnerf_repaired"
     for part in PARTS_OF_QNERF.values():
         others = {name for name, one in PARTS.items() if getattr(one, part) == getattr(QNERF, part)}
         assert {"qnerf", "qnerf_listing4"} <= others

@@ -1,0 +1,114 @@
+"""A mean that belongs to the field: moved by steps of training alone, whatever the calls within them."""
+
+from contextlib import suppress
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.amplifiers import AMPLIFIERS, HeldMeanAmplifier
+from baselines.field import MEAN_POINTS, training_step
+from baselines.held_mean import MEAN_SHARE, HeldMean
+from baselines.repaired import CANDIDATES
+from tests.baselines.small_fields import PARTS, field_of, render, roughened, some_points, some_rays
+
+BOX_MEAN, RUNNING = "qnerf_box_mean", [name for name in CANDIDATES if name != "qnerf_box_mean"]
+
+
+def moved_by(mean: HeldMean, *steps: list[Tensor]) -> HeldMean:
+    for calls in steps:
+        mean.begin()
+        for values in calls:
+            mean.take(values)
+        mean.move()
+    return mean
+
+
+def test_the_first_steps_average_and_later_ones_fade() -> None:
+    found, expected = HeldMean(), 0.0
+    for step in range(40):
+        moved_by(found, [torch.full((7,), float(step % 5))])
+        share = max(1.0 / (step + 1), MEAN_SHARE)
+        expected += share * (step % 5 - expected)
+        assert float(found.value) == pytest.approx(expected, rel=1e-6)
+    assert float(moved_by(HeldMean(), [torch.ones(3)], [3 * torch.ones(3)]).value) == 2.0
+
+
+def test_it_does_not_matter_in_how_many_calls_the_values_of_a_step_come() -> None:
+    values = 50.0 * torch.rand(1000, generator=torch.Generator().manual_seed(3)) ** 8
+    whole = moved_by(HeldMean(), [values]).value
+    for size in (1, 7, 256, 999):
+        assert torch.equal(moved_by(HeldMean(), list(values.split(size))).value, whole), size
+    shuffled = values[torch.randperm(1000, generator=torch.Generator().manual_seed(4))]
+    assert torch.equal(moved_by(HeldMean(), [shuffled]).value, whole)
+
+
+def test_nothing_counts_outside_of_a_step_nor_in_one_that_is_dropped_or_saw_nothing() -> None:
+    mean = moved_by(HeldMean(), [torch.full((3,), 2.0)])
+    mean.take(torch.full((3,), 9.0))
+    mean.begin()
+    mean.take(torch.full((3,), 9.0))
+    mean.drop()
+    mean.move()
+    moved_by(mean, [], [torch.zeros(0)])
+    assert (float(mean.value), float(mean.steps)) == (2.0, 1.0)
+
+
+def test_no_gradient_flows_through_it() -> None:
+    mean, values = HeldMean(), torch.ones(4, requires_grad=True)
+    moved_by(mean, [values])
+    assert not mean.value.requires_grad
+    assert not list(mean.parameters())
+
+
+@pytest.mark.parametrize("method", RUNNING)
+def test_a_step_of_training_moves_the_mean_to_that_of_what_it_evaluated(method: str) -> None:
+    field = roughened(field_of(method))
+    x, d, ray = some_points(300)
+    amplifier = field.amplifier
+    assert isinstance(amplifier, HeldMeanAmplifier)
+    with training_step([field]):
+        field.density_and_colour(x, field.encode_directions(d), ray)
+    with torch.no_grad():
+        expected = amplifier.reading.quantity(field._outputs(x, None, None)[0]).mean()
+    torch.testing.assert_close(amplifier.mean.value, expected, rtol=1e-5, atol=0.0)
+
+
+@torch.no_grad()
+def test_the_mean_over_the_box_is_that_of_a_dense_lattice() -> None:
+    field = roughened(field_of(BOX_MEAN))
+    amplifier = field.amplifier
+    assert isinstance(amplifier, HeldMeanAmplifier)
+    with training_step([field]):
+        field.density(some_points(5)[0])
+    axis = (torch.arange(24) + 0.5) / 24
+    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
+    dense = field.density_before_and_after(field.box.from_unit(unit))[0]
+    error = float(dense.std()) / MEAN_POINTS**0.5
+    assert abs(float(amplifier.mean.value - dense.mean())) < 2 * error
+    assert float(dense.std()) > 0.1 * float(dense.mean()), "a lattice of equal densities shows nothing"
+
+
+@pytest.mark.parametrize("method", CANDIDATES)
+def test_a_step_that_is_left_by_an_error_and_whatever_is_outside_leave_the_mean_alone(method: str) -> None:
+    field = roughened(field_of(method))
+    x = some_points(50)[0]
+    with training_step([field]):
+        field.density(x)
+    before = {name: value.clone() for name, value in field.state_dict().items()}
+    field.density(x[:9])
+    with torch.no_grad():
+        field.density(x[9:])
+        render(field, PARTS[method], some_rays())
+    with suppress(KeyError), training_step([field]):
+        field.density(x[:9])
+        raise KeyError
+    field.density(x[:9])
+    assert all(torch.equal(value, before[name]) for name, value in field.state_dict().items())
+    assert any("mean" in name for name in before), "what is not in the state is not in a checkpoint"
+
+
+def test_every_reading_about_a_held_mean_is_a_candidate() -> None:
+    """Nobody may add one after the search without searching again."""
+    held = {name for name, make in AMPLIFIERS.items() if isinstance(make(), HeldMeanAmplifier)}
+    assert held == {parts.amplifier for parts in CANDIDATES.values()}

@@ -1,0 +1,209 @@
+"""What every candidate for the repaired Q-NeRF must be: Eq. 4, opaque, a field, finite, and kept in a checkpoint."""
+
+import math
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from baselines.amplifiers import (
+    AMPLIFIERS,
+    DENSITY_BIAS,
+    DENSITY_SCALE,
+    KAPPA,
+    LEAST_TRANSMITTANCE,
+    Amplifier,
+    HeldMeanAmplifier,
+    NoAmplifier,
+)
+from baselines.contract import Rays
+from baselines.field import NetworkField, training_step
+from baselines.nerf import NERF
+from baselines.numerics.encoding import PHI
+from baselines.qnerf import QNERF
+from baselines.repaired import CANDIDATES, MEANING
+from tests.baselines.small_fields import PARTS, field_of, render, roughened, set_alpha, some_points, some_rays
+
+READINGS = [parts.amplifier for parts in CANDIDATES.values()]
+every_candidate = pytest.mark.parametrize("method", CANDIDATES)
+every_reading = pytest.mark.parametrize("reading", READINGS)
+
+
+def made(reading: str, alpha: float = 1.0 / PHI, mean: float = 0.0, beta: float = 1.0) -> Amplifier:
+    amplifier = AMPLIFIERS[reading]()
+    assert isinstance(amplifier, HeldMeanAmplifier)
+    set_alpha(amplifier, alpha)
+    with torch.no_grad():
+        amplifier.mean.value.fill_(mean)
+        if hasattr(amplifier, "beta"):
+            amplifier.beta.fill_(beta)  # type: ignore[operator]
+    return amplifier
+
+
+def settled(method: str) -> NetworkField:
+    """As after training: the contrast has moved, and so has the mean."""
+    field = roughened(field_of(method), alpha=0.9)
+    with training_step([field]):
+        field.density(some_points(400)[0])
+    return field
+
+
+def test_candidates_differ_from_qnerf_in_the_amplifier_alone_and_are_explained() -> None:
+    assert all(replace(parts, amplifier=QNERF.amplifier) == QNERF for parts in CANDIDATES.values())
+    assert set(MEANING) == set(READINGS)
+    assert len(set(READINGS)) == len(CANDIDATES)
+
+
+@every_reading
+def test_the_identity_at_first_to_the_last_bit_whatever_the_mean(reading: str) -> None:
+    for mean in (0.0, 0.3, 17.0):
+        before, after = made(reading, mean=mean).before_and_after(torch.linspace(-40.0, 40.0, 801))
+        assert torch.equal(before, after)
+
+
+@pytest.mark.parametrize("reading", [name for name in READINGS if name != "running_mean_kappa"])
+def test_at_first_it_is_the_density_of_nerf(reading: str) -> None:
+    """As far as it goes: a density read from an opacity ends at 345 a unit."""
+    raw = torch.linspace(-20.0, 12.0, 641)
+    expected = NoAmplifier().before_and_after(raw)[1]
+    torch.testing.assert_close(made(reading).before_and_after(raw)[1], expected, rtol=2e-5, atol=1e-4)
+
+
+def test_a_fresh_field_is_the_same_fog_in_all_of_them() -> None:
+    raw = torch.zeros(1)
+    fog = NoAmplifier().before_and_after(raw)[1]
+    for reading in READINGS:
+        torch.testing.assert_close(made(reading).before_and_after(raw)[1].detach(), fog, rtol=1e-5, atol=0.0)
+
+
+def slowly(reading: str, raw: float, alpha: float, mean: float, beta: float) -> float:
+    """One density in double precision, from the formulas alone."""
+    z = raw + DENSITY_BIAS
+    if reading == "running_mean_kappa":
+        share = DENSITY_SCALE * math.log1p(math.exp(DENSITY_BIAS)) / KAPPA
+        s = 1.0 / (1.0 + math.exp(-raw) * (1.0 - share) / share)
+        amplified = mean + alpha * (s - mean) * PHI
+        return KAPPA * min(max(amplified * (beta if s > 0.5 else 1.0), 0.0), 1.0)
+    if reading == "running_mean_opacity":
+        opacity = 1.0 / (1.0 + math.exp(-z))
+        amplified = (1.0 - mean) + alpha * (opacity - (1.0 - mean)) * PHI
+        return -DENSITY_SCALE * math.log1p(-min(max(amplified, 0.0), 1.0 - LEAST_TRANSMITTANCE))
+    if reading == "running_mean_preactivation":
+        return DENSITY_SCALE * math.log1p(math.exp(mean + alpha * (z - mean) * PHI))
+    sigma = DENSITY_SCALE * math.log1p(math.exp(z))
+    boost = beta if reading == "running_mean_boost" and z > 0 else 1.0
+    return max((mean + alpha * (sigma - mean) * PHI) * boost, 0.0)
+
+
+@every_reading
+@pytest.mark.parametrize("alpha", [0.2, 0.9, 3.0])
+def test_equation_4_point_by_point(reading: str, alpha: float) -> None:
+    beta = 1.5 if reading in ("running_mean_boost", "running_mean_kappa") else 1.0
+    for mean in (0.05, 0.4, 0.9):
+        raws = torch.linspace(-9.0, 14.0, 47)
+        found = made(reading, alpha, mean, beta).before_and_after(raws)[1]
+        expected = [slowly(reading, float(raw), alpha, mean, beta) for raw in raws]
+        # opacity near 1 is what is left of a difference of two single-precision numbers
+        tolerance = 2e-2 if reading == "running_mean_opacity" else 1e-4
+        torch.testing.assert_close(found.detach(), torch.tensor(expected), rtol=tolerance, atol=2e-4)
+
+
+@every_reading
+def test_solid_matter_is_within_reach(reading: str) -> None:
+    for alpha in (1.0 / PHI, 1.0, 2.0):
+        sigma = made(reading, alpha, mean=0.3).before_and_after(torch.tensor([1e3]))[1].item()
+        assert -math.expm1(-sigma) >= 0.999
+        assert -math.expm1(-0.1 * sigma) >= 0.999, "of a tenth of a unit too"
+
+
+@every_candidate
+@torch.no_grad()
+def test_a_pixel_does_not_depend_on_its_company(method: str) -> None:
+    field, parts, some = settled(method), PARTS[method], some_rays(120)
+    whole = render(field, parts, some)
+    assert float(whole.opacity.max() - whole.opacity.min()) > 0.05, "nothing to be seen"
+    order = torch.randperm(120, generator=torch.Generator().manual_seed(9))
+    shuffled = render(field, parts, some.chosen(order))
+    padded = Rays(*(torch.cat([one[:40], one.flip(0)]) for one in (some.origins, some.directions)), 2.0, 6.0)
+    with_others = render(field, parts, padded)
+    single = torch.cat([render(field, parts, some.part(i, i + 1)).colour for i in range(120)])
+    assert float((single - whole.colour).abs().max()) <= 2e-6
+    assert float((shuffled.colour - whole.colour[order]).abs().max()) <= 2e-6
+    assert float((with_others.colour[:40] - whole.colour[:40]).abs().max()) <= 2e-6
+
+
+@every_candidate
+def test_training_and_rendering_see_the_same_field(method: str) -> None:
+    field, x = settled(method), some_points(200)[0]
+    with torch.no_grad():
+        rendered = field.density(x)
+    with training_step([field]):
+        trained = torch.cat([field.density(x[:50]), field.density(x[50:])])
+    torch.testing.assert_close(trained.detach(), rendered, rtol=1e-5, atol=1e-5)
+
+
+@every_candidate
+def test_a_checkpoint_gives_the_same_picture(method: str, tmp_path: Path) -> None:
+    field = settled(method)
+    save_file({name: value.contiguous() for name, value in field.state_dict().items()}, tmp_path / "weights")
+    fresh = field_of(method, seed=9)
+    picture = render(field, PARTS[method], some_rays()).colour
+    assert not torch.equal(render(fresh, PARTS[method], some_rays()).colour, picture)
+    fresh.load_state_dict(load_file(tmp_path / "weights"))
+    assert torch.equal(render(fresh, PARTS[method], some_rays()).colour, picture)
+
+
+@every_reading
+@pytest.mark.parametrize("alpha", [1.0 / PHI, -1.0, 0.0, 10.0, 1e3, math.inf])
+def test_extremes_are_finite_with_finite_gradients(reading: str, alpha: float) -> None:
+    decades = [0.0, *(sign * 10.0**k for k, sign in product(range(-45, 31, 3), (1.0, -1.0)))]
+    for mean in (0.0, 0.5, 1e4):
+        amplifier = made(reading, alpha, mean) if alpha > 0 and math.isfinite(alpha) else made(reading, mean=mean)
+        if isinstance(weight := amplifier.alpha, torch.nn.Parameter):
+            with torch.no_grad():
+                weight.fill_(alpha)
+        raw = torch.tensor(decades, requires_grad=True)
+        before, after = amplifier.before_and_after(raw)
+        after.sum().backward()
+        for values in (before, after, raw.grad, *(one.grad for one in amplifier.parameters())):
+            assert values is not None
+            assert torch.isfinite(values).all()
+        assert (after >= 0).all()
+
+
+@every_reading
+def test_gradients_are_those_of_differences(reading: str) -> None:
+    amplifier = made(reading, 0.8, mean=0.3, beta=1.2).double()
+    for value in (-1.0, 2.5, 5.0):
+        weights = [torch.tensor([value], dtype=torch.float64, requires_grad=True), *amplifier.parameters()]
+        amplifier.zero_grad()
+        amplifier.before_and_after(weights[0])[1].sum().backward()
+        for weight in weights:
+            with torch.no_grad():
+                pair = []
+                for step in (1e-6, -2e-6):
+                    weight += step
+                    pair.append(float(amplifier.before_and_after(weights[0])[1]))
+                weight += 1e-6
+            assert weight.grad is not None
+            assert float(weight.grad) == pytest.approx((pair[0] - pair[1]) / 2e-6, rel=1e-4, abs=1e-5)
+
+
+@every_reading
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_half_precision_is_refused(reading: str, dtype: torch.dtype) -> None:
+    with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
+        made(reading).before_and_after(torch.zeros(4, dtype=dtype))
+
+
+@every_reading
+def test_no_points_are_no_points(reading: str) -> None:
+    before, after = made(reading).before_and_after(torch.zeros(0))
+    assert before.shape == after.shape == (0,)
+
+
+def test_nerf_has_none_of_it() -> None:
+    assert not list(AMPLIFIERS[NERF.amplifier]().buffers())
