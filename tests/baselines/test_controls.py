@@ -1,0 +1,119 @@
+"""Ladders of frequencies, weakened NeRFs and partial combinations: what they change, and nothing else."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.ablations import BANDWIDTH, PARTIAL, PARTS_OF_QNERF, WEAKENED, combination, partial_combinations
+from baselines.catalog import CATALOG
+from baselines.composition import LADDERS, encoding_bands, reaching
+from baselines.contract import NetworkSize
+from baselines.nerf import NERF, NERF_MATCHED
+from baselines.numerics.encoding import PHI
+from baselines.qnerf import QNERF, QNERF_THEOREM
+from tests.baselines.small_fields import field_of, some_points
+
+
+def highest(encoding: str, bands: int = 10) -> float:
+    """Frequency of the last band where the paper has `bands`."""
+    return LADDERS[encoding].base ** (encoding_bands(encoding, bands) - 1)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "base", "position", "direction", "frequency"),
+    [
+        ("base2", 2.0, 10, 4, 512.0),
+        ("base2_matched", 2.0, 7, 3, 64.0),
+        ("phi", PHI, 10, 4, 76.013),
+        ("phi_matched", PHI, 14, 5, 521.0),
+        ("base1.65", 1.65, 10, 4, 90.647),
+    ],
+)
+def test_ladders_at_the_size_of_the_paper(
+    encoding: str, base: float, position: int, direction: int, frequency: float
+) -> None:
+    assert LADDERS[encoding].base == base
+    assert (encoding_bands(encoding, 10), encoding_bands(encoding, 4)) == (position, direction)
+    assert highest(encoding) == pytest.approx(frequency, abs=2e-3)
+
+
+def test_no_ladder_is_left_untested() -> None:
+    assert set(LADDERS) == {"base2", "base2_matched", "phi", "phi_matched", "base1.65", "none"}
+
+
+@pytest.mark.parametrize("bands", range(1, 17))
+@pytest.mark.parametrize("base", [PHI, 1.65, 1.5, 2.0, 3.0])
+def test_reaching_is_the_nearest_number_of_bands(base: float, bands: int) -> None:
+    """In the logarithm, by trying all."""
+    off = {many: abs((many - 1) * math.log(base) - (bands - 1) * math.log(2.0)) for many in range(1, 40)}
+    assert off[reaching(base, bands)] == pytest.approx(min(off.values()))
+
+
+@pytest.mark.parametrize("bands", range(2, 17))
+def test_the_matched_ladder_reaches_no_further_and_one_band_more_would(bands: int) -> None:
+    assert highest("base2_matched", bands) <= highest("phi", bands) < 2 * highest("base2_matched", bands)
+
+
+@pytest.mark.parametrize("bands", range(2, 17))
+def test_the_two_long_ladders_reach_alike(bands: int) -> None:
+    """Within half a band of φ."""
+    assert abs(math.log(highest("phi_matched", bands) / highest("base2", bands))) <= math.log(PHI) / 2 + 1e-9
+
+
+def test_without_encoding_a_network_gets_raw_coordinates() -> None:
+    field = field_of("nerf_no_encoding", NetworkSize())
+    widths = [layer.in_features for layer in field.density_net]  # type: ignore[union-attr]
+    assert widths == [3, 256, 256, 256, 256, 259, 256, 256]
+    assert field.colour_net[0].in_features == 256 + 3  # type: ignore[union-attr]
+    d = torch.nn.functional.normalize(torch.randn(5, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
+    assert torch.equal(field.encode_directions(d), d)
+
+
+@pytest.mark.parametrize("method", ["nerf", "nerf_no_encoding", "nerf_no_direction"])
+def test_colour_depends_on_direction_unless_that_was_taken_away(method: str) -> None:
+    field = field_of(method)
+    x, d, _ = some_points(12)
+    here = x[:1].expand(len(d), 3)
+    with torch.no_grad():
+        _, colour = field.density_and_colour(here, field.encode_directions(d), torch.arange(len(d)))
+    spread = float((colour - colour[:1]).abs().max())
+    assert (spread < 1e-6) == (method == "nerf_no_direction")
+
+
+def test_each_control_changes_one_part_alone() -> None:
+    changed = {name: "encoding" for name in (*BANDWIDTH, *WEAKENED)} | {"nerf_no_direction": "sees_direction"}
+    assert len(changed) == 4
+    for name, parts in {**BANDWIDTH, **WEAKENED}.items():
+        assert parts != NERF
+        assert replace(parts, **{changed[name]: getattr(NERF, changed[name])}) == NERF
+
+
+@pytest.mark.parametrize(("amplifier", "whole"), [("amplifier", QNERF), ("equation4", QNERF_THEOREM)])
+def test_partial_combinations_are_all_but_nothing_and_everything(amplifier: str, whole: object) -> None:
+    assert isinstance(whole, type(QNERF))
+    found = partial_combinations(amplifier, whole)
+    assert len(found) == len(set(found.values())) == 6
+    assert NERF not in found.values()
+    assert whole not in found.values()
+    for name, parts in found.items():
+        words = {"phi_encoding": "encoding", amplifier: "amplifier", "phi_skip": "skip"}
+        on = {part for word, part in words.items() if word in name}
+        assert parts == replace(NERF, **{part: getattr(whole, part) for part in on}), name
+    assert found[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)
+
+
+def test_readings_share_what_has_no_amplifier_and_nothing_else() -> None:
+    one, other = partial_combinations("amplifier", QNERF), partial_combinations("equation4", QNERF_THEOREM)
+    shared = set(one) & set(other)
+    assert shared == {"nerf_phi_encoding", "nerf_phi_skip", "nerf_phi_encoding_phi_skip"}
+    assert {one[name] for name in shared} == {other[name] for name in shared}
+    assert one | other == PARTIAL
+    assert len(set(PARTIAL.values())) == len(PARTIAL) == 9
+
+
+def test_all_of_them_are_in_the_catalogue_under_their_names() -> None:
+    for name, parts in {**PARTIAL, **BANDWIDTH, **WEAKENED, "nerf_matched": NERF_MATCHED}.items():
+        assert CATALOG[name].parts == parts
+    assert set(PARTS_OF_QNERF) == {"phi_encoding", "amplifier", "phi_skip"}
