@@ -71,6 +71,7 @@ class Trace:
     width: float = 2.0
     marker: str = "D"
     hollow: bool = True
+    size: float = 4.6
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,7 @@ def _mark(axes: Axes, trace: Trace) -> None:
         trace.marker,
         markerfacecolor=face,
         markeredgecolor=trace.colour,
-        markersize=4.6,
+        markersize=trace.size,
         markeredgewidth=1.2,
         zorder=3,
     )

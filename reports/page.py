@@ -27,6 +27,7 @@ from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale
 from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
+from reports.time_to_target import time_to_target
 from reports.work_view import work
 
 
@@ -66,6 +67,7 @@ SECTIONS = (
     ("evidence", "Evidence"),
     ("convergence", "Convergence"),
     ("work", "Error against run time"),
+    ("reaching", "Time to target"),
     ("pictures", "Pictures"),
     ("metrics", "Other scores"),
     ("amplifier", "Amplifier"),
@@ -115,6 +117,7 @@ def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any
             seconds=plots(convergence(records, "seconds"), "seconds"),
         ),
         "work": work(records),
+        "reaching": reaching(records),
         "pictures": views(records),
         "amplified_by": error_maps.AMPLIFIED,
         "delta_e_white": error_maps.DELTA_E_WHITE,
@@ -134,6 +137,14 @@ def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any
         "comparisons": filled(comparisons_grid(records)),
         "provenance": provenance(records),
     }
+
+
+def reaching(records: Records) -> dict[str, Any] | None:
+    """Time to target, with its curves drawn."""
+    found = time_to_target(records)
+    if found is None:
+        return None
+    return {"of": found, "everywhere": plots(found.everywhere, "reach"), "scenes": plots(found.scenes, "reach-scene")}
 
 
 def filled(grid: Grid) -> Grid | None:

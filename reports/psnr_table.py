@@ -7,6 +7,8 @@ from reports.load import Records
 from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.wording import NOTHING, counted, interval, number, signed
 
+LIMITED_DB = 1.0
+"""A score so near to its ceiling says more about the ground truth than about the method."""
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
 
@@ -24,13 +26,15 @@ def scores_grid(records: Records) -> Grid:
         row = [Entry(scene), Entry(number(about.psnr_floor if about else None, 1), tone="muted")]
         for method in records.methods:
             test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
-            row.append(score_entry(test, train, records.cells_of(scene, method)))
+            ceiling = about.psnr_ceiling if about else None
+            row.append(score_entry(test, train, records.cells_of(scene, method), ceiling))
         row.append(Entry(number(about.psnr_ceiling if about else None, 1), tone="muted"))
         rows.append(row + [Entry(number(value, 1), tone="muted") for value in printed.get(scene.lower(), ())])
         rows[-1] += [EMPTY] * (len(columns) - len(rows[-1]))
     note = (
         "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
-        "The smaller line is PSNR on training views: a wide gap means that views were memorised."
+        "The smaller line is PSNR on training views: a wide gap means that views were memorised. "
+        "Reference-limited: within 1 dB of the ceiling that the noise of the ground truth sets."
     )
     return Grid("Test PSNR", columns, rows, _average(records, len(columns), bool(printed)), note)
 
@@ -64,13 +68,16 @@ def _mean_entry(values: list[float | None]) -> Entry:
     return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
 
 
-def score_entry(test: Spread, train: Spread, cells: list[CellRecord]) -> Entry:
-    """The mean of the finished seeds; whatever did not finish is named in the same cell."""
+def score_entry(test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None) -> Entry:
+    """The mean of the finished seeds; whatever did not finish is named in the same cell, and so is a score that the
+    noise of the ground truth holds down.
+    """
     lost = losses(cells)
     if test.mean is None:
         return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted")
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
+    parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - LIMITED_DB else []
     parts += [lost] if lost else []
     return Entry(text, lines(*parts), tone_of(cells))
 

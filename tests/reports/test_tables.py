@@ -16,8 +16,8 @@ from reports.properties import (
     warning_kinds,
     warnings_grid,
 )
-from reports.psnr_table import difference_entry, differences_grids, scores_grid
-from reports.table import average_of, cells_frame, shared_scenes, spread_of
+from reports.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
+from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from tests.reports.fake_run import write_fake_run
 
 
@@ -209,3 +209,10 @@ def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
 
 def test_every_comparison_is_listed(records: Records):
     assert len(comparisons_grid(records).rows) == len(records.comparisons) == 18
+
+
+@pytest.mark.parametrize(("mean", "ceiling", "limited"), [(37.5, 38.0, True), (36.9, 38.0, False), (37.5, None, False)])
+def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, ceiling, limited):
+    nothing = Spread(None, None, None, None, 0, 3)
+    entry = score_entry(Spread(mean, 0.1, mean, mean, 3, 3), nothing, [], ceiling)
+    assert ("reference-limited" in entry.small) == limited
