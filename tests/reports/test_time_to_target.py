@@ -1,4 +1,4 @@
-"""When runs reached a score: every run that did not stays in sight; nothing is computed that the record does not hold."""
+"""When runs reached a score: every run that did not stays in sight, and the record alone computes."""
 
 from dataclasses import replace
 
