@@ -69,7 +69,8 @@ def _noise(options: argparse.Namespace) -> None:
     if not options.folders and not options.scenes:
         raise InputError("noise: name view sets with --folders or scenes with --scenes")
     for one in (*options.folders, *options.scenes):
-        found = again(one, variant) if isinstance(one, Path) else errors(one, *settings, options.repeats, variant)
+        repeats = options.repeats
+        found = again(one, repeats, variant) if isinstance(one, Path) else errors(one, *settings, repeats, variant)
         for row in found:
             print(json.dumps({"item": str(one), **asdict(row)}), flush=True)
 
@@ -110,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     noise.add_argument("--resolution", type=int, default=100, metavar="PX")
     noise.add_argument("--spp", type=int, nargs="+", default=[1, 4, 16, 64, 256], metavar="N", help="samples a pixel")
     noise.add_argument("--reference-spp", type=int, default=2048, metavar="N", help="of what errors are taken from")
-    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders that are timed")
+    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders of each, one more for --spp")
     repeats = commands.add_parser("repeats", help="one view again and again with independent noise, as OUT/NAME.npy")
     repeats.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     repeats.add_argument("names", nargs="+", metavar="NAME")

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -27,6 +27,7 @@ MEASURES = ("display", "linear")
 has it."""
 
 
+@runtime_checkable
 class Renderer(Protocol):
     """What these measurements need of `scenes.render.LoadedScene`."""
 
@@ -35,16 +36,17 @@ class Renderer(Protocol):
 
 @dataclass(frozen=True)
 class Again:
-    """One stored view and one render of it with other random numbers, by the same procedure: two halves each."""
+    """One stored view and renders of it with other random numbers, by the same procedure: two halves each."""
 
     scene: str
     view: str
     stored: float
     """What the manifest says: mean square error of the display image over white that noise causes."""
     again: float
-    """Half of the mean square difference of the two images: the noise of one, whatever the manifest says."""
+    """Half of the mean square difference of two of these images, the mean over all pairs: the noise of one, whatever
+    the manifest says."""
     halves: float
-    """The manifest's formula for the render that was made now."""
+    """The manifest's formula for the renders that were made now."""
     spp: int
     variant: str
 
@@ -66,8 +68,12 @@ class Errors:
     variant: str
 
 
-def again(folder: Path, variant: Variant) -> Iterator[Again]:
-    """Every test view of a view set of ours. Raises `InputError` for a folder that is none, or is damaged."""
+def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
+    """Every test view of a view set of ours, rendered `repeats` times. Raises `InputError` for a folder that is none,
+    or is damaged.
+    """
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats}: choose 1 or more")
     manifest = read_manifest(folder)
     if not manifest:
         raise InputError(f"{folder}: not a view set of ours; name a folder that `python -m scenes render` has made")
@@ -80,18 +86,22 @@ def again(folder: Path, variant: Variant) -> Iterator[Again]:
         name = file.relative_to(folder.resolve()).with_suffix("").as_posix()
         channels = read_channels(checked(folder, file.with_suffix(".exr"), manifest))
         linear = np.stack([channels[one] for one in "RGBA"], axis=-1)
-        noise, halves = noise_against(loaded, linear, pose, spp, name)
+        noise, halves = noise_again(loaded, linear, pose, spp, repeats, name)
         stored = float(manifest["views"][name]["noise_mse"])
         yield Again(scene.name, name, stored, noise, halves, spp, variant.name)
 
 
-def noise_against(loaded: Renderer, stored: np.ndarray, pose: np.ndarray, spp: int, name: str) -> tuple[float, float]:
-    """Noise of one image: half of the mean square difference of `stored` [h, w, 4], linear and premultiplied, and a
-    render like it; and what the two halves of that render say.
-    """
-    a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, half)) for half in ("a", "b"))
-    between = mean_square(as_scored(stored) - as_scored((a + b) / 2))
-    return between / 2, mean_square(as_scored(a) - as_scored(b)) / 4
+def noise_again(
+    loaded: Renderer, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
+) -> tuple[float, float]:
+    """`Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
+    images, halves = [as_scored(stored)], []
+    for number in range(repeats):
+        a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, number, half)) for half in "ab")
+        images.append(as_scored((a + b) / 2))
+        halves.append(mean_square(as_scored(a) - as_scored(b)) / 4)
+    # the variance of a sample is half of the mean square difference of its pairs
+    return float(np.var(images, axis=0, ddof=1).mean()), float(np.mean(halves))
 
 
 def errors(

@@ -83,8 +83,9 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
         if later[1] is not earlier[1]
     ]
     reached = f"from {winners[0][0]:g} to {winners[-1][0]:g}" if winners else "at no target"
+    times = f"{len(changes)} time{'s' * (len(changes) != 1)}"
     yield (
-        f"The fastest combination {reached} changes {len(changes)} time{'s' * (len(changes) != 1)}: {'; '.join(changes)}."
+        f"The fastest combination {reached} changes {times}: {'; '.join(changes)}."
         if changes
         else f"The same combination is the fastest {reached}: the ranking's first place does not change."
     )

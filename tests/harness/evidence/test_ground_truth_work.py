@@ -1,0 +1,106 @@
+"""Slopes and samples from errors whose law is known."""
+
+from typing import Any
+
+import pytest
+
+from harness.chart_record import Series, Table
+from harness.evidence.ground_truth_work import Noise, charts, noise_of, room, sentences, tabled
+from harness.evidence_record import Check
+
+SPP = [1, 4, 16, 64, 256]
+FLOOR = {"lego": 1e-4, "mic": 2e-4}
+
+
+def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str, Any]]:
+    """Mean square error 0.01 · spp^−power, a millisecond a sample beside the overhead; three renders ± 10 %."""
+    return [
+        {
+            "scene": scene,
+            "spp": spp,
+            "seconds": [overhead + 1e-3 * spp, overhead + 1e-3 * spp, 9.0],
+            "mse": {
+                "display": [0.01 * spp**-power * one for one in (0.9, 1.0, 1.1)],
+                "linear": [0.04 * spp**-power * one for one in (0.9, 1.0, 1.1)],
+            },
+        }
+        for spp in SPP
+    ]
+
+
+def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
+    one = noise_of("lego", rows("lego"))
+    assert one.slope_of_samples() == pytest.approx(-0.5)
+    assert one.slope_of_seconds() == pytest.approx(-0.5)
+    assert one.rmse[0] == pytest.approx(0.2)
+    assert one.mse[0] == pytest.approx(0.01)
+
+
+def test_overhead_is_not_taken_for_speed() -> None:
+    """1 s of overhead: only 256 samples would take longer than 1.2 s, and one point has no slope."""
+    assert noise_of("lego", rows("lego", overhead=1.0)).slope_of_seconds() is None
+    some = noise_of("lego", rows("lego", overhead=0.01)).slope_of_seconds()
+    assert some is not None
+    assert -0.75 < some <= -0.5
+
+
+def test_the_samples_for_a_ceiling_lie_on_the_line() -> None:
+    one = noise_of("lego", rows("lego"))
+    assert one.spp_for(1e-2 / 100) == pytest.approx(100.0)
+    assert noise_of("lego", rows("lego", power=0.0)).spp_for(1e-4) is None
+    assert Noise("lego", [4], [1.0], [0.1], [0.01]).spp_for(1e-4) is None
+
+
+def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
+    printed = rows("lego")
+    printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
+    one = noise_of("lego", printed)
+    assert (one.rmse[-1], one.mse[-1]) == (None, None)
+    assert one.slope_of_samples() == pytest.approx(-0.5)
+    drawn = list(charts([one], FLOOR))
+    assert all(len(line.x) == len(line.y) for line in drawn)
+    assert tabled([one], FLOOR).rows[0][-1] is None
+
+
+@pytest.mark.parametrize(("power", "holds"), [(1.0, True), (1.5, True), (0.6, False), (0.0, False)])
+def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> None:
+    found = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
+    (check,) = (one for one in sentences(found, "") if isinstance(one, Check))
+    assert check.holds == holds
+    assert check.figure == pytest.approx(max(-0.5, -power / 2))
+
+
+def test_without_any_clear_error_nothing_is_claimed() -> None:
+    said = list(sentences([Noise("lego", [1, 4], [0.1, 0.2], [None, None], [None, None])], "how"))
+    assert isinstance(said[0], str)
+    assert said[0].startswith("No slope")
+    assert isinstance(said[1], Check)
+    assert not said[1].holds
+
+
+def test_room_above_scores() -> None:
+    """20 dB of score: 21 dB are 10^2.1 / 100 = 1.26 samples away, at 0.01 / spp."""
+    found = [noise_of("lego", rows("lego"))]
+    sentence, table = room(found, {"lego": 20.0})
+    assert isinstance(table, Table)
+    assert table.rows[0] == pytest.approx(["lego", 20.0, 10**0.1, 10**0.3])
+    assert isinstance(sentence, str)
+    assert "limited by the method" in sentence
+    far, _ = room(found, {"lego": 45.0})
+    assert isinstance(far, str)
+    assert "more than the 64 of the test views" in far
+    (unknown,) = room(found, {})
+    assert isinstance(unknown, str)
+    assert unknown.startswith("No trained cell")
+
+
+def test_charts_have_every_scene_and_the_noise_of_the_reference() -> None:
+    found = [noise_of(name, rows(name)) for name in FLOOR]
+    drawn = list(charts(found, FLOOR))
+    assert all(isinstance(one, Series) for one in drawn)
+    for panel in ("Noise against time", "Noise against samples"):
+        lines = [one for one in drawn if one.panel == panel]
+        assert [one.name for one in lines] == ["lego", "mic", "largest noise of a reference"]
+        assert lines[-1].y == [2e-4, 2e-4]
+    table = tabled(found, FLOOR)
+    assert all(len(row) == len(table.columns) for row in table.rows)
