@@ -200,7 +200,7 @@ class Comparison:
     """95 %, paired over seeds (one scene) or over scenes and seeds (all)."""
     verdict: Literal["better", "worse", "equivalent", "inconclusive"]
     smallest_detectable: float | None
-    """The smallest true difference that this run would have called better or worse in 80 % of repetitions."""
+    """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
     pairs: int
     left_aside: int
     """Cells that could not be paired because one of them diverged or failed; never silently dropped."""

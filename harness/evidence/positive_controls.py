@@ -148,7 +148,8 @@ def _sentences(control: Control, trained: dict[str, Trained], found: list[Effect
         name for name in trained["all_images"].plan.scenes if name not in needing(control, trained["all_images"])
     ]
     if control.need and without:
-        yield f"{listed(without)} needs no {control.need.replace('_', ' ')}: there is nothing to lose, and no pair of it."
+        need = control.need.replace("_", " ")
+        yield f"No {need} is needed on {listed(without)}: there is nothing to lose there, and no pair."
     if one is None:
         yield f"NeRF {control.what}: not applicable to any of the scenes."
         return
