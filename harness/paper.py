@@ -250,7 +250,7 @@ ABLATION = (
     *(
         Printed(
             f"table4-{TABLE4[place]['method']}-{metric}",
-            ("Table 4", "§10, footnote 1") if (place, metric) == (1, "psnr") else ("Table 4",),
+            ("Table 4", "§10 footnote 1") if (place, metric) == (1, "psnr") else ("Table 4",),
             _step(metric, place),
             f"{_row(place)} adds {LABELS[metric]} to the row above it on lego",
             "added part",
@@ -278,17 +278,17 @@ ABLATION = (
         for method in NAMES
     ),
     Printed(
-        "footnote1-table", ("§10, footnote 1",), 7, "Number of the table that holds the ablation", "number of a table"
+        "footnote1-table", ("§10 footnote 1",), 7, "Number of the table that holds the ablation", "number of a table"
     ),
 )
 
 ELSEWHERE = (
     Printed("section8.1-retrieval", ("§8.1",), None, "Cached views are retrieved instantly", "retrieval"),
     Printed(
-        "footnote2-files", ("§10, footnote 2",), 189, "Source files of their vision subsystem", "their code", "files"
+        "footnote2-files", ("§10 footnote 2",), 189, "Source files of their vision subsystem", "their code", "files"
     ),
-    Printed("footnote2-lines", ("§10, footnote 2",), 44_000, "Lines of their vision subsystem", "their code", "lines"),
-    Printed("footnote2-tests", ("§10, footnote 2",), 30, "Test files of their vision subsystem", "their code", "files"),
+    Printed("footnote2-lines", ("§10 footnote 2",), 44_000, "Lines of their vision subsystem", "their code", "lines"),
+    Printed("footnote2-tests", ("§10 footnote 2",), 30, "Test files of their vision subsystem", "their code", "files"),
 )
 
 LEDGER: tuple[Printed, ...] = (*ABSTRACT, *ARCHITECTURE, *SCORES, *EFFICIENCY, *ABLATION, *ELSEWHERE)

@@ -18,7 +18,7 @@ EQUATION_4 = {"nerf_phi_encoding_amplifier": "nerf_phi_encoding_equation4", "qne
 def added_part(bench: Bench, entry: Printed) -> Finding:
     """One row of Table 4 less the row above it."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
-    how = PAIRED.format(metric=metric.upper(), units="")
+    how = PAIRED.format(metric=metric.upper(), units="seed")
     if not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how)
     rounding = half_unit(entry.printed, entry.unit)

@@ -9,10 +9,7 @@ from reports.wording import counted, interval, listed, signed
 MARGINS = {"psnr": 0.2, "ssim": 0.005}
 """Smallest differences of interest, as the harness declares them for its comparisons."""
 
-PAIRED = (
-    "difference of mean test {metric} at equal steps, paired over the same seeds{units}; interval 95 %, together with "
-    "the others that are looked at with it"
-)
+PAIRED = "mean test {metric} at equal steps, paired by {units}"
 
 
 def interval_judged(one: Comparison) -> Pair | None:
@@ -24,7 +21,7 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     """A gain of one method over another, on a scene or over all."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     one = bench.records.comparison(scene, method, against, metric)
-    how = PAIRED.format(metric=metric.upper(), units=", scenes as units" if scene == "all" else "")
+    how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
     if one is None or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note=f"{method} was not compared with {against} {_where(scene)} in this run")
     pair = interval_judged(one)
@@ -61,7 +58,7 @@ def range_of_gains(bench: Bench, entry: Printed) -> Finding:
 def score(bench: Bench, entry: Printed) -> Finding:
     """How good a method gets. At another scale, or on other pictures than the paper's, the value only stands beside."""
     scene, method, metric = (entry.of[name] for name in ("scene", "method", "metric"))
-    how = f"mean test {metric.upper()} of this run’s {method}; interval 95 % over seeds"
+    how = f"mean test {metric.upper()} of this run’s {method}, by seed"
     scenes = [name.lower() for name in bench.scenes_of_table2()] if scene == "all" else [scene]
     ran = [name for name in scenes if name in bench.records.scenes]
     by_seed: dict[int, list[float]] = {}

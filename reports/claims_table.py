@@ -34,10 +34,13 @@ def chapters(found: list[Claim], here: str) -> list[Chapter]:
 
 def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
     columns = [Column("claim", numeric=False), Column("printed", small="where"), Column("measured", small="interval")]
-    columns += [Column("verdict", small="at which scale", numeric=False), Column("how it is measured", numeric=False)]
+    columns += [
+        Column("verdict", small="scale, where another", numeric=False),
+        Column("how it is measured", numeric=False),
+    ]
     rows = []
     for claim in found:
-        scale = "" if claim.verdict == UNTESTED else "at this run’s scale" if claim.scale == here else claim.scale
+        scale = "" if claim.verdict == UNTESTED or claim.scale == here else claim.scale
         row = [Entry(claim.statement), Entry(printed_text(claim), claim.source.replace(", ", "\n"))]
         row.append(Entry(measured_text(claim), interval_text(claim)))
         row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))

@@ -14,10 +14,7 @@ from reports.judging import half_unit, judge_difference
 from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
 from reports.wording import counted, number
 
-HOW = (
-    "saving of Q-NeRF in {what} until mean test PSNR reaches the target, paired by scene and seed; a run that never "
-    "reaches it is censored; interval 95 %"
-)
+HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 UNITS = {"steps": 1.0, "seconds": 3600.0}
 """Of the printed figure: steps, and hours."""

@@ -93,7 +93,7 @@ def test_what_the_paper_says_in_several_places_is_one_entry():
     for name in ("abstract-psnr-range", "abstract-faster", "abstract-sloc"):
         assert {"Abstract", "Epistemological Note"} <= set(found[name].where)
     assert {"Table 3", "§10"} <= set(found["abstract-faster"].where)
-    assert found["table4-nerf_phi_encoding-psnr"].where == ("Table 4", "§10, footnote 1")
+    assert found["table4-nerf_phi_encoding-psnr"].where == ("Table 4", "§10 footnote 1")
     assert found["table2-average"].where == ("Table 2", "§10")
 
 
