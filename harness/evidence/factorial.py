@@ -11,7 +11,7 @@ from harness.evidence.contrasts import Design, common_steps, contrast_effects, c
 from harness.evidence.effects import effects
 from harness.evidence.situation import Finding, Situation
 from harness.evidence.trainings import READINGS
-from harness.evidence.wording import amount, listed, told
+from harness.evidence.wording import amount, listed, said, told
 from harness.evidence_record import Effect
 from harness.paper import TABLE4
 from harness.records import CellRecord
@@ -27,8 +27,9 @@ def factorial(situation: Situation) -> Iterator[Finding]:
     """Main effects, interactions and Table 4's cumulative rows, for each reading."""
     cells = situation.trained("factorial").cells
     found = {reading: contrast_effects(design_of(reading), cells, f"({reading})") for reading in READINGS}
+    yield answer(found)
     for reading in READINGS:
-        yield from _answer(found[reading], reading)
+        yield from _in_figures(found[reading], reading)
     for reading in READINGS:
         yield _cumulative_sentence(cells, reading)
     yield from _limits(cells)
@@ -73,19 +74,29 @@ def pairs() -> list[tuple[str, str]]:
     return list(dict.fromkeys(found))
 
 
-def _answer(found: list[Effect], reading: str) -> Iterator[str]:
+def answer(found: dict[str, list[Effect]]) -> str:
+    """Reading → its effects: what each part does to PSNR at equal steps over all scenes, in one sentence."""
+    said_of = []
+    for reading, some in found.items():
+        rows = _by_term(some, "all", "psnr", "steps")
+        parts = listed(f"{part} {amount(rows[(part,)].difference, 'psnr')} ({said(rows[(part,)])})" for part in PARTS)
+        said_of.append(f"with the amplifier of {reading} {parts}")
+    return f"What each part changes at equal steps over all scenes: {'; '.join(said_of)}."
+
+
+def _in_figures(found: list[Effect], reading: str) -> Iterator[str]:
     """What the parts do over all scenes, alone and together."""
     by_budget = {budget: _by_term(found, "all", "psnr", budget) for budget in BUDGETS}
     main, time = (
         listed(f"{part} {told(rows[(part,)])}" for part in PARTS) for rows in (by_budget["steps"], by_budget["seconds"])
     )
-    yield f"With the amplifier of {reading}, what a part changes at equal steps over all scenes: {main}."
+    yield f"At equal steps over all scenes ({reading}): {main}."
     yield f"At equal training time ({reading}): {time}."
     together = {term: one for term, one in by_budget["steps"].items() if len(term) > 1}
     settled = {term: one for term, one in together.items() if one.verdict in ("better", "worse")}
     if settled:
-        said = listed(f"{' × '.join(term)} {told(one, gain=False)}" for term, one in settled.items())
-        yield f"Parts that act otherwise together than alone ({reading}): {said}."
+        terms = listed(f"{' × '.join(term)} {told(one, gain=False)}" for term, one in settled.items())
+        yield f"Parts that act otherwise together than alone ({reading}): {terms}."
     else:
         largest = max(together.items(), key=lambda item: abs(item[1].difference or 0.0))
         yield (
@@ -109,14 +120,14 @@ def _cumulative_sentence(cells: list[CellRecord], reading: str) -> str:
     steps = {row: _on_scene(cells, row, above, TABLE4_SCENE) for above, row in pairwise(rows)}
     values = [amount(mean_of(scores_of(cells, TABLE4_SCENE, row, "psnr")), "psnr", sign=False) for row in rows]
     printed = [float(str(row["psnr"])) for row in TABLE4]
-    said = listed(
+    steps_said = listed(
         f"{part} {told(one)} where {amount(after - before, 'psnr')} is printed"
         for part, one, (before, after) in zip(PARTS, steps.values(), pairwise(printed), strict=True)
     )
     return (
         f"Table 4 on {TABLE4_SCENE} ({reading}) reads {' → '.join(values)} where "
         f"{' → '.join(amount(one, 'psnr', sign=False) for one in printed)} is printed; each part on top of those "
-        f"before it: {said}."
+        f"before it: {steps_said}."
     )
 
 

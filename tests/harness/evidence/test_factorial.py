@@ -119,9 +119,13 @@ def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(foun
 
 def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
     first, *others = sentences(iter(found))
-    answer = "what a part changes at equal steps over all scenes: φ encoding +0.6"
-    assert answer in first
+    assert first.startswith("What each part changes at equal steps over all scenes: with the amplifier of Listing 2 ")
+    assert "φ encoding +0.6" in first
     assert "amplifier −4.0" in first
+    assert "dB (worse)" in first
+    assert first.index("amplifier of Eq. 4") > first.index("amplifier of Listing 2")
+    assert "φ encoding +1.1" in first[first.index("Eq. 4") :]
+    assert any(one.startswith("At equal steps over all scenes (Eq. 4): φ encoding +1.1") for one in others)
     assert any("reads" in one and "33.20 dB" in one and "φ skip" in one for one in others)
     assert any("otherwise together than alone (Listing 2): φ encoding × amplifier −0.5" in one for one in others)
     assert any(one.startswith("No interaction is told from 0 over all scenes (Eq. 4)") for one in others)
