@@ -29,7 +29,8 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
     if not shown:
         return None
     colour = colours_of(records.methods)[rival].light
-    with_interval = [(place, one.interval) for place, one in shown if one.interval]
+    # of a family, the interval that the verdict is taken from
+    with_interval = [(place, pair) for place, one in shown if (pair := one.simultaneous or one.interval)]
     traces = [
         Trace("no difference", INK.light, "floor", (0.0, 0.0), (-0.5, len(rows) - 0.5)),
         Trace(
@@ -50,7 +51,10 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
     ]
     if rival == "nerf" and method == "qnerf":
         traces += _printed(records, rows)
-    said = [f"{one.scene} {signed(one.difference)} {interval(one.interval)} {one.verdict}" for _, one in shown]
+    said = [
+        f"{one.scene} {signed(one.difference)} {interval(one.simultaneous or one.interval)} {one.verdict}"
+        for _, one in shown
+    ]
     title = f"{method} − {rival} at {words}"
     height = 0.75 + 0.25 * len(rows)
     alt = f"{title}, in dB: {'; '.join(said)}."

@@ -2,7 +2,7 @@
 
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
-from reports.psnr_table import difference_entry, losses, tone_of
+from reports.psnr_table import TOGETHER, difference_entry, losses, tone_of
 from reports.table import METRICS, average_of, cells_frame, shared_scenes, spread_of
 from reports.wording import number
 
@@ -57,5 +57,9 @@ def comparisons_grid(records: Records) -> Grid:
                 Entry(str(one.pairs)),
             ]
         )
-    note = "Smallest detectable: the true difference that a run like this one would find in 80 % of repetitions."
+    note = (
+        "Smallest detectable: the true difference that a comparison with just this spread calls better or worse in "
+        "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
+        f"scene by scene; PSNR over all scenes stands alone. {TOGETHER}"
+    )
     return Grid("Every comparison", columns, rows, note=note)

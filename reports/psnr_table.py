@@ -9,6 +9,10 @@ from reports.wording import NOTHING, counted, interval, number, signed
 
 LIMITED_DB = 1.0
 """A score so near to its ceiling says more about the ground truth than about the method."""
+TOGETHER = (
+    "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
+    "the truth in 95 %."
+)
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
 
@@ -131,6 +135,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
         row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
         rows.append(row)
     note = "Difference in test PSNR (dB), its 95 % interval (over seeds; for all scenes over scenes), and the verdict."
+    note += f" {TOGETHER}" if any(one.family > 1 and one.simultaneous for one in records.comparisons) else ""
     note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 
@@ -143,8 +148,15 @@ def difference_entry(one: Comparison | None) -> Entry:
     if one.difference is None:
         return Entry(NOTHING, lines(one.verdict, aside), one.verdict)
     digits = 2 if one.metric in ("psnr", "delta_e") else 4
-    small = lines(interval(one.interval, digits), one.verdict, aside)
+    small = lines(interval(one.interval, digits), together(one, digits), one.verdict, aside)
     return Entry(signed(one.difference, digits), small, one.verdict)
+
+
+def together(one: Comparison, digits: int) -> str:
+    """`8 together: [+0.11, +0.93]`: what the verdict is taken from, where it is not the interval beside it."""
+    if one.family == 1 or one.simultaneous is None:
+        return ""
+    return f"{one.family} together: {interval(one.simultaneous, digits)}"
 
 
 def lines(*parts: str) -> str:

@@ -216,3 +216,12 @@ def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, 
     nothing = Spread(None, None, None, None, 0, 3)
     entry = score_entry(Spread(mean, 0.1, mean, mean, 3, 3), nothing, [], ceiling)
     assert ("reference-limited" in entry.small) == limited
+
+
+def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone() -> None:
+    alone = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0, (0.1, 0.9), 1)
+    assert difference_entry(alone).small == "[+0.10, +0.90]\nbetter"
+    of_eight = replace(alone, scene="lego", verdict="inconclusive", simultaneous=(-0.3, 1.3), family=8)
+    assert difference_entry(of_eight).small == "[+0.10, +0.90]\n8 together: [−0.30, +1.30]\ninconclusive"
+    older = replace(of_eight, simultaneous=None)
+    assert "together" not in difference_entry(older).small
