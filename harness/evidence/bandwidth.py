@@ -120,7 +120,8 @@ def answer(found: list[Effect]) -> str:
     reach, base = (bool(told_apart[factor]) for factor in (REACH, BASE))
     if reach and nothing:
         said = (
-            "It is bandwidth: how far the frequencies reach changes PSNR, and at the same reach φ for 2 changes nothing"
+            "It is bandwidth: how far the frequencies reach changes PSNR, and at the same reach φ for 2 does not by as "
+            "much as matters"
         )
     elif reach and not base:
         said = (
@@ -136,16 +137,15 @@ def answer(found: list[Effect]) -> str:
     else:
         said = "Not settled: neither reach nor base is told from 0 on any scene at any resolution"
     counts = listed(
-        f"{factor} is told from 0 in {len(told_apart[factor])} of {len(by_factor[factor])} trainings"
-        f"{_range(told_apart[factor])}"
+        f"{factor} in {len(told_apart[factor])} of {len(by_factor[factor])}{_range(told_apart[factor])}"
         for factor in (REACH, BASE)
     )
-    return f"{said} ({counts}, a training being a scene at a resolution)."
+    return f"{said}. Of the scenes at each resolution an effect is told from 0 for {counts}."
 
 
 def _range(found: list[Effect]) -> str:
     values = sorted(one.difference for one in found if one.difference is not None)
-    return f" ({amount(values[0], 'psnr')} to {amount(values[-1], 'psnr')})" if values else ""
+    return f", {amount(values[0], 'psnr')} to {amount(values[-1], 'psnr')}," if values else ""
 
 
 def _at(px: int, parts: list[Effect], duels: list[Effect]) -> Iterator[str]:
@@ -174,9 +174,9 @@ def _by_scene(found: list[Effect], gain: bool = True) -> str:
 
 def _changes(moved: list[Effect], ripened: list[Effect]) -> Iterator[str]:
     """How reach and base move with resolution and with training time."""
-    for when, found in (("resolution", moved), ("training time", ripened)):
-        for name in dict.fromkeys(one.name for one in found):
-            yield f"With {when}, the effect of {name}, moves by {_by_scene(_chosen(found, name), gain=False)}."
+    found = [*moved, *ripened]
+    for name in dict.fromkeys(one.name for one in found):
+        yield f"{name}: the effect moves by {_by_scene(_chosen(found, name), gain=False)}."
 
 
 def _seen(trained: dict[int, Trained]) -> str:

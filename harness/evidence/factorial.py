@@ -103,10 +103,6 @@ def _in_figures(found: list[Effect], reading: str) -> Iterator[str]:
             f"No interaction is told from 0 over all scenes ({reading}); the largest is {' × '.join(largest[0])}, "
             f"{told(largest[1], gain=False)}."
         )
-    scenes = list(dict.fromkeys(one.scene for one in found if one.scene != "all"))
-    for part in PARTS:
-        here = {scene: _by_term(found, scene, "psnr", "steps")[(part,)] for scene in scenes}
-        yield f"{part} by scene ({reading}): {listed(f'{scene} {told(one)}' for scene, one in here.items())}."
 
 
 def _by_term(found: list[Effect], scene: str, metric: str, budget: Budget) -> dict[tuple[str, ...], Effect]:

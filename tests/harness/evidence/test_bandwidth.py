@@ -98,7 +98,7 @@ def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Finding]) -
     assert moved.interval is not None
     assert moved.interval[1] < 0
     assert effect(found, f"{BASE}, from 100 to 400 px").verdict == "equivalent"
-    said = [one for one in sentences(iter(found)) if one.startswith("With resolution")]
+    said = [one for one in sentences(iter(found)) if "from 100 to 400 px: the effect moves by" in one]
     assert len(said) == 2
     assert "−1.2" in said[0]
     assert "below 0" in said[0]
@@ -170,8 +170,8 @@ def test_too_small_to_matter_is_no_finding() -> None:
 def test_the_answer_counts_and_gives_the_range(found: list[Finding]) -> None:
     first = sentences(iter(found))[0]
     assert first.startswith("It is bandwidth: ")
-    assert f"{REACH} is told from 0 in 6 of 6 trainings (−0.3" in first
-    assert f"{BASE} is told from 0 in 0 of 6 trainings" in first
+    assert f"{REACH} in 6 of 6, −0.3" in first
+    assert first.endswith(f"{BASE} in 0 of 6.")
 
 
 def test_rays_a_pixel_come_from_the_plan(found: list[Finding]) -> None:
