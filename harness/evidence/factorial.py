@@ -11,7 +11,7 @@ from harness.evidence.contrasts import Design, common_steps, contrast_effects, c
 from harness.evidence.effects import effects
 from harness.evidence.situation import Finding, Situation
 from harness.evidence.trainings import READINGS
-from harness.evidence.wording import amount, listed, said, told
+from harness.evidence.wording import amount, listed, said, short, told
 from harness.evidence_record import Effect
 from harness.paper import TABLE4
 from harness.records import CellRecord
@@ -177,20 +177,20 @@ def table4(cells: list[CellRecord], reading: str) -> Table:
             before = TABLE4[place - 1][metric] if place else None
             row += [
                 spread(scores_of(cells, TABLE4_SCENE, method, metric)),
-                _number(printed[metric]),
-                told(step) if step else "",
+                str(printed[metric]),
+                short(step) if step else "",
                 amount(_number(printed[metric]) - _number(before), metric) if before is not None else "",
             ]
         rows.append(row)
     return Table(
         f"table4_{reading}",
         0,
-        f"Table 4 on {TABLE4_SCENE}, amplifier of {reading}, at equal steps",
+        f"Table 4 on {TABLE4_SCENE}, amplifier of {reading}: mean ± sd over seeds, and what each row adds",
         [
             "configuration",
             "method",
-            *("PSNR, dB (± sd over seeds)", "printed", "step", "printed step"),
-            *("SSIM (± sd over seeds)", "printed ", "step ", "printed step "),
+            *("PSNR, dB", "printed", "step", "printed"),
+            *("SSIM", "printed", "step", "printed"),
         ],
         rows,
     )

@@ -32,6 +32,15 @@ def told(one: Effect, gain: bool = True) -> str:
     return f"{amount(one.difference, one.metric)} ({kind} {low} to {high}: {said(one, gain)}{aside})"
 
 
+def short(one: Effect) -> str:
+    """`+0.81 [+0.52, +1.10]`, for a cell of a table: no unit, no verdict; the interval is the verdict's."""
+    digits = DIGITS.get(one.metric, 3)
+    if one.difference is None:
+        return NO_FIGURE
+    ends = [_number(end, digits, True) for end in one.simultaneous or ()]
+    return _number(one.difference, digits, True) + (f" [{', '.join(ends)}]" if ends else "")
+
+
 def said(one: Effect, gain: bool = True) -> str:
     """The verdict in words."""
     interest = METRICS[one.metric].smallest_of_interest

@@ -186,6 +186,16 @@ def test_scores_together_of_what_is_missing_failed_or_unscored() -> None:
     assert scores_together([good, shorter], "psnr", "steps").tolist() == [20.0, 20.0]
 
 
+def test_what_a_cell_scored_before_it_diverged_does_not_count() -> None:
+    """Else the survivors of a step would be compared with those that were to fall."""
+    good = cell("lego", "x", 0, [checkpoint(10, 1.0, 20.0), checkpoint(100, 10.0, 22.0)])
+    fallen = replace(good, method="y", status="diverged", steps=150, train_seconds=15.0, scores={})
+    for budget, step in (("steps", None), ("seconds", None), ("steps", 10)):
+        found = scores_together([good, fallen], "psnr", budget, step)
+        assert np.isnan(found[1])
+        assert found[0] == (20.0 if step else 22.0)
+
+
 def test_along_training_the_effect_is_that_of_each_checkpoint() -> None:
     share = {10: 0.0, 100: 0.5, 500: 1.0}
     cells = planted(DESIGN, PLANTED, ripeness=share.__getitem__)

@@ -137,7 +137,9 @@ def test_table_4_stands_beside_what_is_printed(found: list[Finding]) -> None:
     tables = {one.id: one for one in found if isinstance(one, Table)}
     rows = tables["table4_Listing 2"].rows
     assert [row[1] for row in rows] == cumulative("Listing 2")
-    assert [row[3] for row in rows] == [32.5, 33.2, 33.8, 34.0]
+    assert [row[3] for row in rows] == ["32.5", "33.2", "33.8", "34.0"]
+    assert str(rows[2][4]).startswith("−4.")
+    assert [row[7] for row in rows] == ["0.961", "0.967", "0.972", "0.974"]
     assert [row[5] for row in rows] == ["", "+0.70 dB", "+0.60 dB", "+0.20 dB"]
     assert all(len(row) == len(tables["table4_Listing 2"].columns) for row in rows)
     assert len(tables["combinations"].rows) == 12

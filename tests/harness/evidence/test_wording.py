@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.evidence.wording import amount, listed, told
+from harness.evidence.wording import amount, listed, short, told
 from harness.evidence_record import Effect, Verdict
 
 
@@ -45,6 +45,12 @@ def test_effects_with_their_intervals() -> None:
     assert told(effect(None, None, "inconclusive", left_aside=3)) == (
         "no figure (no interval, 3 of 6 pairs without a score)"
     )
+
+
+def test_effects_in_a_cell_of_a_table() -> None:
+    assert short(effect(0.8, (-0.5, 1.1), "inconclusive")) == "+0.80 [−0.50, +1.10]"
+    assert short(effect(0.8, None, "inconclusive")) == "+0.80"
+    assert short(effect(None, None, "inconclusive")) == "no figure"
 
 
 def test_lists() -> None:
