@@ -7,13 +7,14 @@ intervals of which the axis would show nothing else.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 
 from matplotlib.ticker import MaxNLocator
 
 from harness.evidence_record import Effect
 from reports.figure import tick
 from reports.table import METRICS, Metric
-from reports.wording import after, counted, interval, of_any_size, signed
+from reports.wording import after, counted, interval, signed
 
 BUDGETS = {"steps": "at equal steps", "seconds": "at equal training time"}
 WIDEST = 1.6
@@ -97,8 +98,9 @@ class Axis:
         return Mark(self.place(start), self.place(end), start > pair[0], end < pair[1])
 
     def ticks(self) -> list[tuple[float, str]]:
-        inside = [at for at in MaxNLocator(6).tick_values(self.low, self.high) if self.low <= at <= self.high]
-        return [(self.place(at), tick(round(float(at), 10))) for at in inside]
+        """Those that have room for their words."""
+        every = [(self.place(at), tick(round(float(at), 10))) for at in MaxNLocator(6).tick_values(self.low, self.high)]
+        return [(place, words) for place, words in every if 3 <= place <= 97]
 
 
 def forests(effects: list[Effect], of_interest: dict[str, float]) -> list[Forest]:
@@ -132,25 +134,20 @@ def axis_of(effects: Iterable[Effect], of_interest: float) -> Axis:
 def _forest(effects: list[Effect], axis: Axis, of_interest: float | None) -> Forest:
     metric = metric_of(effects[0].metric)
     groups = _groups(effects)
-    seen = 0
-    shown: list[_Effects] = []
-    for group in groups:
-        if shown and seen + len(group.rows) > READABLE:
-            break
-        shown.append(group)
-        seen += len(group.rows)
+    rows = list(accumulate(len(group.rows) for group in groups))
+    shown = max(1, sum(many <= READABLE for many in rows))
     drawn = [Group(group.scene, [row_of(one, metric, axis) for one in group.rows]) for group in groups]
     families = sorted({one.family for one in effects})
     return Forest(
         f"{metric.label} {BUDGETS[effects[0].budget]}",
         metric.unit,
-        drawn[: len(shown)],
-        drawn[len(shown) :],
+        drawn[:shown],
+        drawn[shown:],
         axis.place(0.0),
         axis.mark((-of_interest, of_interest)) if of_interest else None,
-        f"±{of_any_size(of_interest)}{after(metric.unit)}" if of_interest else "",
+        f"±{of_interest:g}{after(metric.unit)}" if of_interest else "",
         axis.ticks(),
-        " or ".join(counted(many, "comparison") for many in families),
+        family_said(families),
     )
 
 
@@ -161,9 +158,24 @@ class _Effects:
 
 
 def _groups(effects: list[Effect]) -> list[_Effects]:
-    """By scene, all scenes together first."""
+    """By scene, all scenes together first; in each of them parts and interactions, then method against method."""
     scenes = sorted(dict.fromkeys(one.scene for one in effects), key=lambda scene: scene != "all")
-    return [_Effects(scene_said(scene), [one for one in effects if one.scene == scene]) for scene in scenes]
+    both = len({bool(one.against) for one in effects}) == 2
+    found = []
+    for scene in scenes:
+        for whole in (False, True):
+            rows = [one for one in effects if one.scene == scene and bool(one.against) == whole]
+            words = f"{scene_said(scene)}, method against method" if both and whole else scene_said(scene)
+            found += [_Effects(words, rows)] if rows else []
+    return found
+
+
+def family_said(families: list[int]) -> str:
+    """What holds together in 95 % of repetitions, from the sizes of the families, rising."""
+    if families[-1] == 1:
+        return "each comparison stands for itself"
+    few = "" if families[0] == families[-1] else f"{families[0]} to "
+    return f"all of a family of {few}{counted(families[-1], 'comparison')} hold together in 95 % of repetitions"
 
 
 def scene_said(scene: str) -> str:

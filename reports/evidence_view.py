@@ -11,6 +11,8 @@ from reports.record_tables import tables_grids
 from reports.series_charts import Chart, charts
 from reports.wording import after, counted, duration, interval, listed, number, of_any_size, signed
 
+AT_ONCE = 4
+"""Findings in sight besides the answer."""
 HOLDS, FAILS = "✓ holds", "✕ does not hold"
 
 
@@ -20,7 +22,9 @@ class StudyShown:
     info: StudyInfo
     answer: str
     findings: list[str]
-    """What else was found."""
+    """What else was found first,"""
+    more: list[str]
+    """and what is left to those who unfold it."""
     scale: str
     failed: bool
     checks: Grid | None
@@ -89,7 +93,8 @@ def study_shown(study: StudyRecord, of_interest: dict[str, float]) -> StudyShown
         anchor=anchor(study),
         info=study.info,
         answer=answer,
-        findings=findings,
+        findings=findings[:AT_ONCE],
+        more=findings[AT_ONCE:],
         scale=study.scale,
         failed=any(not check.holds for check in study.checks),
         checks=checks_grid(study.checks) if study.checks else None,

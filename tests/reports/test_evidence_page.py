@@ -8,7 +8,7 @@ import pytest
 
 from harness.chart_record import Series, Table
 from harness.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord
-from reports.effects_plot import Axis, Mark, axis_of, forests
+from reports.effects_plot import Axis, Mark, axis_of, family_said, forests
 from reports.evidence_page import evidence_page
 from reports.evidence_view import check_said, checks_grid, headline, of_interest, plain, sentences, wanted
 from tests.reports.fake_evidence import INTEREST, fake_evidence
@@ -78,7 +78,7 @@ def test_a_study_gives_its_question_its_answer_and_how_it_was_done(text):
 
 def test_forests_show_all_scenes_first_and_fold_the_rest(text):
     body = study_of(text, "factorial")
-    assert seen(body).index("all scenes") < seen(body).index("3 more scenes: lego, ficus, hotdog")
+    assert seen(body).index("all scenes") < seen(body).index("More: lego; ficus; hotdog")
     assert body.count('<table class="forest">') == 5, "two budgets, each with its scenes folded; SSIM"
     assert "PSNR at equal steps (dB)" in seen(body)
     assert "+0.89 [+0.77, +1.02] better" in seen(body)
@@ -208,3 +208,25 @@ def test_hostile_words_stay_words():
     drawn += " details summary small wbr b ul li div"
     assert set(hostile.tags) - set(clean.tags) <= set(drawn.split())
     assert "script" not in hostile.tags
+
+
+def test_parts_stand_apart_from_methods_and_what_is_too_much_is_folded():
+    parts = [an_effect(0.1, name=f"part {place}", scene=scene) for scene in ("lego", "all") for place in range(10)]
+    methods = [an_effect(0.1, name="qnerf", against="nerf", scene="all") for _ in range(7)]
+    (forest,) = forests([*parts, *methods], {})
+    assert [group.scene for group in forest.groups] == ["all scenes"]
+    assert [group.scene for group in forest.folded] == ["all scenes, method against method", "lego"]
+
+
+def test_families_are_said_as_they_are():
+    assert family_said([1]) == "each comparison stands for itself"
+    assert family_said([12]) == "all of a family of 12 comparisons hold together in 95 % of repetitions"
+    assert family_said([1, 12]) == "all of a family of 1 to 12 comparisons hold together in 95 % of repetitions"
+
+
+def test_a_few_findings_are_in_sight_and_the_others_unfold():
+    text = evidence_page(
+        replace(EMPTY, studies=[StudyRecord(INFO, findings=[f"Finding {place}." for place in range(9)])])
+    )
+    said = seen(text)
+    assert said.index("Finding 4.") < said.index("4 more findings") < said.index("Finding 5.")
