@@ -161,7 +161,7 @@ def build_report(
     if publish is not None:
         from reports.publish import write_published
 
-        write_published(records, publish)
+        write_published(records, publish, evidence)
     if not quiet:
         print(headline(records).title)
         for cell in records.failed:

@@ -1,5 +1,6 @@
 """Table 4 from the factorial study, or from the run itself."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -9,6 +10,7 @@ from harness.records import Comparison
 from reports.claims import claims
 from reports.ledger import UNTESTED
 from reports.load import Records
+from reports.publish import write_published
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
@@ -74,3 +76,10 @@ def test_ssim_has_its_own_rounding(whole: Records):
     pair = ("nerf_phi_encoding", "nerf")
     claim = judged(whole, study(effect(pair, 0.007, 0.0004, metric="ssim")))["table4-nerf_phi_encoding-ssim"]
     assert (claim.printed, claim.verdict) == (0.006, "holds")
+
+
+def test_what_is_published_is_judged_by_the_same_evidence(whole: Records, tmp_path):
+    write_published(whole, tmp_path, study(effect(LISTING_2, -2.5)))
+    rows = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["claims"]
+    row = next(row for row in rows if row["id"] == CLAIM)
+    assert (row["measured"], row["verdict"]) == (-2.5, "does not hold")
