@@ -214,7 +214,7 @@ def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: 
     situation = Situation(tmp_path, tmp_path, tmp_path, Machine("cpu", 1, 1), False, True, Quiet())
     found = list(study.rendering_work(situation))
     assert isinstance(found[0], str)
-    assert "12 × 12 rays of a test view of lego (nerf, a test)" in found[0]
+    assert "8 × 8 rays of a test view of lego (nerf, a test)" in found[0]
     (check,) = (one for one in found if isinstance(one, Check))
     assert check.figure is not None
     assert 0.0 < check.figure < 1e-3
