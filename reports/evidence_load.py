@@ -4,22 +4,14 @@ from collections import Counter
 from pathlib import Path
 
 from harness.evidence_record import EVIDENCE_FILE, Effect, EvidenceRecord, StudyRecord, read_evidence
-from harness.records import DamagedRecord
-from reports.load import first_mismatch, uneven
+from reports.load import find_record, uneven
 
 REMEDY = "run `nox -s evidence` again"
 
 
 def find_evidence(out: Path) -> EvidenceRecord | None:
     """The evidence under `out`, None where there is none; raises `DamagedRecord`."""
-    path = out / EVIDENCE_FILE
-    if not path.is_file():
-        return None
-    record = read_evidence(path)
-    wrong = first_mismatch(record, EvidenceRecord) or _contradiction(record)
-    if wrong is not None:
-        raise DamagedRecord(f"{path}: {wrong}; {REMEDY}")
-    return record
+    return find_record(out / EVIDENCE_FILE, EvidenceRecord, read_evidence, _contradiction, REMEDY)
 
 
 def _contradiction(record: EvidenceRecord) -> str | None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, is_dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from harness.chart_record import Series, Table
 from harness.records import (
@@ -26,6 +26,7 @@ from harness.records import (
 )
 from harness.targets_record import TARGETS_FILE, TargetsRecord, read_targets
 
+One = TypeVar("One")
 REMEDY = "delete it and run again with --resume"
 
 
@@ -122,6 +123,22 @@ def read_records(out: Path) -> Records:
     scenes, methods = unsorted.scenes, unsorted.methods
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
     return Records(out, run, cells, comparisons, targets)
+
+
+def find_record(
+    path: Path, kind: type[One], read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str
+) -> One | None:
+    """A record that lies beside a run, None where there is none; raises `DamagedRecord`.
+
+    `wrong` finds the first thing that no run writes, though every type is right.
+    """
+    if not path.is_file():
+        return None
+    record = read(path)
+    problem = first_mismatch(record, kind) or wrong(record)
+    if problem is not None:
+        raise DamagedRecord(f"{path}: {problem}; {remedy}")
+    return record
 
 
 def _in_order(first: list[str], then: Iterable[str]) -> list[str]:

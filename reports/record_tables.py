@@ -27,4 +27,4 @@ def _grid(table: Table, write: Callable[[float], str]) -> Grid:
 def _entry(value: str | float | None, write: Callable[[float], str]) -> Entry:
     if value is None:
         return EMPTY
-    return Entry(value if isinstance(value, str) else write(value))
+    return Entry(value.replace(" ± ", "\u00a0±\u00a0") if isinstance(value, str) else write(value))

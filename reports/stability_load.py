@@ -3,23 +3,15 @@
 from collections import Counter
 from pathlib import Path
 
-from harness.records import DamagedRecord
 from harness.stability_record import STABILITY_FILE, StabilityRecord, read_stability
-from reports.load import first_mismatch, uneven
+from reports.load import find_record, uneven
 
 REMEDY = "run `nox -s stability` again"
 
 
 def find_stability(out: Path) -> StabilityRecord | None:
     """The stability record under `out`, None where there is none; raises `DamagedRecord`."""
-    path = out / STABILITY_FILE
-    if not path.is_file():
-        return None
-    record = read_stability(path)
-    wrong = first_mismatch(record, StabilityRecord) or _contradiction(record)
-    if wrong is not None:
-        raise DamagedRecord(f"{path}: {wrong}; {REMEDY}")
-    return record
+    return find_record(out / STABILITY_FILE, StabilityRecord, read_stability, _contradiction, REMEDY)
 
 
 def _contradiction(record: StabilityRecord) -> str | None:

@@ -69,7 +69,7 @@ def test_a_folder_that_cannot_be_written_gives_2(out, capsys, monkeypatch):
 def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     main([str(pictured), "--quiet", "--publish", str(tmp_path / "docs")])
     found = {path.name: path.stat().st_size for path in (tmp_path / "docs").iterdir()}
-    assert set(found) == {"psnr.png", "error_vs_time.png", "views.png", "summary.json"}
+    assert set(found) == {"psnr.png", "error_vs_time.png", "work_precision.png", "views.png", "summary.json"}
     assert all(1000 < size < 1_000_000 for size in found.values())
     assert (tmp_path / "docs" / "psnr.png").read_bytes().startswith(b"\x89PNG")
 
@@ -80,6 +80,7 @@ def test_publish_without_pictures(tmp_path, out):
         "error_vs_time.png",
         "psnr.png",
         "summary.json",
+        "work_precision.png",
     ]
 
 

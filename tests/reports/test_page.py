@@ -23,7 +23,7 @@ def text(pictured) -> str:
 class Outline(HTMLParser):
     """Ids, links and tags of a page; an unclosed or crossing tag fails."""
 
-    VOID = frozenset({"meta", "link", "img", "br", "path", "use", "rect", "wbr"})
+    VOID = frozenset({"meta", "link", "img", "input", "br", "path", "use", "rect", "wbr"})
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -45,7 +45,9 @@ def test_neither_is_one_clear_line(tmp_path, capsys):
     assert main([str(tmp_path)]) == 2
     caught = capsys.readouterr()
     assert caught.out == ""
-    assert caught.err.startswith(f"{tmp_path}: no records/, no speed.json and no stability.json in it; ")
+    assert caught.err.startswith(
+        f"{tmp_path}: no records/, no speed.json, no stability.json and no evidence.json in it; "
+    )
     assert len(caught.err.splitlines()) == 1
 
 
@@ -94,7 +96,8 @@ def test_publishing_speed_alone_writes_its_numbers_and_its_chart(tmp_path):
 
 def test_publishing_a_run_with_speed_writes_all(tmp_path, out):
     main([str(write_fake_speed(out)), "--quiet", "--publish", str(tmp_path / "docs")])
-    assert names(tmp_path / "docs") == ["error_vs_time.png", "psnr.png", "speed.json", "speed.png", "summary.json"]
+    assert names(tmp_path / "docs") == ["error_vs_time.png", "psnr.png", "speed.json", "speed.png", "summary.json",
+                                         "work_precision.png"]  # fmt: skip
 
 
 @pytest.mark.parametrize(
