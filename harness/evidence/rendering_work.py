@@ -78,7 +78,7 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
     yield f"Of all rules and samplers, {' and '.join(named)}: a frame is {frame_words}."
     winners = [(target, one) for target in TARGETS if (one := fastest(lines, target))]
     changes = [
-        f"below {later[0]:g} {_name(later[1])} overtakes {_name(earlier[1])}"
+        f"at {later[0]:g} {_name(later[1])} overtakes {_name(earlier[1])}"
         for earlier, later in pairwise(winners)
         if later[1] is not earlier[1]
     ]
@@ -89,14 +89,14 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
         if changes
         else f"The same combination is the fastest {reached}: the ranking's first place does not change."
     )
-    differs = [
-        target for target, one in winners if (other := fastest(lines, target, by="evaluations")) and other is not one
+    thrifty = [(target, one) for target in (1e-2, 1e-3) if (one := fastest(lines, target, by="evaluations"))]
+    counts = [
+        f"{_name(one)} is first at {target:g} ({work / rays:.3g} a ray)"
+        for target, one in thrifty
+        if (work := one.cost_of(target, one.evaluations)) is not None
     ]
-    yield (
-        f"By network evaluations, the same on every machine, another is first at {listed(map('{:g}'.format, differs))}."
-        if differs
-        else "By network evaluations, the same on every machine, the same ones are first."
-    )
+    if counts:
+        yield f"By network evaluations, the same on every machine, {listed(counts)}."
     for rule, of_rule in QUADRATURES.items():
         own_lines = [line for line in lines if line.rule == rule]
         if of_rule.of_the_paper and own_lines:
@@ -107,6 +107,10 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
                 "(opacity), whatever the samples: its last interval is endless and it has no background."
             )
     kept = {line.sampler: min(line.error["colour"]) for line in lines if line.rule == BY_SAMPLER}
+    if {"box", "box, random"} <= set(kept):
+        even, random = kept["box"], kept["box, random"]
+        why = ", as spacing would that aliases with frequencies of the encoding" if even > 1.5 * random else ""
+        yield f"With {BY_SAMPLER}, evenly spread points leave {even:.1e} at best and random ones {random:.1e}{why}."
     if {"box", "box, grid"} <= set(kept):
         yield (
             f"What the occupancy grid skips costs an error that no number of samples takes away: with {BY_SAMPLER} "

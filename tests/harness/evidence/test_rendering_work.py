@@ -110,14 +110,14 @@ def test_what_is_counted_is_what_was_asked_for(name: str, rule: str, evaluations
 
 
 def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
-    """A clock whose calls take 1, 2, 3 … seconds: the two counts of two lines are timed in turns."""
+    """A clock whose calls take 1, 4, 9 … seconds: the two counts of two lines are timed in turns."""
     ticks = iter(range(10**6))
     now = 0.0
 
     def clock() -> float:
         nonlocal now
         tick = next(ticks)
-        now += (tick + 1) / 2 if tick % 2 else 0.0
+        now += ((tick + 1) / 2) ** 2 if tick % 2 else 0.0
         return now
 
     shown = frame(Blob())
@@ -127,8 +127,8 @@ def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
     assert [(line.rule, line.sampler, line.samples) for line in lines] == [
         ("midpoint", "box", [128, 256]), ("left", "box", [128, 256]),
     ]  # fmt: skip
-    # calls 1 to 12: (1, 5, 9), (2, 6, 10), (3, 7, 11), (4, 8, 12)
-    assert [line.seconds for line in lines] == [[5.0, 6.0], [7.0, 8.0]]
+    # of calls 1 to 12, each count has three: 1 5 9, 2 6 10, 3 7 11, 4 8 12
+    assert [line.seconds for line in lines] == [[25.0, 36.0], [49.0, 64.0]]
     assert lines[0].error["colour"][1] == pytest.approx(0.25)
     assert lines[0].error["opacity"] == pytest.approx([0.0, 0.0], abs=1e-4)
     assert lines[0].evaluations == [3 * 128, 3 * 256]
@@ -169,11 +169,17 @@ def test_sentences_say_who_is_first_and_where_that_changes() -> None:
     assert "midpoint (box) reaches an error of 0.01 first (2 s, 4 evaluations a ray)" in first
     assert "linear (box) reaches an error of 0.001 first (2.5 s, 8.05 evaluations a ray)" in first
     assert "from 0.03 to 0.001 changes 2 times" in changes
-    assert "below 0.01 midpoint (box) overtakes midpoint (box, grid)" in changes
-    assert "below 0.003 linear (box) overtakes midpoint (box)" in changes
-    assert "another is first at 0.003" in evaluations
+    assert "at 0.01 midpoint (box) overtakes midpoint (box, grid)" in changes
+    assert "at 0.003 linear (box) overtakes midpoint (box)" in changes
+    assert "midpoint (box) is first at 0.01 (4 a ray) and linear (box) is first at 0.001 (8.05 a ray)" in evaluations
     assert "listing4, the paper's rule as printed, never comes below 0.4" in paper
     assert "no number of samples takes away" in grid
+    for least, said in (
+        (1e-3, "evenly spread points leave 2.0e-03 at best and random ones 1.0e-03, as"),
+        (2e-3, "2.0e-03."),
+    ):
+        random = a_line("midpoint", "box, random", [2e-2, 9e-3, least], [4.0, 5.0, 6.0], [400, 800, 1600])
+        assert any(said in sentence for sentence in sentences([*LINES, random], "4 × 5 rays", 20))
     nobody = next(iter(sentences(LINES[3:], "4 × 5 rays", 20)))
     assert "none reaches an error of 0.01 and none reaches an error of 0.001" in nobody
 
