@@ -41,10 +41,11 @@ STUDIES: dict[str, Study] = dict(
             "Does it find what is known?",
             "Does the comparer find the losses that the original NeRF's ablation found?",
             "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
-            "views, each against NeRF, judged like Q-NeRF.",
+            "views where these are few, each against NeRF, judged like Q-NeRF.",
             "positive_controls:positive_controls",
             340,
-            "all_images",
+            "weakened",
+            "images",
             "half_images",
             "quarter_images",
         ),

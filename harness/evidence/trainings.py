@@ -42,19 +42,23 @@ def _factorial() -> tuple[str, ...]:
 WEAKENED = ("nerf", "nerf_no_encoding", "nerf_no_direction")
 DIRECTED = ("lego", "drums", "materials")
 """drums and materials have metals and glass: they look different from every side. lego's plastic does a little."""
+SCARCE = 20
+"""Training views of which half and a quarter are taken. A hundred are more than so short a training uses up: on these
+scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04."""
 LADDERS = ("nerf", "nerf_matched", "nerf_phi_encoding", "nerf_phi_far", "nerf_base165")
 TEXTURED = ("lego", "chair")
 HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
 
 TRAININGS: dict[str, Training] = {
     "a_a": Training(("nerf",), tuple(CLASSICS), 300, seeds=(0, 1, 2, 3, 4, 5), checkpoints=2),
-    "all_images": Training(WEAKENED, DIRECTED, 600),
-    "half_images": Training(("nerf",), DIRECTED, 600, train_views=50),
-    "quarter_images": Training(("nerf",), DIRECTED, 600, train_views=25),
+    "weakened": Training(WEAKENED, DIRECTED, 1000, seeds=(0, 1, 2, 3)),
+    "images": Training(("nerf",), DIRECTED, 600, train_views=SCARCE),
+    "half_images": Training(("nerf",), DIRECTED, 600, train_views=SCARCE // 2),
+    "quarter_images": Training(("nerf",), DIRECTED, 600, train_views=SCARCE // 4),
     "factorial": Training(_factorial(), FACTORIAL_SCENES, 400),
-    "bandwidth_100": Training(LADDERS, TEXTURED, 600, train_views=60, test_views=4),
-    "bandwidth_200": Training(LADDERS, TEXTURED, 600, resolution=200, train_views=60, test_views=4),
-    "bandwidth_400": Training(LADDERS, TEXTURED, 600, resolution=400, train_views=60, test_views=4),
+    "bandwidth_100": Training(LADDERS, TEXTURED, 600, train_views=60, test_views=3),
+    "bandwidth_200": Training(LADDERS, TEXTURED, 600, resolution=200, train_views=60, test_views=3),
+    "bandwidth_400": Training(LADDERS, TEXTURED, 600, resolution=400, train_views=60, test_views=3),
     "repaired": Training(
         ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 600, checkpoints=4
     ),

@@ -40,9 +40,9 @@ class Needless(Planted):
 def situation(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
     """Three scenes, three seeds."""
     folder, cells = Path(), {}
-    for name in ("all_images", "half_images", "quarter_images"):
+    for name in ("weakened", "images", "half_images", "quarter_images"):
         methods = {"nerf": losses.get(name, 0.0)}
-        if name == "all_images":
+        if name == "weakened":
             methods |= {one: losses[one] for one in ("nerf_no_encoding", "nerf_no_direction")}
         cells[name] = [
             run(scene, method, seed, 25.0 + k + 0.1 * seed - loss * (1 + 0.1 * k) + 0.01 * ((seed + k) % 2) * loss)
