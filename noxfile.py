@@ -1,4 +1,4 @@
-"""nox -s benchmark · evidence · stability · speed · tests · tests_slow · lint; environments are made by uv."""
+"""nox -s benchmark · evidence · stability · speed · gate · tests · tests_slow · lint; environments are made by uv."""
 
 import time
 
@@ -56,6 +56,13 @@ def measured(session: nox.Session, command: str, not_for_a_report: set[str] | No
     # what failed (3) is part of the result: the page is written, and says 3 in its turn
     session.run("python", "-m", "harness", command, *session.posargs, *fresh, success_codes=[0, 3])
     session.run("python", "-m", "reports", out or fresh[1])
+
+
+@nox.session
+def gate(session: nox.Session) -> None:
+    """Hold this code to the reviewed limits in gates/; options as in `python -m harness gate --help`."""
+    install(session)
+    session.run("python", "-m", "harness", "gate", *session.posargs)
 
 
 @nox.session

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.evidence import options as evidence_options
+from harness.gate import options as gate_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
 
@@ -63,6 +64,8 @@ def parser() -> argparse.ArgumentParser:
         "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
     )
     evidence_options.add_options(evidence)
+    gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
+    gate_options.add_options(gate)
     return top
 
 
@@ -91,7 +94,7 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """0 all done · 1 our own error · 2 bad usage or input · 3 some cell diverged or failed · 130 interrupted."""
+    """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
     options = parser().parse_args(arguments)
     # after the parsing, so that --help and a mistyped option answer at once
     from harness.progress import chosen_progress
@@ -115,6 +118,8 @@ def main(arguments: list[str]) -> int:
             return stability_options.run_stability(options, show)
         if options.command == "evidence":
             return evidence_options.run_evidence(options, show)
+        if options.command == "gate":
+            return gate_options.run_gate(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except (InputError, DamagedRecord) as mistake:
         show.close()

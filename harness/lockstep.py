@@ -54,10 +54,11 @@ def train_group(
     out: Path,
     provenance: dict[str, Any],
     on_progress: Callable[[float], None],
+    made_by: Callable[..., Learner] | None = None,
 ) -> Iterator[CellRecord]:
     """Yields the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
 
-    `on_progress` gets the share of the group's training that is done.
+    `on_progress` gets the share of the group's training that is done; `made_by` stands for `learner_for`.
     """
     box = box_of(views, device)
     train_cameras = evaluate.cameras_of(views, views.train, device)
@@ -67,7 +68,7 @@ def train_group(
     runners = []
     for method in settings.methods:
         try:
-            learner = learner_for(
+            learner = (made_by or learner_for)(
                 method, box, settings.train, settings.budget, stream, device, needs_view_direction(views)
             )
             runner = _Runner(learner, views, scene, seed, settings, out, provenance, floor)

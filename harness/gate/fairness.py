@@ -1,0 +1,250 @@
+"""Fairness gates: the comparison itself weighs nothing.
+
+Two copies of a method under different names must end bit for bit alike; what methods share must be the same bits; and
+the comparer, given cells without a difference, must not see one.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.optimize import brentq
+from scipy.stats import nct
+from scipy.stats import t as student
+from torch import Tensor
+
+from baselines.catalog import CATALOG
+from baselines.contract import Rays
+from harness.comparisons import compare
+from harness.gate.catalog import SCORES, TRAINED_METHODS, TRAINED_SCENES, Gate
+from harness.gate.limits import SIMULATED
+from harness.gate.outcome import Sample
+from harness.gate.situation import Situation
+from harness.gate.training import a_a, gate_plan
+from harness.learner import Learner, learner_for
+from harness.lockstep import GroupSettings, box_of, train_group
+from harness.records import CellRecord, Checkpoint
+from harness.schedule import Budget
+from harness.settings import GridSettings, ScoreSettings, TrainSettings
+from harness.speed.drawn_views import write_disc
+from harness.statistics import CONFIDENCE, POWER
+from scenes.view_set import ViewSet, read_view_set
+
+COPY_STEPS = 40
+"""Far enough for the occupancy grid to leave something out."""
+SIMULATED_SEEDS = 3
+CPU = torch.device("cpu")
+Spread = Mapping[str, float]
+
+
+def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+    names = {gate.name for gate in gates}
+    found: dict[str, Sample] = {}
+    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=situation.out) as scratch:
+        views = drawn(Path(scratch))
+        if "fairness.first_weights" in names:
+            found["fairness.first_weights"] = _counted(first_weights(TRAINED_METHODS, views))
+        if "fairness.batches" in names:
+            found["fairness.batches"] = _counted(other_batches(TRAINED_METHODS, views, Path(scratch) / "batches"))
+        cells: dict[str, list[CellRecord]] = {}
+        for method in TRAINED_METHODS:
+            copies = f"fairness.copies.{method}"
+            if copies in names or (method == "nerf" and "fairness.compared_copies" in names):
+                differing, cells[method] = copied(method, views, Path(scratch) / method)
+                found[copies] = _counted(differing)
+        if "fairness.compared_copies" in names:
+            found["fairness.compared_copies"] = _counted(seen_differences(cells["nerf"], "nerf", copy_of("nerf")))
+    scores = [score for score in SCORES if f"fairness.a_a.{score}" in names]
+    if scores:
+        for score, difference in a_a(situation, scores).items():
+            why = "" if difference is not None else "a cell of nerf did not end, or has no such score"
+            # one figure of all seeds, which the comparer has averaged
+            found[f"fairness.a_a.{score}"] = Sample([difference], why)
+    for name, planted in (("false_calls", False), ("found", True)):
+        if f"fairness.{name}" in names:
+            found[f"fairness.{name}"] = simulated(situation, planted)
+    return {name: sample for name, sample in found.items() if name in names}
+
+
+def _counted(differing: int | None) -> Sample:
+    return Sample(
+        [None if differing is None else float(differing)], "" if differing is not None else "nothing to compare"
+    )
+
+
+def settings_of(methods: tuple[str, ...]) -> GroupSettings:
+    """The gate's own training, shorter."""
+    plan = gate_plan((0,), TRAINED_SCENES, methods)
+    train = replace(plan.train, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
+    score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
+    return GroupSettings(methods, train, score, Budget(COPY_STEPS, None))
+
+
+def drawn(folder: Path) -> ViewSet:
+    """A view set that needs no renderer."""
+    write_disc(folder / "views", 24, 8, 2, seed=1)
+    return read_view_set(folder / "views", scratch=folder)
+
+
+def copy_of(method: str) -> str:
+    """The name of its copy; another length and another place in the alphabet."""
+    return f"another_{method}"
+
+
+@contextmanager
+def listed(name: str, method: str) -> Iterator[None]:
+    """`method` in the catalogue under one more name."""
+    CATALOG[name] = CATALOG[method]
+    try:
+        yield
+    finally:
+        del CATALOG[name]
+
+
+def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
+    """In how many weights and scores a method and its copy differ after training in lockstep with two seeds; the cells.
+
+    None where a cell did not end: there is then nothing to compare.
+    """
+    methods = (method, copy_of(method))
+    cells: list[CellRecord] = []
+    kept: dict[tuple[str, int], dict[str, Tensor]] = {}
+    with listed(methods[1], method):
+        for seed in (0, 1):
+            learners: list[Any] = []
+            cells += train_group(views, "drawn", seed, settings_of(methods), CPU, out, {}, _nothing, watching(learners))
+            kept |= {(one.method, seed): dict(one.fields.state_dict()) for one in learners}
+    if any(cell.status != "done" for cell in cells) or len(cells) != 4:
+        return None, cells
+    differing = 0
+    for seed in (0, 1):
+        first, second = (kept[name, seed] for name in methods)
+        differing += sum(int((first[key] != second[key]).sum()) for key in first)
+        scores = [next(cell.scores for cell in cells if (cell.method, cell.seed) == (name, seed)) for name in methods]
+        differing += sum(scores[0][key] != scores[1][key] for key in scores[0])
+    return differing, cells
+
+
+def _nothing(share: float) -> None:
+    pass
+
+
+def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
+    """What makes the learners of lockstep training: each is put into `made`, and what it is given step by step into
+    `batches`, by method."""
+
+    def make(method: str, *others: Any) -> Learner:
+        learner = learner_for(method, *others)
+        made.append(learner)
+        if batches is not None:
+            train_on = learner.train_on
+
+            def noted(rays: Rays, colours: Tensor) -> None:
+                batches.setdefault(method, []).append((rays.origins, rays.directions, colours))
+                train_on(rays, colours)
+
+            learner.train_on = noted  # type: ignore[method-assign]
+        return learner
+
+    return make
+
+
+def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
+    """How many batches of lockstep training are not the first method's of the same step; None without two methods."""
+    given: dict[str, list[tuple[Tensor, ...]]] = {}
+    cells = list(train_group(views, "drawn", 0, settings_of(methods), CPU, out, {}, _nothing, watching([], given)))
+    if len(given) < 2 or any(cell.status != "done" for cell in cells):
+        return None
+    first = given[methods[0]]
+    differing = 0
+    for method in methods[1:]:
+        differing += abs(len(given[method]) - len(first))
+        differing += sum(
+            not all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+            for one, other in zip(first, given[method], strict=False)
+        )
+    return differing
+
+
+def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
+    """How many first weights differ between methods in tensors of the same name and shape; None without any such."""
+    settings: TrainSettings = settings_of(methods).train
+    box, budget = box_of(views, CPU), Budget(COPY_STEPS, None)
+    states = [
+        dict(learner_for(method, box, settings, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods
+    ]
+    differing, shared = 0, 0
+    for number, first in enumerate(states):
+        for second in states[number + 1 :]:
+            for name in first.keys() & second.keys():
+                if first[name].shape == second[name].shape and first[name].numel() > 1:
+                    shared += 1
+                    differing += int((first[name] != second[name]).sum())
+    return differing if shared else None
+
+
+def seen_differences(cells: list[CellRecord], first: str, second: str) -> int | None:
+    """Comparisons of copies at equal steps with a difference that is not 0 or a verdict that is better or worse."""
+    rows = [row for row in compare(cells, [first, second]) if row.budget == "steps" and row.pairs]
+    if not rows:
+        return None
+    return sum(row.difference != 0 or row.left_aside > 0 or row.verdict in ("better", "worse") for row in rows)
+
+
+def simulated(situation: Situation, planted: bool) -> Sample:
+    """From the spreads of nerf's PSNR over the seeds of the last renewal."""
+    values = {scene: situation.limits.values.get(f"training.{scene}.nerf.psnr", []) for scene in TRAINED_SCENES}
+    if any(len(found) < 3 for found in values.values()):
+        return Sample([], "it draws from spreads of `--renew --only training`, which are missing")
+    spreads = {scene: float(np.std(found, ddof=1)) for scene, found in values.items()}
+    return Sample([share_called(spreads, planted)])
+
+
+def share_called(spreads: Spread, planted: bool, repeats: int = SIMULATED, seed: int = 20260311) -> float:
+    """Share of simulated comparisons, a scene each, in which a method that is NeRF is called better or worse.
+
+    `planted` gives it an effect that is found in 80 %, and counts `better` alone. Scenes take turns, so that the
+    comparisons are independent.
+    """
+    generator = np.random.default_rng(seed)
+    scenes = list(spreads)
+    called = 0
+    for number in range(repeats):
+        scene = scenes[number % len(scenes)]
+        spread = spreads[scene]
+        scores = 25.0 + spread * generator.standard_normal((2, SIMULATED_SEEDS))
+        if planted:
+            # equal seeds do not correlate here: the difference of two has √2 the spread
+            scores[1] += effect_found(SIMULATED_SEEDS) * spread * 2**0.5
+        cells = [
+            _cell(scene, method, index, float(score))
+            for method, row in zip(("nerf", "other"), scores, strict=True)
+            for index, score in enumerate(row)
+        ]
+        rows = compare(cells, ["nerf", "other"])
+        said = next(row.verdict for row in rows if (row.scene, row.metric, row.budget) == (scene, "psnr", "steps"))
+        called += said == "better" if planted else said in ("better", "worse")
+    return called / repeats
+
+
+def effect_found(units: int) -> float:
+    """The effect, in standard deviations of a difference, that a two-sided t test with `units` differences finds
+    upwards in 80 %: by the noncentral t distribution."""
+    freedom = units - 1
+    threshold = float(student.ppf(1 - (1 - CONFIDENCE) / 2, freedom))
+    centre = brentq(lambda shift: nct.sf(threshold, freedom, shift) - POWER, 0.0, 100.0)
+    return float(centre) / units**0.5
+
+
+def _cell(scene: str, method: str, seed: int, psnr: float) -> CellRecord:
+    point = Checkpoint(1, 1.0, 1, psnr, None, None)
+    empty: dict[str, Any] = {"reason": None, "views": [], "trace": {}, "parameters": {}, "properties": {},
+                             "warnings": [], "images": [], "settings": {}, "provenance": {}}  # fmt: skip
+    return CellRecord(
+        scene, method, seed, "done", steps=1, train_seconds=1.0, scores={"psnr": psnr}, curve=[point], **empty
+    )

@@ -1,0 +1,183 @@
+"""Image gates: renders by Mitsuba, in a process of its own, against the stored mean and variance."""
+
+import hashlib
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from harness.gate import image_statistics
+from harness.gate.catalog import (
+    IMAGE_BATCHES,
+    IMAGE_RESOLUTION,
+    IMAGE_SCENES,
+    IMAGE_SPP,
+    IMAGE_VIEW,
+    REFERENCE_BATCHES,
+    RENEWAL_BLOCKS,
+    Gate,
+)
+from harness.gate.image_statistics import Reference
+from harness.gate.outcome import Pictures, Sample
+from harness.gate.situation import Renewal, Situation
+from scenes.errors import InputError
+from scenes.images import read_channels, write_channels
+from scenes.pixels import display_from_linear, over_white
+
+Renders = dict[str, np.ndarray]
+"""Scene → [batches, height, width, 4], linear and premultiplied."""
+
+
+def scenes_of(gates: Iterable[Gate]) -> tuple[str, ...]:
+    """Whose renders these gates need."""
+    names = {gate.name.split(".")[1] for gate in gates}
+    return tuple(scene for scene in IMAGE_SCENES if scene in names or "all" in names)
+
+
+def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+    """Renders and compares. Raises `InputError` for a stored reference that is missing or not the one of the limits."""
+    scenes = scenes_of(gates)
+    references = {scene: stored(situation, scene) for scene in scenes}
+    shown = rendered(scenes, "gate", IMAGE_BATCHES, situation.out)
+    spreads = {
+        scene: limit.spread
+        for scene in scenes
+        if (limit := situation.limits.limits.get(f"images.{scene}.bias")) is not None and limit.spread
+    }
+    return samples(gates, shown, references, spreads)
+
+
+def samples(
+    gates: Iterable[Gate], renders: Renders, references: dict[str, Reference], spreads: dict[str, float]
+) -> dict[str, Sample]:
+    """One for each gate; `spreads` of the biases weigh the scenes."""
+    biases = {scene: image_statistics.biases(renders[scene], references[scene]) for scene in renders}
+    found = {}
+    for gate in gates:
+        _, scene, test = gate.name.split(".")
+        if scene == "all":
+            known = sorted(spreads)
+            if set(known) != set(renders):
+                found[gate.name] = Sample([], "the scenes' own limits, which weigh them, are missing")
+            else:
+                found[gate.name] = Sample(
+                    image_statistics.pooled([biases[one] for one in known], [spreads[one] for one in known]).tolist()
+                )
+            continue
+        values = values_of(test, renders[scene], references[scene])
+        found[gate.name] = Sample(values, pictures=pictures_of(renders[scene], references[scene], test))
+    return found
+
+
+def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[float | None]:
+    """Of one test: a figure a render, or one of all."""
+    if test == "bias":
+        return list(image_statistics.biases(renders, reference))
+    if test == "largest":
+        return list(image_statistics.largest(renders, reference))
+    return [image_statistics.mean_square(renders, reference)]
+
+
+def renew(situation: Situation, gates: tuple[Gate, ...]) -> Renewal:
+    """Renders references anew, stores them, and measures further renders against them, which limits are made of.
+
+    Always all scenes: an image and its limits belong together.
+    """
+    reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, situation.out)
+    further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, situation.out)
+    found: Renewal = {}
+    biases, references = {}, {}
+    for scene in IMAGE_SCENES:
+        # as it is read back, in single precision
+        references[scene] = reference = store(situation.images, scene, reference_renders[scene])
+        biases[scene] = image_statistics.biases(further[scene], reference)
+        found[f"images.{scene}.bias"] = biases[scene].tolist()
+        found[f"images.{scene}.largest"] = image_statistics.largest(further[scene], reference).tolist()
+        found[f"images.{scene}.pixels"] = [
+            image_statistics.mean_square(block, reference) for block in np.split(further[scene], RENEWAL_BLOCKS)
+        ]
+    spreads = [float(biases[scene].std(ddof=1)) for scene in sorted(biases)]
+    found["images.all.bias"] = image_statistics.pooled([biases[scene] for scene in sorted(biases)], spreads).tolist()
+    return {gate.name: found[gate.name] for gate in gates}
+
+
+def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
+    """By `python -m scenes repeats`. Raises `InputError` with what it said; where Dr.Jit takes the process down, what
+    is missing is rendered with `scalar_rgb`."""
+    folder = out / "renders" / stream
+    folder.mkdir(parents=True, exist_ok=True)
+    ended = _render(scenes, stream, count, folder, ())
+    if ended.returncode < 0:
+        ended = _render(scenes, stream, count, folder, ("--variant", "scalar_rgb"))
+    if ended.returncode == 2:
+        raise InputError(ended.stderr.strip().removeprefix("scenes: "))
+    if ended.returncode:
+        raise RuntimeError(f"rendering ended with exit code {ended.returncode}: {ended.stderr[-2000:]}")
+    return {scene: np.load(folder / f"{scene}.npy").astype(np.float64) for scene in scenes}
+
+
+def _render(
+    scenes: tuple[str, ...], stream: str, count: int, folder: Path, options: tuple[str, ...]
+) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "scenes", "repeats", str(folder), *scenes, "--stream", stream]
+    for name, value in {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP, "count": count}.items():
+        command += [f"--{name}", str(value)]
+    return subprocess.run([*command, *options], capture_output=True, text=True, check=False)
+
+
+def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
+    """Writes mean and variance and gives them as they are read back."""
+    folder.mkdir(parents=True, exist_ok=True)
+    reference = Reference.of(renders, IMAGE_SPP)
+    channels = {name: reference.mean[..., i] for i, name in enumerate("RGBA")}
+    channels |= {f"V.{name}": reference.variance[..., i] for i, name in enumerate("RGBA")}
+    write_channels(folder / f"{scene}.exr", channels)
+    return read_reference(folder, scene)
+
+
+def read_reference(folder: Path, scene: str) -> Reference:
+    """Raises `InputError` for a file that is missing or damaged."""
+    file = folder / f"{scene}.exr"
+    channels = read_channels(file)
+    remedy = "get it back from version control, or renew with `python -m harness gate --renew --only images`"
+    try:
+        mean, variance = (
+            np.stack([channels[f"{prefix}{name}"] for name in "RGBA"], axis=-1).astype(np.float64)
+            for prefix in ("", "V.")
+        )
+        if mean.shape[:2] != (IMAGE_RESOLUTION, IMAGE_RESOLUTION):
+            raise ValueError(f"{mean.shape[1]} × {mean.shape[0]} pixels, {IMAGE_RESOLUTION} are rendered")
+        return Reference(mean, variance, REFERENCE_BATCHES, IMAGE_SPP)
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{file}: no mean and variance of renders ({error}); {remedy}") from error
+
+
+def stored(situation: Situation, scene: str) -> Reference:
+    """The reference that the limits were measured against; raises `InputError` for another one."""
+    facts = situation.limits.kinds.get("images")
+    reference = read_reference(situation.images, scene)
+    name = f"{scene}.exr"
+    if facts is not None and facts.files.get(name) != digest(situation.images / name):
+        raise InputError(
+            f"{situation.images / name}: not the image that the limits were measured against; get both back from "
+            "version control, or renew both with `python -m harness gate --renew --only images`"
+        )
+    return reference
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def pictures_of(renders: np.ndarray, reference: Reference, test: str) -> Pictures:
+    """The renders' mean, or for `largest` the render that deviates most; the difference is in standard deviations,
+    grey where nothing differs, black and white at ± 5."""
+    if test == "largest":
+        image = renders[int(np.argmax(image_statistics.largest(renders, reference)))]
+        z = (image - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
+    else:
+        image, z = renders.mean(axis=0), image_statistics.standardised(renders, reference)
+    first, second = (over_white(display_from_linear(np.nan_to_num(one))) for one in (image, reference.mean))
+    return Pictures(first, second, np.clip(0.5 + np.nan_to_num(z[..., :3]) / 10.0, 0.0, 1.0))

@@ -1,0 +1,241 @@
+"""Image gates: calibrated on renders drawn from the stored mean and variance, and broken on purpose."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.gate import images
+from harness.gate.catalog import FALSE_ALARM, IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
+from harness.gate.image_statistics import Reference, biases, largest, mean_square, pooled, standardised
+from harness.gate.images import Renders, read_reference, samples
+from harness.gate.limits import limit_from
+from harness.gate.limits_file import LimitsFile
+from harness.gate.outcome import Outcome, judged
+from scenes.errors import InputError
+
+SIZE, SPP, REFERENCE_RENDERS = 24, 256, 96
+SCENES = ("lego", "drums")
+GATES = tuple(
+    gate for gate in gates() if gate.kind == "images" and (gate.name.split(".")[1] in SCENES or "all" in gate.name)
+)
+FAMILY = len(gates())
+
+
+def truth(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of one render [size, size, 4]: a disc with a soft rim, on nothing."""
+    generator = np.random.default_rng(seed)
+    y, x = np.indices((SIZE, SIZE)) + 0.5
+    radius = np.hypot(x - SIZE / 2, y - SIZE / 2)
+    alpha = np.clip(9.0 - radius, 0.0, 1.0)
+    colour = generator.uniform(0.1, 0.8, (SIZE, SIZE, 3)) * alpha[..., None]
+    mean = np.concatenate([colour, alpha[..., None]], axis=-1)
+    deviation = 0.05 * mean * generator.uniform(0.5, 1.5, mean.shape)
+    deviation[..., 3] = np.sqrt(alpha * (1 - alpha) / SPP)
+    return mean, deviation
+
+
+def renders(seed: int, count: int, stream: int) -> np.ndarray:
+    """Independent normal renders [count, size, size, 4]."""
+    mean, deviation = truth(seed)
+    return mean + deviation * np.random.default_rng((seed, stream)).standard_normal((count, *mean.shape))
+
+
+@pytest.fixture(scope="module")
+def references() -> dict[str, Reference]:
+    return {scene: Reference.of(renders(number, REFERENCE_RENDERS, 1), SPP) for number, scene in enumerate(SCENES)}
+
+
+@pytest.fixture(scope="module")
+def limits(references: dict[str, Reference]) -> dict[str, object]:
+    """As a renewal makes them."""
+    values: dict[str, list[float]] = {}
+    by_scene = {}
+    for number, scene in enumerate(SCENES):
+        further = renders(number, 10 * IMAGE_BATCHES, 2)
+        by_scene[scene] = biases(further, references[scene])
+        values[f"images.{scene}.bias"] = by_scene[scene].tolist()
+        values[f"images.{scene}.largest"] = largest(further, references[scene]).tolist()
+        values[f"images.{scene}.pixels"] = [mean_square(block, references[scene]) for block in np.split(further, 10)]
+    spreads = [float(by_scene[scene].std(ddof=1)) for scene in sorted(SCENES)]
+    values["images.all.bias"] = pooled([by_scene[scene] for scene in sorted(SCENES)], spreads).tolist()
+    return {gate.name: limit_from(gate, values[gate.name], FAMILY) for gate in GATES}
+
+
+def outcomes(references: dict[str, Reference], limits: dict, shown: Renders) -> dict[str, Outcome]:
+    spreads = {scene: limits[f"images.{scene}.bias"].spread for scene in SCENES}
+    found = samples(GATES, shown, references, spreads)
+    return {gate.name: judged(gate, found[gate.name], limits[gate.name], "") for gate in GATES}
+
+
+def failing(found: dict[str, Outcome]) -> set[str]:
+    """Which tests fail, for any scene."""
+    return {name.rpartition(".")[2] for name, one in found.items() if one.status == "fail"}
+
+
+def fresh(stream: int) -> Renders:
+    return {scene: renders(number, IMAGE_BATCHES, 100 + stream) for number, scene in enumerate(SCENES)}
+
+
+def brighter(shown: Renders) -> Renders:
+    return {scene: image * np.array([1.002, 1.002, 1.002, 1.0]) for scene, image in shown.items()}
+
+
+def darker(shown: Renders) -> Renders:
+    return {scene: image * np.array([0.998, 0.998, 0.998, 1.0]) for scene, image in shown.items()}
+
+
+def shifted(shown: Renders) -> Renders:
+    return {scene: np.roll(image, 1, axis=2) for scene, image in shown.items()}
+
+
+def shifted_in_one_scene(shown: Renders) -> Renders:
+    return {**shown, SCENES[0]: np.roll(shown[SCENES[0]], 1, axis=1)}
+
+
+def with_fireflies(shown: Renders) -> Renders:
+    """White light more in 0.01 % of the pixels of all renders."""
+    generator = np.random.default_rng(7)
+    found = {}
+    for scene, image in shown.items():
+        struck = generator.uniform(size=image.shape[:3]) < 1e-4
+        struck.ravel()[generator.integers(struck.size)] = True
+        found[scene] = image + struck[..., None] * np.array([1.0, 1.0, 1.0, 0.0])
+    return found
+
+
+def with_bright_samples(shown: Renders) -> Renders:
+    """0.01 % of all samples are 100 times white: each lightens its pixel by 100 / spp."""
+    generator = np.random.default_rng(8)
+    return {
+        scene: image + generator.binomial(SPP, 1e-4, image.shape[:3])[..., None] * np.array([1, 1, 1, 0]) * 100 / SPP
+        for scene, image in shown.items()
+    }
+
+
+def with_a_nan(shown: Renders) -> Renders:
+    broken = shown[SCENES[0]].copy()
+    broken[3, 12, 12, 1] = np.nan
+    return {**shown, SCENES[0]: broken}
+
+
+def all_alike(shown: Renders) -> Renders:
+    """The same random numbers in every render: four times the standard error that was meant."""
+    return {scene: np.repeat(image[:1], len(image), axis=0) for scene, image in shown.items()}
+
+
+def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict) -> None:
+    found = [outcomes(references, limits, fresh(stream)) for stream in range(40)]
+    failed = sum(one.status == "fail" for each in found for one in each.values())
+    # 280 gates at 0.00015 each
+    assert failed <= 1
+    assert FALSE_ALARM / FAMILY * 280 < 0.05
+
+
+@pytest.mark.parametrize(
+    ("broken", "caught_by"),
+    [
+        (brighter, "bias"),
+        (darker, "bias"),
+        (shifted, "pixels"),
+        (shifted_in_one_scene, "pixels"),
+        (with_fireflies, "largest"),
+        (with_bright_samples, "largest"),
+        (with_a_nan, "bias"),
+        (with_a_nan, "pixels"),
+        (with_a_nan, "largest"),
+        (all_alike, "pixels"),
+    ],
+)
+def test_what_is_broken_is_caught(
+    broken: Callable[[Renders], Renders], caught_by: str, references: dict[str, Reference], limits: dict
+) -> None:
+    caught = [caught_by in failing(outcomes(references, limits, broken(fresh(stream)))) for stream in range(20)]
+    assert np.mean(caught) >= 0.8
+
+
+def test_a_shift_shows_in_the_pictures(references: dict[str, Reference], limits: dict) -> None:
+    found = outcomes(references, limits, shifted(fresh(0)))["images.lego.pixels"]
+    assert found.pictures is not None
+    assert found.pictures.image.shape == found.pictures.reference.shape == (SIZE, SIZE, 3)
+    assert np.abs(found.pictures.difference - 0.5).max() == pytest.approx(0.5)
+    # nothing is there in the corners, and nothing differs
+    assert found.pictures.difference[0, 0].tolist() == [0.5, 0.5, 0.5]
+
+
+def test_statistics_against_slow_sums(references: dict[str, Reference]) -> None:
+    reference, shown = references["lego"], fresh(3)["lego"]
+    variance = reference.variances()
+    above = below = 0.0
+    for row in range(SIZE):
+        for column in range(SIZE):
+            for channel in range(3):
+                r = reference.mean[row, column, channel]
+                weight = 1 / variance[row, column, channel]
+                above += weight * r * shown[5, row, column, channel]
+                below += weight * r * r
+    assert biases(shown, reference)[5] == pytest.approx(100 * (above / below - 1), abs=1e-9)
+    z = standardised(shown, reference)
+    error = (variance[12, 12, 0] / 16 + variance[12, 12, 0] / 96) ** 0.5
+    assert z[12, 12, 0] == pytest.approx((shown[:, 12, 12, 0].mean() - reference.mean[12, 12, 0]) / error)
+
+
+def test_a_uniform_bias_is_measured_as_what_it_is(references: dict[str, Reference]) -> None:
+    exact = np.repeat(references["lego"].mean[None], 2, axis=0)
+    assert biases(1.002 * exact, references["lego"]) == pytest.approx([0.2, 0.2])
+    assert mean_square(exact, references["lego"]) == 0
+
+
+def test_a_pixel_never_hit_before_may_be_hit_once(references: dict[str, Reference]) -> None:
+    shown = fresh(4)["lego"]
+    shown[2, 0, 0, :3] += references["lego"].mean.max() / SPP  # one sample of this render
+    assert largest(shown, references["lego"])[2] < 15
+    assert largest(shown, references["lego"])[2] >= 9
+
+
+@pytest.mark.parametrize(
+    ("mean", "variance"),
+    [
+        (np.zeros((4, 4, 4)), np.ones((4, 4, 4))),
+        (np.ones((4, 4, 4)), -np.ones((4, 4, 4))),
+        (np.full((4, 4, 4), np.nan), np.ones((4, 4, 4))),
+        (np.ones((4, 4, 4)), np.ones((4, 5, 4))),
+    ],
+)
+def test_a_reference_that_nothing_can_be_held_to(mean: np.ndarray, variance: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"finite|do not fit"):
+        Reference(mean, variance, 96, 256)
+
+
+def test_scenes_whose_weights_are_missing_fail(references: dict[str, Reference]) -> None:
+    gate = next(one for one in GATES if one.name == "images.all.bias")
+    found = samples((gate,), fresh(0), references, {"lego": 0.1})
+    assert found[gate.name].values == []
+    assert "missing" in found[gate.name].why
+
+
+def test_references_are_stored_and_read(
+    tmp_path: Path, references: dict[str, Reference], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(images, "IMAGE_RESOLUTION", SIZE)
+    stored = images.store(tmp_path / "images", "lego", renders(0, REFERENCE_RENDERS, 1))
+    assert np.allclose(stored.mean, references["lego"].mean, rtol=1e-6)
+    assert np.allclose(stored.variance, references["lego"].variance, rtol=1e-6)
+    file = tmp_path / "images" / "lego.exr"
+    file.write_bytes(file.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"lego\.exr"):
+        read_reference(tmp_path / "images", "lego")
+    monkeypatch.undo()
+    images.store(tmp_path / "other", "lego", np.ones((3, 48, 48, 4)))
+    with pytest.raises(InputError, match="missing"):
+        read_reference(tmp_path / "other", "drums")
+
+
+def test_all_scenes_are_rendered_where_all_are_judged() -> None:
+    def scenes(*names: str) -> tuple[str, ...]:
+        return images.scenes_of(Gate(name, "images", "", "", "mean") for name in names)
+
+    assert scenes("images.all.bias") == IMAGE_SCENES
+    assert scenes("images.drums.bias", "images.drums.largest") == ("drums",)
+    assert LimitsFile().limits == {}
