@@ -41,6 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         return build(options.out, options.quiet, options.publish)
+    except DamagedRecord as problem:  # found only when what it holds was to be shown
+        print(f"{options.out}: {problem}", file=sys.stderr)
+        return BAD_INPUT
     except OSError as error:
         where = error.filename or options.out
         print(f"{where}: {error.strerror or error}; make room or choose a folder that can be written", file=sys.stderr)

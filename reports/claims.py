@@ -57,7 +57,7 @@ RULES: dict[str, tuple[str, Judge]] = {
 def claims(records: Records, evidence: EvidenceRecord | None = None) -> list[Claim]:
     """Every printed number that the run's record lists, in the paper's order.
 
-    Raises `ValueError` for a ledger that cannot be read.
+    Raises `DamagedRecord` for a ledger that cannot be read.
     """
     bench = Bench(records, evidence, records.targets, in_a_line(records), is_paper_scale(records))
     return [_judged(bench, entry) for entry in entries(records.run.paper)]

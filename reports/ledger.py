@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from harness.evidence_record import EvidenceRecord
+from harness.records import DamagedRecord
 from harness.targets_record import TargetsRecord
-from reports.load import Records
+from reports.load import REMEDY, Records
 
 Verdict = Literal["holds", "does not hold", "inconclusive", "not tested at this scale"]
 UNTESTED: Verdict = "not tested at this scale"
@@ -123,7 +124,7 @@ def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
 
 
 def entries(paper: dict[str, Any]) -> list[Printed]:
-    """The ledger of a run record, in the paper's order; raises `ValueError` where it is not what the harness writes."""
+    """The ledger of a run record, in the paper's order; raises `DamagedRecord` where it is not what the harness writes."""
     if "ledger" not in paper:
         return _from_tables(paper)
     try:
@@ -132,7 +133,7 @@ def entries(paper: dict[str, Any]) -> list[Printed]:
             for row in paper["ledger"]
         ]
     except (TypeError, KeyError) as error:
-        raise ValueError(f"the paper's ledger in the run's record is not readable: {error}") from error
+        raise DamagedRecord(f"run.json: the paper's ledger is not readable ({error}); {REMEDY}") from error
 
 
 def _pair(value: Any) -> Any:

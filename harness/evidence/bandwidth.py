@@ -26,7 +26,7 @@ from harness.evidence.wording import amount, listed, told
 from harness.evidence_record import Effect
 from harness.records import CellRecord
 
-TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_400")
+TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_300")
 REACH, BASE = "shorter reach", "φ as base"
 LADDER_DESIGN = Design(
     (REACH, BASE),

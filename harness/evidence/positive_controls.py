@@ -42,8 +42,10 @@ class Control:
 
 
 CONTROLS = (
-    Control("nerf_no_encoding", "without positional encoding", 28.77, "weakened", "weakened"),
-    Control("nerf_no_direction", "without view direction", 27.66, "weakened", "weakened", need="view_direction"),
+    Control("nerf_no_encoding", "without positional encoding", 28.77, "no_encoding", "no_encoding"),
+    Control(
+        "nerf_no_direction", "without view direction", 27.66, "no_direction", "no_direction", need="view_direction"
+    ),
     Control("nerf_half_images", "with half of the images", 29.79, "half_images", "images", images=True),
     Control("nerf_quarter_images", "with a quarter of the images", 27.78, "quarter_images", "images", images=True),
 )

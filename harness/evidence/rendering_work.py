@@ -15,7 +15,7 @@ from harness.evidence.trained_field import TrainedField, trained_field
 from harness.evidence.wording import listed
 from harness.evidence_record import Check
 
-SCENE, METHOD, TRAINING = "lego", "nerf", "weakened"
+SCENE, METHOD, TRAINING = "lego", "nerf", "no_encoding"
 SAMPLES = (4, 8, 16, 32, 64, 128, 256, 512)
 REFERENCE_SAMPLES = 4096
 TARGETS = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4)

@@ -44,7 +44,8 @@ STUDIES: dict[str, Study] = dict(
             "views where these are few, each against NeRF, judged like Q-NeRF.",
             "positive_controls:positive_controls",
             340,
-            "weakened",
+            "no_encoding",
+            "no_direction",
             "images",
             "half_images",
             "quarter_images",
@@ -78,7 +79,7 @@ STUDIES: dict[str, Study] = dict(
             1100,
             "bandwidth_100",
             "bandwidth_200",
-            "bandwidth_400",
+            "bandwidth_300",
         ),
         _study(
             "repaired",

@@ -1,5 +1,6 @@
 """python -m reports: exit codes, messages, and what it does not import."""
 
+import json
 import os
 import subprocess
 import sys
@@ -46,6 +47,18 @@ def test_bad_input_gives_2_and_one_line(tmp_path, out, capsys):
         assert said in caught.err
         assert len(caught.err.splitlines()) == 1
     assert not (out / "report.html").exists()
+
+
+def test_a_ledger_that_is_none_gives_2_and_one_line(tmp_path, capsys):
+    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
+    path = out / "records" / "run.json"
+    run = json.loads(path.read_text(encoding="utf-8"))
+    run["paper"]["ledger"] = [{"id": "table2-chair"}]
+    path.write_text(json.dumps(run), encoding="utf-8")
+    assert main([str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "ledger" in said
+    assert len(said.splitlines()) == 1
 
 
 def test_bad_usage_gives_2(capsys):

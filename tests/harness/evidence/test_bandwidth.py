@@ -19,7 +19,7 @@ from tests.harness.cells import diverged
 from tests.harness.evidence.planted import STEPS, Truth, planted, sentences, situation
 
 SCENES = ("chair", "lego")
-PIXELS = {"bandwidth_100": 100, "bandwidth_200": 200, "bandwidth_400": 400}
+PIXELS = {"bandwidth_100": 100, "bandwidth_200": 200, "bandwidth_300": 300}
 NOTHING: Truth = {}
 
 
@@ -41,7 +41,7 @@ def study(folder: Path, by_training: dict[str, list[CellRecord]]) -> list[Findin
 
 
 def shrinking(term: Term) -> dict[str, list[CellRecord]]:
-    """One factor alone, worth 0.9 dB at 100 px, 0.3 at 200 and -0.3 at 400."""
+    """One factor alone, worth 0.9 dB at 100 px, 0.3 at 200 and -0.3 at 300."""
     sizes = zip(PIXELS, (0.9, 0.3, -0.3), strict=True)
     return {name: cells_of({term: size}) for name, size in sizes}
 
@@ -76,7 +76,7 @@ def test_the_two_factors_are_what_they_are_called() -> None:
 
 
 def test_reach_is_found_where_reach_was_planted(found: list[Finding]) -> None:
-    for px, size, said in ((100, 0.9, "better"), (200, 0.3, "better"), (400, -0.3, "worse")):
+    for px, size, said in ((100, 0.9, "better"), (200, 0.3, "better"), (300, -0.3, "worse")):
         for scene in SCENES:
             reach, base = (effect(found, f"{factor} at {px} px", scene=scene) for factor in (REACH, BASE))
             assert (reach.verdict, base.verdict) == (said, "equivalent")
@@ -87,18 +87,18 @@ def test_reach_is_found_where_reach_was_planted(found: list[Finding]) -> None:
 def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(found: list[Finding]) -> None:
     for method, size in (("nerf_matched", 0.9), ("nerf_phi_encoding", 0.9), ("nerf_base165", 0.9), ("nerf_phi_far", 0)):
         assert effect(found, f"{method} at 100 px", "nerf").difference == pytest.approx(size, abs=0.05)
-        assert effect(found, f"{method} at 400 px", "nerf", "all", "seconds").difference is not None
+        assert effect(found, f"{method} at 300 px", "nerf", "all", "seconds").difference is not None
     for method, against in DECISIVE:
         assert effect(found, f"{method} at 200 px", against).verdict == "equivalent"
 
 
 def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Finding]) -> None:
-    moved = effect(found, f"{REACH}, from 100 to 400 px")
+    moved = effect(found, f"{REACH}, from 100 to 300 px")
     assert moved.difference == pytest.approx(-1.2, abs=0.05)
     assert moved.interval is not None
     assert moved.interval[1] < 0
-    assert effect(found, f"{BASE}, from 100 to 400 px").verdict == "equivalent"
-    said = [one for one in sentences(iter(found)) if "from 100 to 400 px: the effect moves by" in one]
+    assert effect(found, f"{BASE}, from 100 to 300 px").verdict == "equivalent"
+    said = [one for one in sentences(iter(found)) if "from 100 to 300 px: the effect moves by" in one]
     assert len(said) == 2
     assert "−1.2" in said[0]
     assert "below 0" in said[0]
@@ -118,7 +118,7 @@ def test_lines_over_resolution_and_training_a_panel_a_scene(found: list[Finding]
     lines = {(one.panel, one.name): one for one in found if isinstance(one, Series)}
     assert len(lines) == len(SCENES) * (1 + len(PIXELS)) * (4 + 2)
     drawn = lines["Difference from NeRF over resolution, chair", "nerf_phi_encoding"]
-    assert drawn.x == [100.0, 200.0, 400.0]
+    assert drawn.x == [100.0, 200.0, 300.0]
     assert drawn.y == pytest.approx([0.9, 0.3, -0.3], abs=0.05)
     assert drawn.low is not None
     assert all(low is not None and y is not None and low <= y for low, y in zip(drawn.low, drawn.y, strict=True))
@@ -127,7 +127,7 @@ def test_lines_over_resolution_and_training_a_panel_a_scene(found: list[Finding]
 
 def test_ladders_are_told_in_figures(found: list[Finding]) -> None:
     tables = [one for one in found if isinstance(one, Table)]
-    assert [one.id for one in tables] == ["ladders_100", "ladders_200", "ladders_400"]
+    assert [one.id for one in tables] == ["ladders_100", "ladders_200", "ladders_300"]
     rows = {str(row[0]): row[1:4] for row in tables[0].rows}
     assert rows == {
         "nerf": ["2", "10", "512"],
@@ -185,8 +185,8 @@ def test_a_diverged_cell_is_named_and_keeps_the_answer_from_being_sure(tmp_path:
     cells = cells_of({(REACH,): 0.9})
     place = next(i for i, one in enumerate(cells) if (one.scene, one.method) == ("lego", "nerf_phi_far"))
     cells[place] = diverged("lego", "nerf_phi_far", cells[place].seed)
-    found = study(tmp_path, {**shrinking((REACH,)), "bandwidth_400": cells})
-    one = effect(found, f"{BASE} at 400 px")
+    found = study(tmp_path, {**shrinking((REACH,)), "bandwidth_300": cells})
+    one = effect(found, f"{BASE} at 300 px")
     assert (one.verdict, one.left_aside) == ("inconclusive", 1)
     assert sentences(iter(found))[0].startswith("Bandwidth, as far as it can be told: ")
-    assert any("At 400 px these have no score" in said and "step 7: loss" in said for said in sentences(iter(found)))
+    assert any("At 300 px these have no score" in said and "step 7: loss" in said for said in sentences(iter(found)))

@@ -40,10 +40,10 @@ class Needless(Planted):
 def situation(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
     """Three scenes, three seeds."""
     folder, cells = Path(), {}
-    for name in ("weakened", "images", "half_images", "quarter_images"):
+    for name in ("no_encoding", "no_direction", "images", "half_images", "quarter_images"):
         methods = {"nerf": losses.get(name, 0.0)}
-        if name == "weakened":
-            methods |= {one: losses[one] for one in ("nerf_no_encoding", "nerf_no_direction")}
+        if f"nerf_{name}" in ("nerf_no_encoding", "nerf_no_direction"):
+            methods |= {f"nerf_{name}": losses[f"nerf_{name}"]}
         cells[name] = [
             run(scene, method, seed, 25.0 + k + 0.1 * seed - loss * (1 + 0.1 * k) + 0.01 * ((seed + k) % 2) * loss)
             for k, scene in enumerate(SCENES)
