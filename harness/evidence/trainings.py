@@ -40,8 +40,8 @@ def _factorial() -> tuple[str, ...]:
 
 
 DIRECTED = ("lego", "drums", "materials")
-"""drums and materials have metals and glass: they look different from every side, which training finds out late. lego's plastic
-hardly does."""
+"""drums and materials have metals and glass: they look different from every side, which training finds out late.
+lego's plastic hardly does."""
 SCARCE = 20
 """Training views of which half and a quarter are taken. A hundred are more than so short a training uses up: on these
 scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04."""

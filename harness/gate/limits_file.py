@@ -32,7 +32,7 @@ class LimitsFile:
     values: dict[str, list[float]] = field(default_factory=dict)
     """Gate → what was measured at renewal; limits follow from it (`harness.gate.limits.limit_from`)."""
     limits: dict[str, Limit] = field(default_factory=dict)
-    """What is held to; may be changed by hand, in a review."""
+    """What is held to."""
 
     def limit_of(self, gate: Gate, family: int) -> tuple[Limit | None, str]:
         """The limit, or None and why there is none, with the remedy."""

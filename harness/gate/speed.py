@@ -2,13 +2,14 @@
 that runs in turn with them in the same process. A slower machine, or a busy one, is slower at both.
 """
 
+import os
 import statistics
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +51,30 @@ def renew(situation: Situation, gates: tuple[Gate, ...]) -> Renewal:
 
 
 def in_a_process(names: tuple[str, ...], out: Path) -> dict[str, float]:
-    """`ratios` in a fresh process."""
-    with ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(ratios, names, out).result()
+    """`ratios` in a fresh process. Raises `RuntimeError` with what it said where it fails."""
+    context = get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(theirs, names, out), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        found: dict[str, float] | str = ours.recv()
+    except EOFError:
+        found = "it ended without an answer"
+    process.join()
+    if isinstance(found, str):
+        raise RuntimeError(f"the process that is timed: {found}")
+    return found
+
+
+def _answer(connection: Connection, names: tuple[str, ...], out: Path) -> None:
+    try:
+        connection.send(ratios(names, out))
+    except Exception as error:
+        connection.send(f"{type(error).__name__}: {error}")
+    connection.close()
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    os._exit(0)
 
 
 def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.perf_counter) -> dict[str, float]:
