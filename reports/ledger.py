@@ -124,7 +124,7 @@ def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
 
 
 def entries(paper: dict[str, Any]) -> list[Printed]:
-    """The ledger of a run record, in the paper's order. Raises `DamagedRecord` where it is not as the harness writes it."""
+    """The ledger of a record, in the paper's order; raises `DamagedRecord` where it is not as the harness writes it."""
     if "ledger" not in paper:
         return _from_tables(paper)
     try:
