@@ -97,6 +97,7 @@ def _render(scenes: list[str], views: ViewSettings, cache: Path, options: tuple[
             if process.poll() is None:
                 process.terminate()
                 process.wait()
+            process.stdout.close()
         complaints.seek(0)
         said = complaints.read().strip()
     if code == 2:

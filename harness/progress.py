@@ -66,6 +66,7 @@ class Lines(Quiet):
 
     def start_training(self, cells: int, missing: int) -> None:
         self._began = time.monotonic()
+        self._tally = _Tally()  # there may have been another training before
         self._tally.expected = missing
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
@@ -116,7 +117,9 @@ class Bars(Quiet):
         self._bars.update(self._render, completed=self._scenes_done + partly, description=f"rendering {event.scene}")
 
     def start_training(self, cells: int, missing: int) -> None:
+        self._tally = _Tally()  # there may have been another training before
         self._tally.expected = missing
+        self._render, self._scenes_done = None, 0
         self._train = self._bars.add_task("training", total=1.0)
 
     def trained(self, task: "GroupTask", share: float) -> None:

@@ -211,6 +211,8 @@ def run_module(*arguments: str) -> str:
         run_module("harness", "omissions", "--help"),
         run_module("harness", "speed", "--help"),
         run_module("harness", "stability", "--help"),
+        run_module("harness", "gate", "--help"),
+        run_module("harness", "gate", "--list"),
         run_module("harness", "stability", "--list"),
         run_module("reports", "--help"),
         run_module("scenes", "--help"),

@@ -105,7 +105,7 @@ def figure_of(gate: Gate, values: Sequence[float | None]) -> float | None:
     sample = [value for value in values if value is not None and math.isfinite(value)]
     if len(sample) != len(values) or not sample:
         return None
-    return max(sample) if gate.rule == "largest" else float(np.mean(sample))
+    return float(np.max(sample) if gate.rule == "largest" else np.mean(sample))
 
 
 def excess_of(figure: float, limit: Limit) -> float:
