@@ -61,7 +61,7 @@ TRAININGS: dict[str, Training] = {
     "bandwidth_200": Training(LADDERS, TEXTURED, 600, resolution=200, train_views=60, test_views=3),
     "bandwidth_300": Training(LADDERS, TEXTURED, 600, resolution=300, train_views=60, test_views=3),
     "repaired": Training(
-        ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 600, checkpoints=4
+        ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 400, checkpoints=4
     ),
 }
 
