@@ -169,7 +169,6 @@ def _record(outcomes: Sequence[Outcome], seconds: Mapping[str, float], commands:
     }
 
 
-def cleared(out: Path, keep_renders: bool = False) -> None:
+def cleared(out: Path) -> None:
     """Removes what takes room and is not looked at again."""
-    if not keep_renders:
-        shutil.rmtree(out / "renders", ignore_errors=True)
+    shutil.rmtree(out / "renders", ignore_errors=True)
