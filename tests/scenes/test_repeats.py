@@ -29,7 +29,7 @@ def test_bad_input_is_one_line(options: str, said: str, tmp_path: Path, capsys: 
 def test_renders_are_independent_and_a_stream_gives_the_same_again(tmp_path: Path) -> None:
     def renders(folder: str, stream: str) -> np.ndarray:
         (tmp_path / folder).mkdir()
-        sizes = "--resolution 12 --spp 4 --count 3 --variant scalar_rgb".split()
+        sizes = ["--resolution", "12", "--spp", "4", "--count", "3", "--variant", "scalar_rgb"]
         assert main(["repeats", str(tmp_path / folder), "materials", "--stream", stream, *sizes]) == 0
         found: np.ndarray = np.load(tmp_path / folder / "materials.npy")
         return found
