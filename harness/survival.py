@@ -1,8 +1,10 @@
 """Cells → when each reached a PSNR, and who was sooner: times that are censored, never dropped.
 
 A run that ends below the target was watched until its end: its time is known to be longer (censored). One that
-diverged or failed never gets there, whatever it scored before. One above the target at its first checkpoint was there
-at that time or earlier; its time counts as that of the checkpoint, which can only hide a difference, never make one.
+diverged never gets there, whatever it scored before: that is a result of its method. One that failed (a full disk, a
+killed process) says nothing of its method: it was watched until then, and its pairs are left aside. One above the
+target at its first checkpoint was there at that time or earlier; its time counts as that of the checkpoint, which can
+only hide a difference, never make one.
 """
 
 import math
@@ -23,7 +25,7 @@ PRINTED_TARGET = 30.0
 SMALLEST_SAVING = 5.0
 """Per cent of training time that matter to somebody: the paper prints 18 and 19."""
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
-"""Status → why a run never got there, however long one had waited."""
+"""Status → why a run was not seen to get there, whatever it scored before."""
 AXES: tuple[Axis, ...] = ("steps", "seconds")
 
 Key = tuple[str, str, int]
@@ -106,9 +108,9 @@ def first_reached(
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
     """(times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
-    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged or failed stay at
-    risk until then: to take them out as if they had only been watched for a shorter time would count them as no worse
-    than the others.
+    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk until
+    then: to take them out as if they had only been watched for a shorter time would count them as no worse than the
+    others. Runs that failed for reasons of their own were watched until they did.
     """
     end = max(one.time for one in reaches)
     watched = np.array([end if _lost(one) else one.time for one in reaches])
@@ -208,7 +210,7 @@ def _paired(
             continue
         ratios, apart = np.full(len(seeds), math.nan), np.full(len(seeds), math.nan)
         for place, (ours, theirs) in enumerate(there):
-            if ours is not None and theirs is not None:
+            if ours is not None and theirs is not None and "error" not in (ours.status, theirs.status):
                 pair = (_cut(reach(ours, axis, target), horizon), _cut(reach(theirs, axis, target), horizon))
                 ratios[place] = math.log(pair[0].time / pair[1].time)
                 apart[place] = pair[0].time - pair[1].time
@@ -238,7 +240,7 @@ def _is(one: Reach, axis: Axis, method: str, scene: str) -> bool:
 
 
 def _lost(one: Reach) -> bool:
-    return one.known == "never" and one.why in LOST.values()
+    return one.known == "never" and one.why in (LOST["diverged"], LOST["done"])
 
 
 def _horizon(cells: list[CellRecord], axis: Axis) -> float | None:

@@ -155,6 +155,29 @@ def test_a_run_that_never_gets_there_counts_as_long_as_it_was_watched() -> None:
     assert of(cells).left_aside == 1
 
 
+def failed(method: str, seed: int) -> CellRecord:
+    return replace(diverged("lego", method, seed), status="error", reason="no space left on device")
+
+
+def test_a_run_that_failed_is_left_aside_and_one_that_diverged_never_gets_there() -> None:
+    """A full disk refutes nobody: all of qnerf's runs lost to one must not read as if it never got there."""
+    base = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
+    one = of([*base, *(failed("qnerf", seed) for seed in range(3))])
+    assert (one.pairs, one.never, one.left_aside) == (0, (0, 0), 3)
+    assert (one.saving, one.verdict) == (None, "inconclusive")
+    other = of([*base, *(diverged("lego", "qnerf", seed) for seed in range(3))])
+    assert (other.pairs, other.never, other.left_aside) == (3, (3, 0), 0)
+    some = of([*base, failed("qnerf", 0), *(run("qnerf", seed, [22, 26, 30]) for seed in (1, 2))])
+    assert (some.pairs, some.left_aside, some.verdict) == (2, 1, "inconclusive")
+    assert some.saving == pytest.approx(100 * (1 - 10**-0.5))
+
+
+def test_a_run_that_failed_is_at_risk_until_it_did() -> None:
+    half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
+    half += [Reach("a", "m", k, "steps", 1.0, "never", "failed") for k in range(5)]
+    assert kaplan_meier(half)[1:] == ([1.0], [5])
+
+
 def test_where_nobody_gets_there_or_all_were_there_before_nothing_is_equivalent() -> None:
     cells = [run(method, seed, [20, 24, 28]) for method in ("nerf", "qnerf") for seed in range(3)]
     assert of(cells).verdict == "equivalent"
