@@ -12,7 +12,7 @@ import torch
 from harness.chart_record import Series, Table
 from harness.comparisons import METRICS
 from harness.device import keep_freed_memory, multiplies_bfloat16, use_threads
-from harness.evidence.situation import Situation
+from harness.evidence.situation import Situation, folder_of, lacks_cells
 from harness.evidence.studies import STUDIES, Study, measure_of
 from harness.evidence_record import (
     EVIDENCE_FILE,
@@ -34,7 +34,8 @@ from scenes.errors import InputError
 def run(
     studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
 ) -> int:
-    """Does `studies` into `out`; with `resume` only those that are not whole there. 0, or 3 where a check fails.
+    """Does `studies` into `out`; with `resume` only those that are not whole there, or whose trainings hold cells that
+    had no chance. 0, or 3 where a check fails.
 
     Raises `InputError` before anything is measured where `out` cannot be used.
     """
@@ -105,4 +106,10 @@ def _claimed(out: Path, resume: bool, settings: dict[str, Any], device: torch.de
     record = read_evidence(out / EVIDENCE_FILE)
     if record.settings != json.loads(json.dumps(settings)):
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
-    return replace(record, studies=[one for one in record.studies if one.info.id in STUDIES], finished=False)
+    kept = [one for one in record.studies if one.info.id in STUDIES and not _is_to_be_redone(one.info.id, out)]
+    return replace(record, studies=kept, finished=False)
+
+
+def _is_to_be_redone(study: str, out: Path) -> bool:
+    """Its trainings are gone on with where cells failed, and other cells are other figures."""
+    return any(lacks_cells(folder_of(out, name)) for name in STUDIES[study].trainings)

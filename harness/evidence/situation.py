@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from harness.evidence.trainings import TRAININGS, plan_of
 from harness.evidence_record import Check, Effect
 from harness.plan import Machine, Plan
 from harness.progress import Progress
-from harness.records import CellRecord, DamagedRecord, RunRecord, SceneRecord, read_cells, read_run
+from harness.records import CellRecord, DamagedRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
 
 Finding = str | Check | Effect | Series | Table
 """A string is a sentence that answers the study's question; the first is its answer."""
@@ -49,24 +50,26 @@ class Situation:
         return plan_of(TRAININGS[name], self.precision_as_planned, self.quick)
 
     def trained(self, name: str) -> Trained:
-        """The training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained again.
+        """The training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained again,
+        but for those that had no chance (`lacks_cells`).
 
         Studies may ask for the same one, one after another.
         """
         from harness.runner import run
 
-        plan, folder = self.plan(name), self.out / "studies" / name
+        plan, folder = self.plan(name), folder_of(self.out, name)
         before = _run_of(folder)
         if before is not None and before.settings != json.loads(json.dumps(plan.settings())):
             shutil.rmtree(folder)
             before = None
-        if before is None or not before.finished:
+        whole = before is not None and before.finished and all(cell_path(folder, *one).exists() for one in plan.cells())
+        if not whole or lacks_cells(folder):
             folder.mkdir(parents=True, exist_ok=True)
             run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return Trained(folder, plan, read_run(folder).scenes, list(read_cells(folder)))
 
     def scale(self, *names: str) -> str:
-        """Of trainings, in one line."""
+        """Of trainings, in one line, and where the code may have changed since they were done."""
         lines = []
         for name in names:
             plan = self.plan(name)
@@ -74,7 +77,43 @@ class Situation:
                 f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
                 f"training views of {plan.views.resolution} px"
             )
-        return " | ".join(dict.fromkeys(lines))
+        return ". ".join([" | ".join(dict.fromkeys(lines)), *self._trained_elsewhen(names)])
+
+    def _trained_elsewhen(self, names: tuple[str, ...]) -> Iterator[str]:
+        """Trainings with cells of another commit than the present one, or of a tree with changes, which no commit
+        names. They are used all the same: the plan is what tells whether a cell fits.
+        """
+        import torch
+
+        from harness.provenance import provenance
+
+        here = provenance(torch.device(self.machine.device))["commit"]
+        told = []
+        for name in names:
+            made = Counter(
+                cell.provenance.get("commit", "unknown")
+                for cell in read_cells(folder_of(self.out, name))
+                if (cell.scene, cell.method, cell.seed) in set(self.plan(name).cells())
+            )
+            if any(commit != here or not _names_the_code(commit) for commit in made):
+                said = ", ".join(f"{count} cells at commit {commit}" for commit, count in made.items())
+                told.append(f"{name}: {said}")
+        if told:
+            yield f"Not all was trained at commit {here}, at which it was judged ({'; '.join(told)})"
+
+
+def folder_of(out: Path, training: str) -> Path:
+    """Where the run of a training lies."""
+    return out / "studies" / training
+
+
+def lacks_cells(folder: Path) -> bool:
+    """Whether a run holds cells that failed without having had their chance: only running it again tries them again."""
+    return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
+
+
+def _names_the_code(commit: str) -> bool:
+    return commit != "unknown" and not commit.endswith("-dirty")
 
 
 def _run_of(folder: Path) -> RunRecord | None:
