@@ -52,14 +52,14 @@ HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
 TRAININGS: dict[str, Training] = {
     "a_a": Training(("nerf",), tuple(CLASSICS), 300, seeds=(0, 1, 2, 3, 4, 5), checkpoints=2),
     "no_encoding": Training(("nerf", "nerf_no_encoding"), DIRECTED, 600),
-    "no_direction": Training(("nerf", "nerf_no_direction"), DIRECTED[1:], 1000, seeds=(0, 1, 2, 3)),
+    "no_direction": Training(("nerf", "nerf_no_direction"), DIRECTED[1:], 1000, seeds=tuple(range(6))),
     "images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE),
     "half_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 2),
     "quarter_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 4),
     "factorial": Training(_factorial(), FACTORIAL_SCENES, 400),
-    "bandwidth_100": Training(LADDERS, TEXTURED, 600, train_views=60, test_views=3),
-    "bandwidth_200": Training(LADDERS, TEXTURED, 600, resolution=200, train_views=60, test_views=3),
-    "bandwidth_300": Training(LADDERS, TEXTURED, 600, resolution=300, train_views=60, test_views=3),
+    "bandwidth_100": Training(LADDERS, TEXTURED, 400, train_views=60, test_views=3),
+    "bandwidth_200": Training(LADDERS, TEXTURED, 400, resolution=200, train_views=60, test_views=3),
+    "bandwidth_300": Training(LADDERS, TEXTURED, 400, resolution=300, train_views=60, test_views=3),
     "repaired": Training(
         ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"), HELD_OUT, 400, checkpoints=4
     ),
