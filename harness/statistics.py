@@ -11,6 +11,8 @@ from functools import cache, lru_cache
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import gammainc
 from scipy.stats import t as student
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
@@ -18,6 +20,10 @@ Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 CONFIDENCE = 0.95
 POWER = 0.80
 RESAMPLES = 4000
+
+NORMAL = np.linspace(-8.0, 8.0, 801)
+WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
+"""A standard normal variable on a grid: the trapezoidal rule is as good as exact where the integrand is smooth."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +34,17 @@ class PairedDifference:
     interval: tuple[float, float] | None
     """None with fewer than two units: one difference has no spread."""
     smallest_detectable: float | None
-    """The true difference that such a sample, with this spread, would tell from 0 in 80 % of repetitions."""
+    """The true difference that samples of this size tell from 0 in 80 % of repetitions, if the true spread is the one
+    measured here."""
     units: int
     simultaneous: tuple[float, float] | None = None
     """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
     in 95 % of repetitions (Bonferroni). Equal to `interval` for a family of one."""
+    error: float | None = None
+    """Standard error of the mean."""
+    freedom: float | None = None
+    """Degrees of freedom of `error`."""
+    family: int = 1
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
@@ -122,8 +134,9 @@ def _difference(
         return PairedDifference(mean, None, None, units, None)
     freedom = units - 1.0 if freedom is None else freedom
     alone, together = (critical(freedom, many) * error for many in (1, family))
-    found = together + _quantile(POWER, freedom) * error
-    return PairedDifference(mean, (mean - alone, mean + alone), found, units, (mean - together, mean + together))
+    found = shift_found(critical(freedom, family), freedom) * error
+    interval, simultaneous = ((mean - half, mean + half) for half in (alone, together))
+    return PairedDifference(mean, interval, found, units, simultaneous, error, freedom, family)
 
 
 def critical(freedom: float, family: int = 1) -> float:
@@ -142,10 +155,47 @@ def detectable(result: PairedDifference, smallest_of_interest: float) -> float |
     Larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
     interest.
     """
-    if result.simultaneous is None or result.smallest_detectable is None:
+    if result.error is None or result.freedom is None:
         return None
-    half = (result.simultaneous[1] - result.simultaneous[0]) / 2
-    return max(half, smallest_of_interest - half) + result.smallest_detectable - half
+    if result.error == 0:
+        return smallest_of_interest
+    threshold = critical(result.freedom, result.family)
+    return shift_found(threshold, result.freedom, smallest_of_interest / result.error) * result.error
+
+
+def shift_found(threshold: float, freedom: float, of_interest: float = 0.0) -> float:
+    """The true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
+
+    Found is a mean beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of freedom,
+    and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's own
+    uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
+    """
+    # equal to all digits that matter, so that a table and the same one shifted find each other
+    return _shift_found(*(float(f"{value:.7g}") for value in (threshold, freedom, of_interest)))
+
+
+@lru_cache(maxsize=32768)
+def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
+    high = threshold + of_interest + 2.0
+    while share_found(high, threshold, freedom, of_interest) < POWER:
+        high *= 2.0
+    return float(brentq(lambda shift: share_found(shift, threshold, freedom, of_interest) - POWER, 0.0, high))
+
+
+def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:
+    """Of repetitions, with a true mean of `shift` standard errors; see `shift_found`.
+
+    Without `of_interest` it is the noncentral t distribution's upper tail. Given the mean, its estimated error must be
+    small enough for 0 to lie outside, and large enough for the smallest effect of interest to lie inside.
+    """
+    mean = NORMAL + shift
+    most, least = mean / threshold, (of_interest - mean) / threshold
+    return float(WEIGHTS @ np.maximum(_error_below(most, freedom) - _error_below(least, freedom), 0.0))
+
+
+def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
+    """Probability that the estimated standard error is below `bound` true ones: χ."""
+    return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
 
 
 def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_better: bool) -> Verdict:

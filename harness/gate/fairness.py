@@ -13,9 +13,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from scipy.optimize import brentq
-from scipy.stats import nct
-from scipy.stats import t as student
 from torch import Tensor
 
 from baselines.catalog import CATALOG
@@ -32,7 +29,7 @@ from harness.records import CellRecord, Checkpoint
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.speed.drawn_views import write_disc
-from harness.statistics import CONFIDENCE, POWER
+from harness.statistics import critical, shift_found
 from scenes.view_set import ViewSet, read_view_set
 
 COPY_STEPS = 40
@@ -234,11 +231,8 @@ def share_called(spreads: Spread, planted: bool, repeats: int = SIMULATED, seed:
 
 def effect_found(units: int) -> float:
     """The effect, in standard deviations of a difference, that a two-sided t test with `units` differences finds
-    upwards in 80 %: by the noncentral t distribution."""
-    freedom = units - 1
-    threshold = float(student.ppf(1 - (1 - CONFIDENCE) / 2, freedom))
-    centre = brentq(lambda shift: nct.sf(threshold, freedom, shift) - POWER, 0.0, 100.0)
-    return float(centre) / units**0.5
+    upwards in 80 %."""
+    return shift_found(critical(units - 1), units - 1) / units**0.5
 
 
 def _cell(scene: str, method: str, seed: int, psnr: float) -> CellRecord:

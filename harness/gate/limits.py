@@ -15,7 +15,7 @@ from scipy.stats import binom, norm
 from scipy.stats import t as student
 
 from harness.gate.catalog import FALSE_ALARM, SPEED_MARGIN, Gate
-from harness.statistics import CONFIDENCE, POWER
+from harness.statistics import CONFIDENCE, POWER, shift_found
 
 SIMULATED = 1000
 """A/A comparisons, and as many with a planted effect."""
@@ -36,7 +36,8 @@ class Limit:
     measured: int = 0
     """Measurements that it is made of."""
     detects: float | None = None
-    """The change of the figure that is found in 80 %; for `slower` the factor, for `largest` the deviation itself."""
+    """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
+    `spread`; for `slower` the factor, for `largest` the deviation itself."""
 
 
 def limit_from(gate: Gate, values: Sequence[float], family: int) -> Limit:
@@ -57,19 +58,20 @@ def limit_from(gate: Gate, values: Sequence[float], family: int) -> Limit:
     centre, spread, many = float(sample.mean()), float(sample.std(ddof=1)), int(sample.size)
     if gate.rule == "largest":
         return _largest(centre, spread, many, gate.new, level)
-    # t of the power as Student's, too: conservative with few measurements
-    found = _quantile(POWER, many - 1)
     if gate.rule == "slower":
         error = spread * math.sqrt(1 / gate.new + 1 / many)
-        high = centre + _quantile(1 - level, many - 1) * error + math.log(SPEED_MARGIN)
-        return Limit(None, math.exp(high), math.exp(centre), spread, many, math.exp(high + found * error - centre))
+        beyond = _quantile(1 - level, many - 1)
+        high = centre + beyond * error + math.log(SPEED_MARGIN)
+        found = SPEED_MARGIN * math.exp(shift_found(beyond, many - 1) * error)
+        return Limit(None, math.exp(high), math.exp(centre), spread, many, found)
     if gate.rule == "null":
         centre = 0.0
         error = spread * math.sqrt(2 / gate.new)
     else:
         error = spread * math.sqrt(1 / gate.new + 1 / many)
-    wide = _quantile(1 - level / 2, many - 1) * error
-    return Limit(centre - wide, centre + wide, centre, spread, many, wide + found * error)
+    beyond = _quantile(1 - level / 2, many - 1)
+    wide = beyond * error
+    return Limit(centre - wide, centre + wide, centre, spread, many, shift_found(beyond, many - 1) * error)
 
 
 def _largest(centre: float, spread: float, many: int, new: int, level: float) -> Limit:

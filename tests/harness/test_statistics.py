@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import nct
 
 from harness.statistics import (
     PairedDifference,
@@ -13,6 +14,8 @@ from harness.statistics import (
     detectable,
     over_scenes,
     paired_difference,
+    share_found,
+    shift_found,
     verdict,
 )
 
@@ -46,20 +49,34 @@ def test_a_method_against_itself_is_told_apart_in_5_percent_at_most(units: int) 
 
 @pytest.mark.parametrize("family", [1, 8, 48])
 @pytest.mark.parametrize("units", [2, 3, 8, 24])
-def test_the_difference_that_a_comparison_prints_itself_is_found_in_80_percent(units: int, family: int) -> None:
-    draws = np.random.default_rng(2).normal(0, 1, (REPETITIONS, units))
-    found = []
-    for row in draws:
-        planted = paired_difference(row, family).smallest_detectable
-        assert planted is not None
-        found.append(verdict(paired_difference(row + planted, family), 1e-9, True) == "better")
+def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_percent(units: int, family: int) -> None:
+    """One size for all repetitions: that each finds what it prints itself would say nothing of a true effect."""
+    planted = paired_difference(of_spread_1(units), family).smallest_detectable
+    assert planted is not None
+    draws = np.random.default_rng(2).normal(planted, 1, (REPETITIONS, units))
+    found = [verdict(paired_difference(row, family), 1e-9, True) == "better" for row in draws]
     assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2))
+
+
+@pytest.mark.parametrize("family", [1, 8, 48, 1000])
+@pytest.mark.parametrize("freedom", [1.0, 1.3, 2.0, 7.0, 23.0, 999.0])
+def test_what_is_found_is_the_noncentral_t_distributions_tail(freedom: float, family: int) -> None:
+    threshold = critical(freedom, family)
+    shift = shift_found(threshold, freedom)
+    assert nct.sf(threshold, freedom, shift) == pytest.approx(0.80, abs=1e-4)
+    for other in (0.3 * shift, 0.8 * shift, 1.5 * shift):
+        assert share_found(other, threshold, freedom) == pytest.approx(nct.sf(threshold, freedom, other), abs=1e-4)
+
+
+def of_spread_1(units: int) -> np.ndarray:
+    values = np.linspace(-1.0, 1.0, units)
+    return values / values.std(ddof=1)
 
 
 def test_the_smallest_detectable_difference_scales_with_the_measured_spread() -> None:
     result = paired_difference(np.array([1.0, 2.0, 3.0]))
-    # t of 2 degrees of freedom: 4.302653 at 97.5 %, 1.060660 at 80 %
-    assert result.smallest_detectable == pytest.approx((4.302653 + 1.060660) / math.sqrt(3), rel=1e-6)
+    # t of 2 degrees of freedom is 4.302653 at 97.5 %; noncentral by 5.653489 it is beyond in 80 %
+    assert result.smallest_detectable == pytest.approx(5.653489 / math.sqrt(3), rel=1e-5)
     wider = paired_difference(np.array([10.0, 20.0, 30.0]))
     assert wider.smallest_detectable == pytest.approx(10 * (result.smallest_detectable or 0))
 
@@ -138,16 +155,20 @@ def test_what_an_interval_allows_to_say(interval: tuple[float, float] | None, hi
     assert verdict(result, 0.2, higher_is_better=False) == lower
 
 
-@pytest.mark.parametrize("of_interest", [1e-9, 1.0, 2.0, 5.0])
-def test_a_detectable_effect_is_called_better_and_not_equivalent(of_interest: float) -> None:
+@pytest.mark.parametrize("of_interest", [1e-9, 1.0, 2.0, 5.0, 50.0])
+@pytest.mark.parametrize("units", [3, 8])
+def test_a_detectable_effect_is_called_better_and_not_equivalent(units: int, of_interest: float) -> None:
     """Spread 1, eight units: an interval of ± 0.8 lies within ± 5 unless the effect is far beyond what 0 would need."""
-    draws = np.random.default_rng(5).normal(0, 1, (2000, 8))
-    found = []
-    for row in draws:
-        planted = detectable(paired_difference(row), of_interest)
-        assert planted is not None
-        found.append(verdict(paired_difference(row + planted), of_interest, True) == "better")
-    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2, 2000))
+    planted = detectable(paired_difference(of_spread_1(units)), of_interest)
+    assert planted is not None
+    draws = np.random.default_rng(5).normal(planted, 1, (REPETITIONS, units))
+    found = [verdict(paired_difference(row), of_interest, True) == "better" for row in draws]
+    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2))
+
+
+def test_without_any_spread_an_effect_of_interest_is_detectable() -> None:
+    result = paired_difference(np.array([1.0, 1.0, 1.0]))
+    assert (result.smallest_detectable, detectable(result, 0.2)) == (0.0, 0.2)
 
 
 def closed_form(table: np.ndarray) -> float:
@@ -219,14 +240,16 @@ def test_eight_scenes_of_three_seeds_raise_no_more_false_alarms_than_promised(
 
 
 @pytest.mark.parametrize(("by_scene", "by_cell"), [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0)])
-def test_eight_scenes_find_what_they_print(by_scene: float, by_cell: float) -> None:
+def test_eight_scenes_find_an_effect_of_the_size_that_they_print(by_scene: float, by_cell: float) -> None:
+    """One size for all: the root mean square of what they print, as their errors vary about the true one."""
     draw = np.random.default_rng(8).normal
-    found = []
-    for _ in range(500):
-        table = draw(0, by_scene, (8, 1)) + draw(0, by_cell, (8, 3))
-        planted = over_scenes({str(place): row for place, row in enumerate(table)}).smallest_detectable
-        result = over_scenes({str(place): row + planted for place, row in enumerate(table)})
-        found.append(verdict(result, 1e-9, True) == "better")
+    tables = [draw(0, by_scene, (8, 1)) + draw(0, by_cell, (8, 3)) for _ in range(500)]
+    results = [over_scenes({str(place): row for place, row in enumerate(table)}) for table in tables]
+    planted = float(np.mean([(one.smallest_detectable or 0.0) ** 2 for one in results])) ** 0.5
+    found = [
+        verdict(over_scenes({str(place): row + planted for place, row in enumerate(table)}), 1e-9, True) == "better"
+        for table in tables
+    ]
     assert np.mean(found) > 0.80 - chance(0.2, 500)
 
 

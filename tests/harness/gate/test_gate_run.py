@@ -232,7 +232,7 @@ def test_the_committed_limits_are_those_that_follow_from_their_measurements() ->
     stored = read_limits(ROOT / options.LIMITS)
     again = stored.renewed("speed", {}, stored.kinds["training"], gates())
     for name, limit in again.limits.items():
-        for side in ("low", "high"):
+        for side in ("low", "high", "detects"):
             old, new = getattr(stored.limits[name], side), getattr(limit, side)
             assert old == (None if new is None else pytest.approx(new, rel=1e-3, abs=1e-4)), name
     for gate in gates():

@@ -57,19 +57,27 @@ def test_the_largest_alarms_no_more_often_than_it_says(tail: str) -> None:
     assert alarms(LARGEST, values[:, :160], values[:, 160:]) <= 2 * FALSE_ALARM / EASY
 
 
-def test_a_change_of_the_stated_size_is_found_in_80_percent() -> None:
+@pytest.mark.parametrize("many", [3, 8, 12])
+@pytest.mark.parametrize("gate", [MEAN, NULL, SLOWER])
+def test_a_change_of_the_stated_size_is_found_in_80_percent(gate: Gate, many: int) -> None:
+    """The size that limits state whose sample has the true spread; the limits vary with their own samples."""
     generator = np.random.default_rng(4)
+    exact = np.linspace(-1, 1, many)
+    exact = 3 + 0.2 * exact / exact.std(ddof=1)
+    size = limit_from(gate, (np.exp(exact) if gate is SLOWER else exact).tolist(), 80).detects
+    assert size is not None
     found = []
     for _ in range(4000):
-        limit = limit_from(MEAN, generator.normal(25, 0.2, 12).tolist(), 66)
-        # with the true spread in the place of the sample's
-        scale = 0.2 / limit.spread if limit.spread else math.nan
-        assert limit.detects is not None
-        figure = figure_of(MEAN, generator.normal(25 - limit.detects, 0.2 / scale, 2).tolist())
+        values = generator.normal(3, 0.2, many)
+        limit = limit_from(gate, (np.exp(values) if gate is SLOWER else values).tolist(), 80)
+        change = math.log(size) if gate is SLOWER else size
+        fresh = generator.normal(3 + change, 0.2, gate.new)
+        if gate is NULL:
+            fresh -= generator.normal(3, 0.2, gate.new)
+        figure = figure_of(gate, (np.exp(fresh) if gate is SLOWER else fresh).tolist())
         assert figure is not None
         found.append(excess_of(figure, limit) > 0)
-    assert np.mean(found) >= POWER - 0.03
-    assert np.mean(found) <= 0.97, "the stated size is no gross exaggeration"
+    assert np.mean(found) == pytest.approx(POWER, abs=4 * math.sqrt(POWER * (1 - POWER) / 4000))
 
 
 def test_a_slower_step_is_found_beyond_the_declared_margin_alone() -> None:
