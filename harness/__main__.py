@@ -239,7 +239,7 @@ def _repair(options: argparse.Namespace, show: "Progress") -> int:
         rows.append(row)
         score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
         show.line(f"{row.scene} seed {row.seed} {row.method}: {score} on validation views, {row.steps} steps")
-    result = as_json(rows, plan)
+    result = as_json(rows, plan, device)
     write_json(options.out, result)
     show.line(f"chosen: {result['chosen']}")
     return 0

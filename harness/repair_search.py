@@ -1,5 +1,6 @@
 """Which candidate becomes `qnerf_repaired`: all of them at equal time, on validation views of scenes and seeds that no
-verdict is taken from. Candidates and rule stood here before any result; nothing in it can be set.
+verdict is taken from. Candidates and rule stood here before any result, the budget did not (`HISTORY`); nothing in it
+can be set.
 """
 
 import json
@@ -22,6 +23,7 @@ from harness.learner import Learner, learner_for
 from harness.lockstep import box_of, needs_view_direction, stream_of
 from harness.needed import for_scene
 from harness.plan import PROFILES, Plan
+from harness.provenance import provenance
 from harness.schedule import Budget
 from harness.solo import psnr_on
 from harness.stopwatch import Stopwatch
@@ -32,9 +34,15 @@ from scenes.view_set import ViewSet
 SEEDS = (1_000, 1_001)
 """Outside of the seeds that verdicts use."""
 SECONDS = 6.0
-"""Training time of each cell: about 500 steps of NeRF at reduced size. A first try with 16 was stopped after its first
-cell (chair, seed 1000) because it went on for 1300 to 1500 steps; its nine scores had been seen, and nothing but this
-number was changed."""
+"""Training time of each cell: about 500 steps of NeRF at reduced size."""
+HISTORY = (
+    "A first try at 16 processor seconds a cell was stopped after chair with seed 1000, because it went on for 1300 to "
+    "1500 steps where 500 were meant. Its nine scores had been seen; none of them is among the rows. Only the budget "
+    "was changed, to 6.",
+)
+"""What was changed after something had been seen."""
+CLOCKS = {"cpu": "processor seconds"}
+"""Kind of device → what a training time is counted in; elsewhere it is seconds of the wall."""
 REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip")
 """Trained beside the candidates, so that one sees where they stand; no candidates."""
 RULE = (
@@ -85,6 +93,10 @@ class Search:
     rows: list[RepairRow]
     standings: list[Standing]
     chosen: str
+    history: list[str]
+    """What was changed after something had been seen, one or more sentences each."""
+    clock: str
+    """What the budget is counted in."""
 
 
 def read_search(path: Path = PUBLISHED) -> Search:
@@ -92,7 +104,13 @@ def read_search(path: Path = PUBLISHED) -> Search:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         rows, table = (data[name] for name in ("rows", "standings"))
-        return Search([RepairRow(**row) for row in rows], [Standing(**one) for one in table], data["chosen"])
+        return Search(
+            [RepairRow(**row) for row in rows],
+            [Standing(**one) for one in table],
+            data["chosen"],
+            data["history"],
+            data["clock"],
+        )
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path}: {error}; write it with `python -m harness repair --out {path}`") from error
 
@@ -135,11 +153,19 @@ def chosen(table: list[Standing]) -> str:
     return next(one.method for one in table if one.ties)
 
 
-def as_json(rows: list[RepairRow], plan: Plan) -> dict[str, Any]:
+def clock_of(device: torch.device) -> str:
+    """Of the training times, in words."""
+    return CLOCKS.get(device.type, "seconds of the wall")
+
+
+def as_json(rows: list[RepairRow], plan: Plan, device: torch.device) -> dict[str, Any]:
     table = standings(rows)
     return {
         "what": "candidates for qnerf_repaired at equal training time, on validation views",
         "rule": RULE,
+        "history": list(HISTORY),
+        "clock": clock_of(device),
+        "provenance": provenance(device),
         "candidates": {name: asdict(parts) for name, parts in CANDIDATES.items()},
         "excluded": EXCLUDED,
         "references": list(REFERENCES),
@@ -158,7 +184,7 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
     active: list[Learner] = []
     for method in plan.methods:
         learner = learner_for(method, box, settings, plan.budget, stream, device, directed)
-        learner.clock = Stopwatch(device, time.process_time if device.type == "cpu" else time.perf_counter)
+        learner.clock = Stopwatch(device, time.process_time if device.type in CLOCKS else time.perf_counter)
         learner.warm_up(*batches.batch(stream, 0, settings.rays))
         active.append(learner)
     turn = 0

@@ -75,13 +75,19 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def answer(found: dict[str, list[Effect]]) -> str:
-    """Reading → its effects: what each part does to PSNR at equal steps over all scenes, in one sentence."""
+    """Reading → its effects: what each part does to PSNR at equal steps over all scenes, and what that may be
+    owed to, in one sentence.
+    """
     said_of = []
     for reading, some in found.items():
         rows = _by_term(some, "all", "psnr", "steps")
         parts = listed(f"{part} {amount(rows[(part,)].difference, 'psnr')} ({said(rows[(part,)])})" for part in PARTS)
         said_of.append(f"with the amplifier of {reading} {parts}")
-    return f"What each part changes at equal steps over all scenes: {'; '.join(said_of)}."
+    return (
+        f"What each part changes at equal steps over all scenes: {'; '.join(said_of)}; what the φ encoding changes "
+        "need not be φ's doing, as with as many bands it reaches less far than 2^k (the study of bandwidth tells the "
+        "two apart)."
+    )
 
 
 def _in_figures(found: list[Effect], reading: str) -> Iterator[str]:
@@ -145,10 +151,6 @@ def _limits(cells: list[CellRecord]) -> Iterator[str]:
                 f"{density:.3g} a scene unit: a solid of one unit hides at most {100 * opacity:.3g} % of what is "
                 "behind it."
             )
-    yield (
-        "What the φ encoding changes here need not be φ's doing: with as many bands it reaches less far than 2^k. The "
-        "study of bandwidth tells the two apart."
-    )
     lost = [cell for cell in cells if cell.status != "done"]
     if lost:
         names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)

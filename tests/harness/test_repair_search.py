@@ -12,6 +12,7 @@ from baselines.catalog import CATALOG
 from baselines.repaired import CANDIDATES
 from harness.evidence.trainings import SEARCHED, TRAININGS
 from harness.repair_search import (
+    HISTORY,
     PUBLISHED,
     REFERENCES,
     SECONDS,
@@ -122,12 +123,15 @@ def test_a_search_for_real_scores_validation_views_at_equal_time(tmp_path: Path)
         assert row.seconds >= 0.05
         assert row.steps >= 1
         assert (row.alpha is None) == (row.method == "nerf")
-    data = as_json(rows, plan)
+    data = as_json(rows, plan, torch.device("cpu"))
     (tmp_path / "found.json").write_text(json.dumps(data))
     found = read_search(tmp_path / "found.json")
     assert found.rows == rows
     assert found.standings == standings(rows)
     assert found.chosen == data["chosen"]
+    assert (found.history, found.clock) == (list(HISTORY), "processor seconds")
+    assert {"commit", "processor", "packages"} <= data["provenance"].keys()
+    assert as_json(rows, plan, torch.device("meta"))["clock"] == "seconds of the wall"
 
 
 def test_a_view_set_without_validation_views_is_refused(tmp_path: Path) -> None:
@@ -147,6 +151,17 @@ def test_what_is_published_is_the_whole_search_and_what_the_catalogue_has() -> N
     assert CATALOG["qnerf_repaired"].parts == CANDIDATES[found.chosen]
     assert data["candidates"].keys() == CANDIDATES.keys()
     assert all(row.seconds == pytest.approx(SECONDS, rel=0.1) for row in found.rows), "equal time"
+    assert (found.history, found.clock) == (list(HISTORY), "processor seconds")
+    assert "nine scores had been seen" in found.history[0]
+    assert data["provenance"]["note"], "the search itself did not record where it ran"
+
+
+def test_a_search_that_does_not_say_what_was_changed_is_refused(tmp_path: Path) -> None:
+    data = json.loads(PUBLISHED.read_text())
+    del data["history"]
+    (tmp_path / "old.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match="history"):
+        read_search(tmp_path / "old.json")
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"rows": [{"method": 3}], "standings": [], "chosen": "x"}'])

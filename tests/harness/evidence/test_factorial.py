@@ -121,6 +121,7 @@ def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
     first, *others = sentences(iter(found))
     assert first.startswith("What each part changes at equal steps over all scenes: with the amplifier of Listing 2 ")
     assert "φ encoding +0.6" in first
+    assert "what the φ encoding changes need not be φ's doing" in first
     assert "amplifier −4.0" in first
     assert "dB (worse)" in first
     assert first.index("amplifier of Eq. 4") > first.index("amplifier of Listing 2")

@@ -11,12 +11,13 @@ from baselines.numerics.encoding import PHI
 from harness import paper
 from harness.chart_record import Table
 from harness.evidence import repaired as study_module
-from harness.evidence.repaired import CONTROLS, MARGIN, METRICS, REPAIRED, repaired
+from harness.evidence.repaired import CONTROLS, MARGIN, METRICS, REPAIRED, equal_time, repaired
 from harness.evidence.situation import Finding
 from harness.evidence.trainings import HELD_OUT, TRAININGS
+from harness.evidence.wording import told
 from harness.evidence_record import Check, Effect
 from harness.records import CellRecord
-from harness.repair_search import Search, read_search
+from harness.repair_search import read_search
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.evidence.planted import sentences, situation
 
@@ -95,13 +96,30 @@ def test_equal_time_charges_for_slowness(study: Study) -> None:
     assert loss == pytest.approx(3.0 * np.log10(2.0), abs=1e-6)
 
 
+def test_it_is_said_how_far_the_slower_one_has_come_at_equal_time(study: Study) -> None:
+    for slowness, said in (
+        (2.0, f"{REPAIRED}, the slower one, is met after 50 %"),
+        (0.8, "nerf, the slower one, is met after 80 %"),
+    ):
+        (one,) = [one for one in sentences(iter(study(cells_of(1.0, slowness)))) if "Equal time is read off" in one]
+        assert said in one
+        assert "equal processor seconds instead" in one
+    lost = [diverged(one.scene, one.method, one.seed) for one in cells_of(1.0)]
+    assert "is not known: no pair ended" in equal_time(lost, "seconds")
+
+
+def test_what_was_changed_in_the_search_is_said(study: Study) -> None:
+    assert set(read_search().history) <= set(sentences(iter(study(cells_of(1.0)))))
+
+
 def test_the_controls_tell_bandwidth_and_the_amplifier_apart(study: Study) -> None:
     found = study(cells_of(0.55))
     assert effect(found, "nerf_matched", "steps").difference == pytest.approx(0.05, abs=0.03)
     assert effect(found, "nerf_phi_encoding_phi_skip", "steps").difference == pytest.approx(-0.05, abs=0.03)
-    said = " ".join(sentences(iter(found)))
-    assert "beyond bandwidth" in said
-    assert "without the amplifier" in said
+    for first, budget in zip(sentences(iter(found))[:2], ("steps", "seconds"), strict=True):
+        parts = {"nerf": "NeRF's PSNR", "nerf_matched": "beyond bandwidth)"}
+        for against, words in (parts | {"nerf_phi_encoding_phi_skip": "what Eq. 4 does)"}).items():
+            assert f"{words} by {told(effect(found, against, budget))}" in first
 
 
 def test_every_control_metric_and_budget_is_there_over_all_scenes_and_by_scene(study: Study) -> None:
@@ -146,7 +164,7 @@ def test_a_choice_that_is_not_the_search_s_is_found(study: Study, monkeypatch: p
     found = read_search()
     other = next(one.method for one in found.standings if one.method != found.chosen)
     rows = [replace(row, scene=HELD_OUT[0], seed=0) for row in found.rows]
-    monkeypatch.setattr(study_module, "read_search", lambda: Search(rows, found.standings, other))
+    monkeypatch.setattr(study_module, "read_search", lambda: replace(found, rows=rows, chosen=other))
     failed = {name: one for name, one in checks(study(cells_of(0.5))).items() if not one.holds}
     assert set(failed) == {"methods that", "scenes and"}
     assert failed["scenes and"].figure == 2.0
