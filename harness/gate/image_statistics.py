@@ -55,8 +55,11 @@ def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
 
 
 def mean_square(renders: np.ndarray, reference: Reference) -> float:
-    """Mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each cut at 25;
-    1 where nothing differs."""
+    """Mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each cut at 25.
+
+    Well below 1 where nothing differs: empty pixels and the opacity of full ones count and do not deviate, and the
+    floor of `variances` makes dark ones deviate by less. What is usual for a scene is measured, not derived.
+    """
     z2 = standardised(renders, reference) ** 2
     # a pixel that is not finite makes the whole so: np.minimum hands NaN on
     return float(np.minimum(z2, LARGEST_SQUARE).mean())

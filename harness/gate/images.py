@@ -37,9 +37,9 @@ def scenes_of(gates: Iterable[Gate]) -> tuple[str, ...]:
 
 
 def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """Renders and compares. Raises `InputError` for a stored reference that is missing or not the one of the limits."""
+    """Renders and compares. Raises `InputError` as `references_for`."""
     scenes = scenes_of(gates)
-    references = {scene: stored(situation, scene) for scene in scenes}
+    references = references_for(situation, gates)
     shown = rendered(scenes, "gate", IMAGE_BATCHES, situation.out)
     spreads = {
         scene: limit.spread
@@ -47,6 +47,11 @@ def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
         if (limit := situation.limits.limits.get(f"images.{scene}.bias")) is not None and limit.spread
     }
     return samples(gates, shown, references, spreads)
+
+
+def references_for(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Reference]:
+    """Raises `InputError` for a stored reference that is missing, damaged or not the one of the limits."""
+    return {scene: stored(situation, scene) for scene in scenes_of(gates)}
 
 
 def samples(

@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -35,13 +35,15 @@ MEASURES: dict[Kind, Measure] = {
     "fairness": fairness.measure,
     "speed": speed.measure,
 }
+INPUTS: dict[Kind, Callable[[Situation, tuple[Gate, ...]], object]] = {"images": images.references_for}
+"""What is read from files: read before anything is measured, so that a damaged one costs no measurements."""
 RENEWALS: dict[Kind, Renew] = {"training": training.renew, "images": images.renew, "speed": speed.renew}
 
 
 def run(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, replay: str) -> int:
     """Measures and judges; 0, or 4 where a gate failed. `replay` is the command that a failing gate's name is added to.
 
-    Raises `InputError` before anything is measured where the limits cannot be read.
+    Raises `InputError` before anything is measured where the limits or the stored images cannot be read.
     """
     began = time.monotonic()
     limits = read_limits(limits_file)
@@ -50,10 +52,10 @@ def run(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path,
     show.line(f"{len(chosen)} of {family} gates, together at most {FALSE_ALARM:.0%} false alarms")
     outcomes: list[Outcome] = []
     seconds: dict[str, float] = {}
-    for kind in KINDS:
-        of_kind = tuple(gate for gate in chosen if gate.kind == kind)
-        if not of_kind:
-            continue
+    asked = {kind: of_kind for kind in KINDS if (of_kind := tuple(gate for gate in chosen if gate.kind == kind))}
+    for kind in INPUTS.keys() & asked.keys():
+        INPUTS[kind](situation, asked[kind])
+    for kind, of_kind in asked.items():
         started = time.monotonic()
         found = _measured(kind, situation, of_kind)
         seconds[kind] = time.monotonic() - started

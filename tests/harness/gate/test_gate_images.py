@@ -181,6 +181,14 @@ def test_statistics_against_slow_sums(references: dict[str, Reference]) -> None:
     assert z[12, 12, 0] == pytest.approx((shown[:, 12, 12, 0].mean() - reference.mean[12, 12, 0]) / error)
 
 
+def test_the_mean_square_of_sound_renders_is_that_of_the_pixels_that_vary(references: dict[str, Reference]) -> None:
+    for number, scene in enumerate(SCENES):
+        varying = float((truth(number)[1] > 0).mean())
+        found = np.mean([mean_square(fresh(stream)[scene], references[scene]) for stream in range(10)])
+        assert varying < 0.4
+        assert found == pytest.approx(varying, abs=0.03)
+
+
 def test_a_uniform_bias_is_measured_as_what_it_is(references: dict[str, Reference]) -> None:
     exact = np.repeat(references["lego"].mean[None], 2, axis=0)
     assert biases(1.002 * exact, references["lego"]) == pytest.approx([0.2, 0.2])

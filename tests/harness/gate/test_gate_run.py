@@ -21,6 +21,7 @@ from tests.harness.shell import refused
 CENTRE = 25.0
 FAMILY = len(gates())
 ROOT = Path(__file__).parents[3]
+INPUTS = dict(runner.INPUTS)
 
 
 def measured_values(kind: str) -> dict[str, list[float]]:
@@ -58,6 +59,7 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, Sample]:
         return {gate.name: changed.get(gate.name, sound(gate)) for gate in of_kind}
 
     monkeypatch.setattr(runner, "MEASURES", dict.fromkeys(KINDS, measure))
+    monkeypatch.setattr(runner, "INPUTS", {})
     return changed
 
 
@@ -132,6 +134,23 @@ def test_an_error_in_one_kind_fails_its_gates_and_no_others(
     rows = json.loads((tmp_path / "out" / "gate.json").read_text())["gates"]
     assert {row["kind"] for row in rows if row["status"] == "fail"} == {"images"}
     assert {row["why"] for row in rows if row["status"] == "fail"} == {"RuntimeError: rendering ended with exit code 1"}
+
+
+def test_a_reference_image_that_is_missing_is_told_before_anything_is_measured(
+    limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured: list[Gate] = []
+
+    def measure(situation: Situation, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
+        measured.extend(of_kind)
+        return {gate.name: sound(gate) for gate in of_kind}
+
+    monkeypatch.setattr(runner, "MEASURES", dict.fromkeys(KINDS, measure))
+    assert runner.INPUTS == INPUTS
+    assert "lego.exr" in refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
+    assert measured == []
+    assert gate_command(limits, tmp_path / "others", "--only", "training", "speed", "--quiet") == 0
+    assert {gate.kind for gate in measured} == {"training", "speed"}
 
 
 def test_a_gate_without_a_limit_fails_with_a_remedy(

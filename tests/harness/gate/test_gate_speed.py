@@ -1,12 +1,15 @@
 """Speed gates: ratios from figures of a clock that the test holds."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from harness.gate import speed
-from harness.gate.catalog import SPEED_REPEATS, Gate
+from harness.gate.catalog import SPEED_MARGIN, SPEED_REPEATS, Gate, gates
 from harness.gate.limits import limit_from
+from harness.gate.limits_file import read_limits
+from harness.gate.options import LIMITS
 from harness.gate.outcome import Sample, judged
 from scenes.view_set import ViewSet
 
@@ -56,6 +59,7 @@ def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
 
 
 def test_wasted_work_fails_and_a_little_does_not(machine: Machine) -> None:
+    """With limits of a machine that does nothing else; the committed ones have a test of their own."""
     limit = limit_from(GATE, [2.45, 2.5, 2.55, 2.52, 2.48, 2.5, 2.47, 2.53], 66)
 
     def status(seconds: float) -> str:
@@ -66,6 +70,22 @@ def test_wasted_work_fails_and_a_little_does_not(machine: Machine) -> None:
     assert status(0.0125) == "pass", "faster is welcome"
     # every step done twice
     assert status(0.050) == "fail"
+
+
+@pytest.mark.parametrize("gate", [gate for gate in gates() if gate.kind == "speed"], ids=lambda gate: gate.name)
+def test_the_committed_limits_find_the_factor_that_they_state_and_pass_the_margin(gate: Gate, machine: Machine) -> None:
+    """The factor is what measurements of a machine allow: a busy one's let a step done twice pass."""
+    limit = read_limits(Path(__file__).parents[3] / LIMITS).limits[gate.name]
+    assert limit.centre is not None
+    assert limit.detects is not None
+    sound = 0.010 * limit.centre
+
+    def status(factor: float) -> str:
+        seconds = factor * sound
+        return judged(gate, Sample([speed.ratio(machine.work(seconds), machine.clock)]), limit, "").status
+
+    assert status(1.0) == status(SPEED_MARGIN) == "pass"
+    assert status(limit.detects) == "fail"
 
 
 def test_each_gate_has_something_to_measure(ball: ViewSet, monkeypatch: pytest.MonkeyPatch) -> None:
