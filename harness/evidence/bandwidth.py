@@ -48,7 +48,10 @@ Tables = dict[str, list[Effect]]
 def bandwidth(situation: Situation) -> Iterator[Finding]:
     """Reach and base as two factors, at each resolution and along training, with the decisive pairs beside."""
     trained = {pixels_of(one): one for one in (situation.trained(name) for name in TRAININGS)}
-    parts = {px: contrast_effects(LADDER_DESIGN, one.cells, f"at {px} px") for px, one in trained.items()}
+    parts = {
+        px: contrast_effects(LADDER_DESIGN, one.cells, f"at {px} px", together=len(trained))
+        for px, one in trained.items()
+    }
     duels = {px: list(_duels(one.cells, px)) for px, one in trained.items()}
     moved = list(_moved({px: one.cells for px, one in trained.items()}))
     ripened = [one for px, some in trained.items() for one in _ripened(some.cells, px)]
@@ -110,7 +113,10 @@ def _ripened(cells: list[CellRecord], px: int) -> Iterator[Effect]:
 
 
 def answer(found: list[Effect]) -> str:
-    """Which of the two it is, from the verdicts on PSNR at equal steps, scene by scene."""
+    """Which of the two it is, and which way, from the verdicts on PSNR at equal steps, scene by scene.
+
+    One verdict is enough to say that there is an effect: all those of a factor must be one family.
+    """
     here = [one for one in found if (one.metric, one.budget) == ("psnr", "steps") and one.scene != "all"]
     by_factor = {factor: [one for one in here if one.name.startswith(f"{factor} at")] for factor in (REACH, BASE)}
     told_apart = {
@@ -118,20 +124,21 @@ def answer(found: list[Effect]) -> str:
     }
     nothing = all(one.verdict == "equivalent" for one in by_factor[BASE])
     reach, base = (bool(told_apart[factor]) for factor in (REACH, BASE))
+    changes = {factor: _direction(some) for factor, some in told_apart.items()}
     if reach and nothing:
         said = (
-            "It is bandwidth: how far the frequencies reach changes PSNR, and at the same reach φ for 2 does not by as "
-            "much as matters"
+            f"It is bandwidth: a shorter reach {changes[REACH]}, and at the same reach φ for 2 does not change it by "
+            "as much as matters"
         )
     elif reach and not base:
         said = (
-            "Bandwidth, as far as it can be told: how far the frequencies reach changes PSNR; at the same reach no "
-            "difference between φ and 2 is told from 0, nor is it everywhere too small to matter"
+            f"Bandwidth, as far as it can be told: a shorter reach {changes[REACH]}; at the same reach no difference "
+            "between φ and 2 is told from 0, nor is it everywhere too small to matter"
         )
     elif reach:
-        said = "Both: how far the frequencies reach changes PSNR, and so does φ for 2 at the same reach"
+        said = f"Both: a shorter reach {changes[REACH]}, and φ for 2 at the same reach {changes[BASE]}"
     elif base:
-        said = "The base: φ for 2 at the same reach changes PSNR; how far the frequencies reach is not told to"
+        said = f"The base: φ for 2 at the same reach {changes[BASE]}; how far the frequencies reach is not told to"
     elif nothing and all(one.verdict == "equivalent" for one in by_factor[REACH]):
         said = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
     else:
@@ -140,7 +147,19 @@ def answer(found: list[Effect]) -> str:
         f"{factor} in {len(told_apart[factor])} of {len(by_factor[factor])}{_range(told_apart[factor])}"
         for factor in (REACH, BASE)
     )
-    return f"{said}. Of the scenes at each resolution an effect is told from 0 for {counts}."
+    family = max(one.family for one in here)
+    return (
+        f"{said}. Of the scenes at each resolution, {family} of a factor looked at together, an effect is told from 0 "
+        f"for {counts}."
+    )
+
+
+def _direction(found: list[Effect]) -> str:
+    """Which way the effects that are told from 0 go."""
+    up, down = (sum(one.verdict == verdict for one in found) for verdict in ("better", "worse"))
+    if up and down:
+        return f"raises PSNR in {up} and lowers it in {down} of the scenes at each resolution"
+    return "raises PSNR" if up else "lowers PSNR"
 
 
 def _range(found: list[Effect]) -> str:

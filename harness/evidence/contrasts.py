@@ -116,11 +116,12 @@ def contrast_effects(
     where: str,
     metrics: tuple[str, ...] = ("psnr", "ssim"),
     budgets: tuple[Budget, ...] = ("steps", "seconds"),
+    together: int = 1,
 ) -> list[Effect]:
     """Every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
 
     A main effect is a question of its own, as a method is (`harness.comparisons.family_of`). Interactions are looked at
-    all together.
+    all together. `together` counts the places at which a term is asked for, where their verdicts make one answer.
     """
     interactions = len(design.terms()) - len(design.factors)
     return [
@@ -134,7 +135,7 @@ def contrast_effects(
             metric=metric,
             budget=budget,
             metrics=len(metrics),
-            together=1 if len(term) == 1 else interactions,
+            together=together * (1 if len(term) == 1 else interactions),
             note="" if len(term) == 1 else "interaction",
         )
     ]

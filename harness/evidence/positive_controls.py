@@ -17,6 +17,10 @@ from harness.records import CellRecord
 
 ORIGINAL = 31.01
 """dB, the complete model."""
+FIRST_STEPS, FIRST_SEEDS = 600, 3
+FIRST_VIEWS = {100: 0.0, 50: -0.03, 25: -0.04}
+FIRST_DIRECTION = {"lego": -0.01, "drums": -0.18, "materials": -0.22}
+"""dB that a first design gave: by training views, and without view direction by scene. It was changed for that."""
 TIMES = 3.0
 """A loss is of a plausible size from the smallest one of interest up to so many times the original's. Declared before
 any of these runs had been looked at. Few pixels and short training leave little of the fine detail that encoding and
@@ -59,6 +63,7 @@ def positive_controls(situation: Situation) -> Iterator[Finding]:
     yield _answer(found)
     for control in CONTROLS:
         yield from _sentences(control, trained, found[control])
+    yield design_changed(trained)
     for control in CONTROLS:
         yield found_check(control, found[control])
         yield size_check(control, found[control])
@@ -104,7 +109,11 @@ def by_scene(found: list[Effect]) -> list[Effect]:
 
 
 def is_found(found: list[Effect]) -> bool:
-    """Called worse over all scenes, or on one of them (all of which are right together in 95 %), and better nowhere."""
+    """Called worse over all scenes, or on one of them, and better nowhere.
+
+    These are two families at 5 %, each of which calls a loss that is not there one in at most half as many studies:
+    together in at most 5 %.
+    """
     verdicts = [one.verdict for one in (overall(found), *by_scene(found)) if one is not None]
     return "worse" in verdicts and "better" not in verdicts
 
@@ -117,7 +126,11 @@ def found_check(control: Control, found: list[Effect]) -> Check:
         return Check(what, None, low=1.0, why="no scene needs what is missing")
     said = ", ".join(f"{one.scene} {one.verdict}" for one in rows)
     count = sum(one.verdict == "worse" for one in rows) if is_found(found) else 0
-    return Check(what, float(count), low=1.0, unit="verdicts", why=f"PSNR at equal steps: {said}")
+    chance = (
+        "two families, over all scenes and on single ones: either calls a loss that is not there one in at most 2.5 % "
+        "of studies"
+    )
+    return Check(what, float(count), low=1.0, unit="verdicts", why=f"PSNR at equal steps: {said}; {chance}")
 
 
 def size_check(control: Control, found: list[Effect]) -> Check:
@@ -132,7 +145,38 @@ def size_check(control: Control, found: list[Effect]) -> Check:
         high=least,
         unit="dB",
         why=f"the original lost {amount(-loss, 'psnr', sign=False)} at 800 px; plausible here is a loss between "
-        f"{amount(-least, 'psnr', sign=False)} and {TIMES:g} times that, as was declared before",
+        f"{amount(-least, 'psnr', sign=False)} and {TIMES:g} times that: a range that was declared before any result, "
+        "where the design was changed once results had been seen",
+    )
+
+
+def design_changed(trained: dict[str, Trained]) -> str:
+    """What was declared before any result and what was not; what there is now comes from the plans."""
+    images = [trained[name].plan for name in ("images", "half_images", "quarter_images")]
+    directed = trained["no_direction"].plan
+    need = "view_direction"
+    needed = {
+        scene.name
+        for one in trained.values()
+        for scene in one.scenes
+        if need not in {row.name for row in scene.left_out}
+    }
+    dropped = [name for name in FIRST_DIRECTION if name in needed and name not in directed.scenes]
+    changes = [listed(amount(one, "psnr") for one in first.values() if one) for first in (FIRST_VIEWS, FIRST_DIRECTION)]
+    without = (
+        f"; {listed(dropped)}, where the first design showed nothing, is left out of it although its record says that "
+        "view direction is needed there"
+        if dropped
+        else ""
+    )
+    return (
+        "The range of plausible sizes was declared before any result; the design was changed once results had been "
+        f"seen. First there were {listed(map(str, FIRST_VIEWS))} training views at {FIRST_STEPS} steps, of which half "
+        f"and a quarter changed the score by {changes[0]}; now there are "
+        f"{listed(str(plan.views.train) for plan in images)} at {images[0].budget.steps} steps. To be without view "
+        f"direction was first tried at {FIRST_STEPS} steps with {FIRST_SEEDS} seeds on {listed(FIRST_DIRECTION)} and "
+        f"changed the score by {changes[1]}; now it is tried at {directed.budget.steps} steps with "
+        f"{len(directed.seeds)} seeds on {listed(directed.scenes)}{without}."
     )
 
 
@@ -150,7 +194,7 @@ def _sentences(control: Control, trained: dict[str, Trained], found: list[Effect
     one = overall(found)
     loss = amount(control.original - ORIGINAL, "psnr")
     baseline = trained[control.baseline]
-    without = [name for name in baseline.plan.scenes if name not in needing(control, baseline)]
+    without = [scene.name for scene in baseline.scenes if scene.name not in needing(control, baseline)]
     if control.need and without:
         need = control.need.replace("_", " ")
         yield f"No {need} is needed on {listed(without)}: there is nothing to lose there, and no pair."

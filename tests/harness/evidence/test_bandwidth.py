@@ -138,6 +138,20 @@ def test_ladders_are_told_in_figures(found: list[Finding]) -> None:
     }
 
 
+def test_resolutions_and_scenes_of_a_factor_are_one_family(found: list[Finding]) -> None:
+    """One verdict of six makes the answer."""
+    for factor in (REACH, BASE):
+        for px in PIXELS.values():
+            assert effect(found, f"{factor} at {px} px").family == len(PIXELS) * len(SCENES)
+            assert effect(found, f"{factor} at {px} px", scene="all").family == len(PIXELS)
+
+
+@pytest.mark.parametrize(("size", "said"), [(0.9, "raises PSNR, "), (-0.9, "lowers PSNR, ")])
+def test_the_answer_names_the_sign(size: float, said: str) -> None:
+    assert said_of({(REACH,): size}).startswith(f"It is bandwidth: a shorter reach {said}")
+    assert f"φ for 2 at the same reach {said[:-2]};" in said_of({(BASE,): size})
+
+
 # which of the two it is
 
 HERE = "at 100 px"
@@ -169,7 +183,8 @@ def test_too_small_to_matter_is_no_finding() -> None:
 
 def test_the_answer_counts_and_gives_the_range(found: list[Finding]) -> None:
     first = sentences(iter(found))[0]
-    assert first.startswith("It is bandwidth: ")
+    assert first.startswith("It is bandwidth: a shorter reach raises PSNR in 4 and lowers it in 2 of the scenes")
+    assert "6 of a factor looked at together" in first
     assert f"{REACH} in 6 of 6, −0.3" in first
     assert first.endswith(f"{BASE} in 0 of 6.")
 
