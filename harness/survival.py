@@ -108,9 +108,9 @@ def first_reached(
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
     """(times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
-    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk until
-    then: to take them out as if they had only been watched for a shorter time would count them as no worse than the
-    others. Runs that failed for reasons of their own were watched until they did.
+    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk
+    until then: to take them out as if they had only been watched for a shorter time would count them as no worse than
+    the others. Runs that failed for reasons of their own were watched until they did.
     """
     end = max(one.time for one in reaches)
     watched = np.array([end if _lost(one) else one.time for one in reaches])

@@ -6,6 +6,7 @@ is *not tested at this scale*, whatever it is.
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 from harness.evidence_record import EvidenceRecord
 from reports import claims_arithmetic as arithmetic
@@ -15,7 +16,8 @@ from reports import claims_time as times
 from reports.claims_ablation import added_part
 from reports.ledger import UNTESTED, VERDICTS, Bench, Claim, Finding, Printed, Verdict, claim_of, entries
 from reports.load import Records
-from reports.scale import in_a_line, is_paper_scale
+from reports.scale import has_paper_settings, in_a_line
+from reports.wording import number, signed
 
 KINDS = {
     "gains": "Gains, speed, ablation",
@@ -59,13 +61,20 @@ def claims(records: Records, evidence: EvidenceRecord | None = None) -> list[Cla
 
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
-    bench = Bench(records, evidence, records.targets, in_a_line(records), is_paper_scale(records))
+    bench = Bench(records, evidence, records.targets, in_a_line(records), has_paper_settings(records))
     return [_judged(bench, entry) for entry in entries(records.run.paper)]
 
 
 def _judged(bench: Bench, entry: Printed) -> Claim:
     kind, judge = RULES.get(entry.rule, ("others", _unknown))
-    return claim_of(entry, judge(bench, entry), kind, bench.scale)
+    found = judge(bench, entry)
+    if entry.leaves_open:
+        ends = " to ".join(
+            number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open
+        )
+        derived = f"not printed but derived from rounded figures, which leave {ends} {entry.unit}".strip() + " open"
+        found = replace(found, note="; ".join(filter(None, [found.note, derived])))
+    return claim_of(entry, found, kind, bench.scale)
 
 
 def _unknown(bench: Bench, entry: Printed) -> Finding:

@@ -85,8 +85,7 @@ def range_of_rows(bench: Bench, entry: Printed) -> Finding:
     if not values or not isinstance(entry.printed, tuple):
         return _absent(how)
     ends = (min(values), max(values))
-    note = f"{number(ends[0], 1)} to {number(ends[1], 1)} dB"
-    return Finding(_agrees(ends == entry.printed), how, None, ends, OWN_FIGURES, note)
+    return Finding(_agrees(ends == entry.printed), how, ends, None, OWN_FIGURES)
 
 
 def scenes_of_rows(bench: Bench, entry: Printed) -> Finding:
@@ -123,8 +122,9 @@ def ratio_of_times(bench: Bench, entry: Printed) -> Finding:
     verdict = judge_figures(entry.printed, half_unit(entry.printed), value, (reachable[0], reachable[1]))
     note = f"as a ratio of speeds {number(100 * (row['nerf'] / row['qnerf'] - 1), 0)} %"
     if verdict == "inconclusive":
-        note = f"{number(value, 1)} % as printed; only the rounding of the hours leaves room for 18 %; {note}"
-    return Finding(verdict, how, value, (reachable[0], reachable[1]), OWN_FIGURES, note)
+        room = " to ".join(number(end, 1) for end in reachable)
+        note = f"the rounding of the hours leaves {room} % open, and so room for the printed figure; {note}"
+    return Finding(verdict, how, value, None, OWN_FIGURES, note)
 
 
 def _same(how: str, value: Callable[[Bench, str], float | None]) -> Callable[[Bench, Printed], Finding]:

@@ -80,8 +80,9 @@ def printed_text(claim: Claim) -> str:
 
 def measured_text(claim: Claim) -> str:
     """A range where it was one that was asked for."""
-    if claim.measured is None and claim.interval is not None:
-        return f"{' to '.join(_value(claim, value, claim.digits) for value in claim.interval)} {claim.unit}"
+    if isinstance(claim.measured, tuple):
+        digits = _finer(claim) if _is_difference(claim) else claim.digits
+        return f"{' to '.join(_value(claim, value, digits) for value in claim.measured)} {claim.unit}"
     return NOTHING if claim.measured is None else _with_unit(claim, claim.measured, _finer(claim))
 
 

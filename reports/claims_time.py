@@ -2,17 +2,17 @@
 
 The harness judges that as a survival problem (`harness.targets_record`): a run that never gets there is censored, not
 dropped. A claim about 30 dB is judged where the runs were watched for 30 dB. Where they were watched for a lower
-target, its saving stands beside and the claim is *not tested at this scale*, with one exception: where every run of
-NeRF reached the lower target and not one of Q-NeRF did, the claim *does not hold* at that scale, as who never gets to
-the lower target while it is watched does not get to a higher one either.
+target, its saving stands beside and the claim is *not tested at this scale*, whatever came out: NeRF was not seen to
+get to 30 dB either.
 """
 
 from statistics import median
 
 from harness.targets_record import TargetComparison, TargetsRecord
-from reports.judging import half_unit, judge_difference
-from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
-from reports.wording import counted, number
+from reports.judging import judge_difference, rounded_away
+from reports.ledger import UNTESTED, Bench, Finding, Printed, Verdict
+from reports.scale import strangers, unless_whole
+from reports.wording import count, counted, number
 
 HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
@@ -27,22 +27,25 @@ def saving(bench: Bench, entry: Printed) -> Finding:
     if targets is None or targets.target is None:
         return Finding(UNTESTED, how, note="this run has no record of when a score was reached")
     one = targets.comparison("all", "qnerf", "nerf", axis)
-    if one is None or one.saving is None or not isinstance(entry.printed, int | float):
+    started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
+    if one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note="Q-NeRF was not compared with NeRF in this run")
     pair = one.simultaneous or one.interval
-    verdict = verdict_of(entry.printed, half_unit(entry.printed), one, targets.printed)
-    return Finding(verdict, how, one.saving, pair, note=_note(one, targets))
+    verdict = verdict_of(entry.printed, rounded_away(entry), one, targets.printed)
+    verdict = unless_whole(bench.records, verdict)
+    note = "; ".join(filter(None, [_note(one, targets), strangers(bench.records)]))
+    return Finding(verdict, how, one.saving, pair, note=note)
 
 
 def verdict_of(printed: float, rounding: float, one: TargetComparison, is_printed_target: bool) -> Verdict:
     """By the rule above; what is censored on one side allows no verdict that it could turn."""
     ours, theirs = one.never
-    if one.left_aside:
-        return "inconclusive" if is_printed_target else UNTESTED
-    if ours == one.pairs >= 2 and theirs == 0:
-        return "does not hold"
     if not is_printed_target:
         return UNTESTED
+    if one.left_aside:
+        return "inconclusive"
+    if ours == one.pairs >= 2 and theirs == 0:
+        return "does not hold"
     said = judge_difference(printed, rounding, one.simultaneous or one.interval)
     # the true saving is larger where NeRF was not watched to its end or Q-NeRF was there before the first look
     if said == "does not hold" and (theirs or one.earlier[0]):
@@ -52,15 +55,31 @@ def verdict_of(printed: float, rounding: float, one: TargetComparison, is_printe
 
 
 def _note(one: TargetComparison, targets: TargetsRecord) -> str:
+    """At which target, how many of each got there while both were watched, and whether the saving is a bound."""
     parts = [f"at {number(targets.target, 1)} dB" + ("" if targets.printed else " instead of 30 dB")]
-    for method, never, earlier in zip(("Q-NeRF", "NeRF"), one.never, one.earlier, strict=True):
-        if never:
-            parts.append(f"{never} of {counted(one.pairs, 'run')} of {method} never reached it")
+    if one.pairs:
+        there = [count(one.pairs - never) for never in one.never]
+        parts.append(
+            f"within the {WHAT[one.axis]} that both were watched, {there[0]} of {counted(one.pairs, 'run')} of Q-NeRF "
+            f"and {there[1]} of {count(one.pairs)} of NeRF reached it"
+        )
+    for method, earlier in zip(("Q-NeRF", "NeRF"), one.earlier, strict=True):
         if earlier:
             parts.append(f"{earlier} of {counted(one.pairs, 'run')} of {method} had reached it by the first checkpoint")
+    if one.saving is not None:
+        parts.append(bound(one))
     if one.left_aside:
-        parts.append(f"{counted(one.left_aside, 'pair')} lost")
-    return "; ".join(parts)
+        parts.append(f"{counted(one.left_aside, 'pair')} lost" if one.pairs else f"all {one.left_aside} pairs lost")
+    return "; ".join(filter(None, parts))
+
+
+def bound(one: TargetComparison) -> str:
+    """What the saving is where some times are only known to be longer or shorter."""
+    ours, theirs = one.never
+    larger, smaller = bool(theirs or one.earlier[0]), bool(ours or one.earlier[1])
+    if larger and smaller:
+        return "the saving is of the time watched alone"
+    return "the true saving is larger" if larger else "the true saving is smaller" if smaller else ""
 
 
 def time_to_target(bench: Bench, entry: Printed) -> Finding:
@@ -81,5 +100,6 @@ def time_to_target(bench: Bench, entry: Printed) -> Finding:
         return Finding(
             UNTESTED, how, note=f"{lost} of {counted(len(times), 'run')} not seen to reach it" if lost else ""
         )
-    pair: Pair | None = (min(known), max(known)) if len(known) > 1 else None
-    return Finding(UNTESTED, how, median(known), pair, note="range over scenes and seeds")
+    digits = entry.digits + 1 if entry.digits else 0
+    ends = " to ".join(number(one, digits) if digits else count(round(one)) for one in (min(known), max(known)))
+    return Finding(UNTESTED, how, median(known), note=f"{ends} {entry.unit} over scenes and seeds")

@@ -11,6 +11,7 @@ from reports.grid import Grid
 from reports.headline import roles, smallest_detectable
 from reports.ledger import UNTESTED, Claim
 from reports.load import Records
+from reports.scale import in_a_line
 from reports.wording import NARROW, NOTHING, interval, listed, number, signed
 
 PRINCIPAL = {
@@ -41,6 +42,7 @@ class Line:
     mark: str
     tone: str
     note: str
+    """What qualifies the verdict, and the scale where it is not the run's."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class FirstScreen:
 
 def first_screen(records: Records, found: list[Claim], evidence: EvidenceRecord | None) -> FirstScreen:
     by_id = {claim.id: claim for claim in found}
-    lines = [_line(words, by_id[name]) for name, words in PRINCIPAL.items() if name in by_id]
+    lines = [_line(words, by_id[name], in_a_line(records)) for name, words in PRINCIPAL.items() if name in by_id]
     tally = tally_grid(found) if found else None
     return FirstScreen(question(records, by_id), lines, how_sure(records, evidence), tally)
 
@@ -71,7 +73,8 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
     return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
 
 
-def _line(words: str, claim: Claim) -> Line:
+def _line(words: str, claim: Claim, here: str) -> Line:
+    elsewhere = claim.scale if claim.scale != here and claim.verdict != UNTESTED else ""
     return Line(
         words,
         claim.source,
@@ -81,7 +84,7 @@ def _line(words: str, claim: Claim) -> Line:
         claim.verdict,
         MARKS[claim.verdict],
         TONES[claim.verdict],
-        claim.note if claim.verdict == UNTESTED and claim.measured is not None else "",
+        "; ".join(filter(None, [claim.note, elsewhere])),
     )
 
 
@@ -90,13 +93,18 @@ def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
     said = []
     cast = roles(records)
     one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    if one is not None and one.difference is not None and one.interval is not None:
+    aside = f"; {one.left_aside} of {one.pairs + one.left_aside} pairs left aside" if one and one.left_aside else ""
+    pair = one.simultaneous or one.interval if one else None
+    if one is not None and one.difference is not None and pair is not None:
+        units = "scenes and seeds" if len(records.scenes) > 1 else f"seeds on {records.scenes[0]} alone"
         said.append(
             f"{one.method} less {one.against} at equal steps: {signed(one.difference)} dB, 95{NARROW}% interval "
-            f"{interval(one.interval)} over scenes and seeds."
+            f"{interval(pair)} over {units}{aside}."
         )
     elif one is not None and one.difference is not None:
-        said.append(f"{one.method} less {one.against}: {signed(one.difference)} dB; too few units for an interval.")
+        said.append(
+            f"{one.method} less {one.against}: {signed(one.difference)} dB; too few units for an interval{aside}."
+        )
     said += filter(None, [smallest_detectable(records)])
     return [*said, *calibration(evidence)]
 
@@ -110,9 +118,10 @@ def calibration(evidence: EvidenceRecord | None) -> list[str]:
 
 
 def _checked(check: Check) -> str:
-    figure = NOTHING if check.figure is None else _figure(check.figure, check)
+    digits = _enough(check)
+    figure = NOTHING if check.figure is None else _figure(check.figure, check, digits)
     limits = [
-        f"{words} {_figure(limit, check)}"
+        f"{words} {_figure(limit, check, _least(check))}"
         for words, limit in (("at least", check.low), ("at most", check.high))
         if limit is not None
     ]
@@ -121,8 +130,30 @@ def _checked(check: Check) -> str:
     return f"Comparer: {check.what}: {figure}{wanted}{failed}."
 
 
-def _figure(value: float, check: Check) -> str:
+def _figure(value: float, check: Check, digits: int) -> str:
     """A share as a percentage."""
-    if check.what.startswith("share") and not check.unit:
-        return f"{number(100 * value, 1)}{NARROW}%"
-    return f"{number(value, 2)}{NARROW}{check.unit}".strip()
+    if _is_share(check):
+        return f"{number(100 * value, digits)}{NARROW}%"
+    return f"{number(value, digits)}{NARROW}{check.unit}".strip()
+
+
+def _is_share(check: Check) -> bool:
+    return check.what.startswith("share") and not check.unit
+
+
+def _least(check: Check) -> int:
+    return 1 if _is_share(check) else 2
+
+
+def _enough(check: Check) -> int:
+    """Decimals that tell a figure that fails from its limits."""
+    least, figure = _least(check), check.figure
+    if figure is None or check.holds:
+        return least
+    limits = [limit for limit in (check.low, check.high) if limit is not None]
+    enough = (
+        digits
+        for digits in range(least, 16)
+        if all(_figure(figure, check, digits) != _figure(limit, check, digits) for limit in limits)
+    )
+    return next(enough, 16)

@@ -1,7 +1,8 @@
 """What came out, in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
 
 The verdicts are those of the run's comparisons; this module only finds the words. A gain over `nerf` that is gone
-against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called a bandwidth effect.
+against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called no more than what
+bandwidth alone brings.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from reports.wording import counted, interval, listed, number, signed
 BASELINE = "nerf"
 CONTROL = "nerf_matched"
 FAVOURITE = "qnerf"
+LOST = ("diverged", "error")
 BUDGETS = (("steps", "equal steps"), ("seconds", "equal training time"))
 
 
@@ -114,15 +116,15 @@ def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control
         return f"{method} scores above {baseline}, but without a bandwidth control beside it this says little"
     return {
         "better": f"{method} scores above both {baseline} and {control}",
-        "equivalent": f"{gain} is a bandwidth effect: {control} does as well",
-        "worse": f"{gain} is a bandwidth effect: {control} does better still",
-        "inconclusive": f"{gain} is not shown to be more than a bandwidth effect: {control} may do as well",
+        "equivalent": f"{gain} is no more than bandwidth alone brings: {control} does as well",
+        "worse": f"{gain} is no more than bandwidth alone brings: {control} does better still",
+        "inconclusive": f"{gain} is not shown to be more than bandwidth alone brings: {control} may do as well",
     }[vs_control]
 
 
 def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
     cells = [cell for cell in records.cells if cell.method == method]
-    lost = sum(cell.status in ("diverged", "error") for cell in cells)
+    lost = sum(cell.status in LOST for cell in cells)
     if cells and all(cell.status == "not_available" for cell in cells):
         return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
@@ -130,14 +132,23 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
     vs_control = verdicts.get(cast.control) if cast.control else None
     title = title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
-    if lost and verdicts.get(cast.baseline) == "inconclusive":
-        return f"{method} lost {lost} of its {counted(len(cells), 'cell')}: against {cast.baseline} nothing is settled"
+    losses = [said for name in (method, cast.baseline) if (said := _lost(records, name))]
+    if losses and verdicts.get(cast.baseline) in (None, "inconclusive"):
+        open_ = f"against {cast.baseline} nothing is settled" if lost else f"nothing is settled about {method}"
+        return f"{' and '.join(losses)}: {open_}"
     differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
     return f"{title} (at equal steps)" if differs else title
 
 
+def _lost(records: Records, method: str) -> str:
+    """`qnerf lost 1 of its 6 cells`, or nothing."""
+    cells = [cell for cell in records.cells if cell.method == method]
+    lost = sum(cell.status in LOST for cell in cells)
+    return f"{method} lost {lost} of its {counted(len(cells), 'cell')}" if lost else ""
+
+
 def _means(records: Records) -> str:
-    """Mean test PSNR of every method over the scenes that all of them have."""
+    """Mean test PSNR of every method over the scenes that all of them have; of the survivors, where some are lost."""
     frame = cells_frame(records)
     scenes = shared_scenes(frame, "psnr")
     if not scenes:
@@ -145,7 +156,9 @@ def _means(records: Records) -> str:
     means = {method: average_of(frame, method, "psnr", scenes).mean for method in records.methods}
     scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
     where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
-    return f"Mean test PSNR {where}: {listed(scored)}."
+    losses = [said for method in records.methods if (said := _lost(records, method))]
+    survivors = f" This is of the cells that finished: {listed(losses)}." if losses else ""
+    return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
 
 
 def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
@@ -164,27 +177,33 @@ def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
 
 
 def disagreements(records: Records, method: str) -> list[str]:
-    """Where the verdict at equal time is not the one at equal steps."""
-    found = []
+    """Where the verdict at equal time is not the one at equal steps, and where that cannot be told."""
+    found, compared, skipped = [], 0, 0
     for scene in ["all", *records.scenes]:
         for duel in duels(records, scene):
-            if duel.method != method or duel.steps is None or duel.seconds is None:
+            if duel.method != method or (duel.steps is None and duel.seconds is None):
+                continue
+            sides = [one for one in (duel.steps, duel.seconds) if one is not None and one.difference is not None]
+            skipped += len(sides) < 2
+            compared += len(sides) == 2
+            if duel.steps is None or duel.seconds is None:
                 continue
             if duel.steps.verdict != duel.seconds.verdict:
                 where = "over all scenes" if scene == "all" else f"on {scene}"
                 found.append(f"{where} against {duel.against} ({duel.steps.verdict} → {duel.seconds.verdict})")
-    both = any(one.budget == "seconds" for one in records.comparisons)
     if not found:
-        return [f"Equal steps and equal time lead to the same verdict on {method} everywhere."] if both else []
+        where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
+        same = f"Equal steps and equal time lead to the same verdict on {method} {where}."
+        return [same] if compared else []
     if len(found) > 5:
         found = [*found[:5], counted(len(found) - 5, "more case")]
     return [f"Equal steps and equal time differ on {method} {listed(found)}."]
 
 
 def smallest_detectable(records: Records) -> str:
-    """The power of the run in a sentence, or nothing."""
-    fought = [duel.steps for duel in headline(records).duels if duel.steps]
-    sizes = [one.smallest_detectable for one in fought if one.smallest_detectable is not None]
-    if not sizes:
+    """The power of the run to tell the first contender from the baseline, in a sentence, or nothing."""
+    cast = roles(records)
+    one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    if one is None or one.smallest_detectable is None:
         return ""
-    return f"A true difference below {number(max(sizes))} dB could have gone unnoticed (power 80 %)."
+    return f"A true difference below {number(one.smallest_detectable)} dB could have gone unnoticed (power 80 %)."

@@ -5,7 +5,7 @@ value, *holds* where it lies at or above that range, and is *inconclusive* where
 A printed level is judged from both sides. A printed sum is judged by the figures that it is made of.
 """
 
-from reports.ledger import UNTESTED, Number, Pair, Verdict
+from reports.ledger import UNTESTED, Number, Pair, Printed, Verdict
 
 STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776, 5: 2.571, 6: 2.447, 7: 2.365, 8: 2.306, 9: 2.262}
 """Half-width of a 95 % interval in standard errors by degrees of freedom; 1.96 is approached from above."""
@@ -26,6 +26,13 @@ def half_unit(printed: Number, unit: str = "") -> float:
     return 0.5 * 10**-decimals
 
 
+def rounded_away(entry: Printed) -> float:
+    """How far below the printed number what was rounded to it may lie: further where it is derived from others."""
+    if not isinstance(entry.printed, int | float):
+        raise ValueError(f"{entry.id} is no single number")
+    return entry.printed - entry.leaves_open[0] if entry.leaves_open else half_unit(entry.printed, entry.unit)
+
+
 def judge_difference(printed: float, rounding: float, measured: Pair | None) -> Verdict:
     """A printed gain against the interval of the measured one; without an interval nothing is settled."""
     if measured is None:
@@ -39,9 +46,9 @@ def judge_difference(printed: float, rounding: float, measured: Pair | None) -> 
 def judge_gain(
     printed: float, rounding: float, difference: float | None, interval: Pair | None, left_aside: int
 ) -> Verdict:
-    """The same for a comparison: where cells were lost, their survivors settle nothing."""
+    """The same for a comparison: where cells were lost, their survivors settle nothing, and less so without any."""
     if difference is None:
-        return UNTESTED
+        return "inconclusive" if left_aside else UNTESTED
     return "inconclusive" if left_aside else judge_difference(printed, rounding, interval)
 
 

@@ -34,6 +34,7 @@ class Printed:
     rule: str
     unit: str = ""
     of: dict[str, str] = field(default_factory=dict)
+    leaves_open: Pair | None = None
 
     @property
     def digits(self) -> int:
@@ -50,9 +51,10 @@ class Claim:
     """Every place of the paper that states it."""
     statement: str
     printed: Number | Pair | None
-    measured: Number | None
+    measured: Number | Pair | None
+    """A range as a pair: from the worst to the best scene."""
     interval: Pair | None
-    """The one that the verdict is taken from."""
+    """95 %, and the one that the verdict is taken from where there is one."""
     scale: str
     verdict: Verdict
     how: str
@@ -98,7 +100,7 @@ class Finding:
 
     verdict: Verdict
     how: str
-    measured: Number | None = None
+    measured: Number | Pair | None = None
     interval: Pair | None = None
     scale: str = ""
     """Where it is not that of the run."""
@@ -129,7 +131,14 @@ def entries(paper: dict[str, Any]) -> list[Printed]:
         return _from_tables(paper)
     try:
         return [
-            Printed(**{**row, "where": tuple(row["where"]), "printed": _pair(row["printed"])})
+            Printed(
+                **{
+                    **row,
+                    "where": tuple(row["where"]),
+                    "printed": _pair(row["printed"]),
+                    "leaves_open": _pair(row.get("leaves_open")),
+                }
+            )
             for row in paper["ledger"]
         ]
     except (TypeError, KeyError) as error:

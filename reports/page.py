@@ -11,6 +11,7 @@ from harness.evidence_record import EvidenceRecord
 from harness.stability_record import StabilityRecord
 from reports import error_maps, palette, properties, shell, wording
 from reports.claims import claims
+from reports.claims_ablation import not_tested
 from reports.claims_table import chapters
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
@@ -24,7 +25,7 @@ from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
 from reports.psnr_table import differences_grids, scores_grid
-from reports.scale import facts, in_a_line, is_paper_scale
+from reports.scale import facts, in_a_line, is_paper_scale, on_other_pictures
 from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
@@ -102,9 +103,10 @@ def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any
         "facts": facts(records),
         "scale": in_a_line(records),
         "at_paper_scale": is_paper_scale(records),
+        "on_other_pictures": on_other_pictures(records),
         "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
         "failed": records.failed,
-        "not_tested": run.not_tested,
+        "not_tested": not_tested(run.not_tested, found),
         "warned": sum(bool(cell.warnings) for cell in records.cells),
         "warning_kinds": properties.warning_kinds(records),
         "psnr": {

@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
+from reports.ledger import Verdict
 from reports.load import Records
 from reports.wording import count, counted, duration, listed
 
 PAPER_RESOLUTION = 800
 PAPER_STEPS = 200_000
+PAPER_RAYS = "1\u202f024"
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,57 @@ def in_a_line(records: Records) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def is_paper_scale(records: Records) -> bool:
-    """True where the run has the paper's setting; everything else says something about another scale."""
+def has_paper_settings(records: Records) -> bool:
+    """True where every scene was trained as the paper says, be they all of its scenes or not."""
+    finished = [cell for cell in records.cells if cell.status == "done"]
     large = all(scene.width >= PAPER_RESOLUTION for scene in records.run.scenes)
-    long = all(cell.steps >= PAPER_STEPS for cell in records.cells if cell.status == "done")
-    return large and long and _layers(records) == "8 × 256"
+    long = bool(finished) and all(cell.steps >= PAPER_STEPS for cell in finished)
+    same = setting(records.run.settings, "train", "rays") == PAPER_RAYS and _layers(records) == "8 × 256"
+    return large and long and same
+
+
+def is_paper_scale(records: Records) -> bool:
+    """True where that is so on all of its scenes; everything else says something about another scale."""
+    return has_paper_settings(records) and bool(_of_table2(records)) and not _missing(records)
+
+
+def on_other_pictures(records: Records) -> bool:
+    """Whether a scene was rendered here, and is not a view set that was given."""
+    return any(scene.rendered for scene in records.run.scenes)
+
+
+def _of_table2(records: Records) -> list[str]:
+    table = records.run.paper.get("table2") or {}
+    return [name.lower() for name, row in table.items() if isinstance(row, dict) and name not in ("average", "all")]
+
+
+def _missing(records: Records) -> list[str]:
+    ran = {name.lower() for name in records.scenes}
+    return [name for name in _of_table2(records) if name not in ran]
+
+
+def _others(records: Records) -> list[str]:
+    known = _of_table2(records)
+    return [name for name in records.scenes if name.lower() not in known]
+
+
+def strangers(records: Records) -> str:
+    """Which of the paper's scenes a mean over this run's lacks, and which others it holds; nothing where none."""
+    missing, others = ", ".join(_missing(records)), ", ".join(_others(records))
+    return "; ".join(filter(None, [missing and f"without {missing}", others and f"with {others}"]))
+
+
+def unless_whole(records: Records, verdict: Verdict) -> Verdict:
+    """A verdict on a mean over the paper's scenes, from a mean over this run's.
+
+    It holds on no other set of scenes than the paper's. That it does not hold can be told from some of them, as the
+    interval knows how scenes differ, but not from a single one, whose interval knows of seeds alone.
+    """
+    if not (_missing(records) or _others(records)):
+        return verdict
+    if verdict == "holds" or (verdict == "does not hold" and len(records.scenes) < 2):
+        return "inconclusive"
+    return verdict
 
 
 def _resolutions(records: Records) -> str:

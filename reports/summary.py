@@ -7,6 +7,7 @@ from typing import Any
 from harness.evidence_record import EvidenceRecord
 from harness.records import CellRecord, finite_or_none, write_json
 from reports.claims import claims
+from reports.claims_ablation import not_tested
 from reports.headline import headline
 from reports.load import Records
 from reports.table import METRICS
@@ -16,7 +17,7 @@ SCHEMA = 1
 
 def summary(records: Records, evidence: EvidenceRecord | None = None) -> dict[str, Any]:
     """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why."""
-    run = records.run
+    run, found = records.run, claims(records, evidence)
     return {
         "schema": SCHEMA,
         "profile": run.profile,
@@ -38,10 +39,10 @@ def summary(records: Records, evidence: EvidenceRecord | None = None) -> dict[st
         ],
         "cells": [_cell(cell) for cell in records.cells],
         "comparisons": [asdict(one) for one in records.comparisons],
-        "claims": [_claim(one.__dict__) for one in claims(records, evidence)],
+        "claims": [_claim(one.__dict__) for one in found],
         "left_out": [{"scene": scene.name, **asdict(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
-        "not_tested": run.not_tested,
+        "not_tested": not_tested(run.not_tested, found),
         "phases": run.phases,
         "settings": run.settings,
         "provenance": run.provenance,
@@ -75,7 +76,7 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
 
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:
     judged = ("id", "source", "printed", "measured", "interval", "scale", "verdict")
-    explained = ("statement", "unit", "how", "note")
+    explained = ("statement", "kind", "unit", "how", "note")
     return {name: claim[name] for name in (*judged, *explained)}
 
 

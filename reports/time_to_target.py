@@ -7,12 +7,13 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from harness.targets_record import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
+from reports.claims_time import bound
 from reports.figure import Kind, Panel, Trace
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.palette import colours_of
 from reports.psnr_table import lines
-from reports.wording import NARROW, counted, interval, number, signed
+from reports.wording import NARROW, count, counted, interval, number, signed
 
 AXES: dict[Axis, tuple[str, str]] = {
     "steps": ("training step", "fewer steps"),
@@ -143,9 +144,9 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
                 for _, words in AXES.values()]  # fmt: skip
     note = (
         "Saving in per cent of the other method’s time, from the mean of the logarithms of the ratios of pairs, with "
-        "its 95 % interval; below 0 the method needs more. What is compared is the time or the end of watching, "
-        "whichever comes first, so that a run that never got there counts with as much as is known of it. Verdicts "
-        "are taken from the wider interval of all comparisons at once."
+        "its 95 % interval, that of all comparisons looked at together, from which the verdict is taken; below 0 the "
+        "method needs more. What is compared is the time or the end of watching, whichever comes first, so that a run "
+        "that never got there counts with as much as is known of it."
     )
     title = "How much sooner, over all scenes" if scenes == ["all"] else "How much sooner, scene by scene"
     return Grid(title, columns, rows, note=note if scenes == ["all"] else "")
@@ -156,14 +157,16 @@ def saving_entry(one: TargetComparison | None) -> Entry:
     if one is None:
         return EMPTY
     censored = [
-        f"{words}: {sum(pair)} of {2 * one.pairs} runs"
-        for words, pair in (("never there", one.never), ("there at once", one.earlier))
-        if sum(pair)
+        f"{words}: {count(many)} of {counted(one.pairs, 'run')} of {method}"
+        for words, pair in (("not within the time watched", one.never), ("there at once", one.earlier))
+        for method, many in zip((one.method, one.against), pair, strict=True)
+        if many
     ]
+    censored += [bound(one)] if one.saving is not None and censored else []
     aside = f"{counted(one.left_aside, 'pair')} left aside" if one.left_aside else ""
-    small = lines(interval(one.interval, 1), one.verdict, *censored, aside)
     if one.saving is None:
-        return Entry("–", small, one.verdict)
+        return Entry("–", lines(one.verdict, *censored, aside), one.verdict)
+    small = lines(interval(one.simultaneous or one.interval, 1), one.verdict, *censored, aside)
     return Entry(f"{signed(one.saving, 1)}{NARROW}%", small, one.verdict)
 
 

@@ -9,7 +9,7 @@ from reports.claims import KINDS, RULES, claims, tally
 from reports.claims_table import chapters, claims_grid, tally_grid
 from reports.ledger import OWN_FIGURES, UNTESTED, VERDICTS
 from reports.load import Records, read_records
-from reports.scale import in_a_line
+from reports.scale import has_paper_settings, in_a_line, is_paper_scale, on_other_pictures
 from tests.reports.fake_run import EIGHT, PAPER, write_fake_run
 
 
@@ -82,7 +82,7 @@ def test_the_verdict_is_taken_from_the_interval_that_knows_of_the_others(whole: 
 def test_survivors_settle_nothing(records: Records):
     drums = by_id(records)["table2-drums"]
     assert drums.verdict == "inconclusive"
-    assert "1 cell without a score" in drums.note
+    assert "1 pair lost" in drums.note
 
 
 def test_the_range_is_refuted_by_the_mean_and_holds_only_on_every_scene(eight: Records):
@@ -92,8 +92,14 @@ def test_the_range_is_refuted_by_the_mean_and_holds_only_on_every_scene(eight: R
     every = {scene: high for scene in ("all", *EIGHT)}
     assert by_id(with_comparisons(eight, **every))[name].verdict == "holds"
     one_low = every | {"ship": {"difference": 0.9, "interval": (0.8, 1.0), "simultaneous": (0.7, 1.1)}}
-    assert by_id(with_comparisons(eight, **one_low))[name].verdict == "inconclusive"
-    assert "scenes from +0.90 to +1.60 dB" in by_id(with_comparisons(eight, **one_low))[name].note
+    refuted = by_id(with_comparisons(eight, **one_low))[name]
+    assert (refuted.verdict, refuted.measured, refuted.interval) == ("does not hold", (0.9, 1.6), None)
+    assert "below it on ship" in refuted.note
+    assert "mean +1.60 [+1.50, +1.70]" in refuted.note
+    open_one = every | {"ship": {"difference": 0.9, "interval": (0.8, 1.0), "simultaneous": (0.6, 1.2)}}
+    assert by_id(with_comparisons(eight, **open_one))[name].verdict == "inconclusive"
+    lost = every | {"ship": {"difference": None, "interval": None, "simultaneous": None, "pairs": 0, "left_aside": 3}}
+    assert by_id(with_comparisons(eight, **lost))[name].verdict == "inconclusive"
 
 
 def test_the_range_does_not_hold_silently_on_fewer_scenes(whole: Records):
@@ -115,7 +121,8 @@ def test_absolute_scores_stand_beside_and_are_not_judged(eight: Records):
 @pytest.mark.parametrize(("score", "verdict"), [(33.05, "holds"), (31.0, "does not hold")])
 def test_absolute_scores_are_judged_at_the_papers_scale_on_given_pictures(tmp_path, score, verdict):
     def at_paper_scale(run):
-        settings = {**run.settings, "train": {**run.settings["train"], "network": {"depth": 8, "width": 256}}}
+        train = {**run.settings["train"], "network": {"depth": 8, "width": 256}, "rays": 1024}
+        settings = {**run.settings, "train": train}
         scenes = [replace(scene, width=800, height=800, rendered={}) for scene in run.scenes]
         return replace(run, scenes=scenes, settings=settings)
 
@@ -187,3 +194,66 @@ def test_claims_as_a_table(whole: Records):
     scales = {row[0].text: row[3].small for row in claims_grid(claims(whole), here).rows}
     assert scales["Q-NeRF gains over NeRF on chair"] == "", "the run's scale stands above the table"
     assert scales["The φ skip follows layer ⌊φ·8/2⌋"] == OWN_FIGURES
+
+
+HIGH = {"difference": 1.6, "interval": (1.5, 1.7), "simultaneous": (1.5, 1.7)}
+
+
+def test_an_average_holds_on_no_other_scenes_than_the_papers(whole: Records, eight: Records):
+    name = "table2-average"
+    assert by_id(with_comparisons(eight, all=HIGH))[name].verdict == "holds"
+    some = by_id(with_comparisons(whole, all=HIGH))[name]
+    assert (some.verdict, some.note[:21]) == ("inconclusive", "without ficus, hotdog")
+    mixed = with_comparisons(eight, all=HIGH)
+    scenes = [*mixed.run.scenes, replace(mixed.run.scenes[0], name="bathroom")]
+    found = by_id(replace(mixed, run=replace(mixed.run, scenes=scenes)))[name]
+    assert (found.verdict, "with bathroom" in found.note) == ("inconclusive", True)
+
+
+def test_a_single_scene_does_not_refute_an_average(tmp_path):
+    records = read_records(write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False))
+    low = {"difference": 0.5, "interval": (0.4, 0.6), "simultaneous": (0.4, 0.6)}
+    found = by_id(with_comparisons(records, all=low, chair=low))
+    assert (found["table2-average"].verdict, found["table2-chair"].verdict) == ("inconclusive", "does not hold")
+    assert found["abstract-psnr-range"].verdict == "does not hold", "every scene is said to gain"
+
+
+def test_where_all_pairs_are_lost_the_claim_is_undecided_and_was_tried(whole: Records):
+    nothing = {"difference": None, "interval": None, "pairs": 0, "left_aside": 3, "verdict": "inconclusive"}
+    records = with_comparisons(whole, chair=nothing)
+    chair = by_id(records)["table2-chair"]
+    assert (chair.verdict, chair.measured) == ("inconclusive", None)
+    assert chair.note.startswith("all 3 pairs lost")
+    cells = [replace(cell, status="not_available") if cell.method == "qnerf" else cell for cell in records.cells]
+    absent = by_id(replace(records, cells=cells))["table2-chair"]
+    assert (absent.verdict, absent.note) == (UNTESTED, "qnerf was not compared with nerf on chair in this run")
+
+
+def test_what_the_paper_does_not_print_says_so(whole: Records):
+    found = by_id(whole)
+    open_ones = {name: one.note for name, one in found.items() if "not printed but derived" in one.note}
+    steps = {f"table4-{name}" for name in ("nerf_phi_encoding_amplifier-psnr", "qnerf-psnr")}
+    steps |= {f"table4-{name}-ssim" for name in ("nerf_phi_encoding", "nerf_phi_encoding_amplifier", "qnerf")}
+    assert set(open_ones) == {"table3-hours", *steps}
+    assert open_ones["table3-hours"].endswith("which leave 16.9 to 21.2 % open")
+    assert open_ones["table4-qnerf-ssim"].endswith("which leave +0.001 to +0.003 open")
+
+
+def test_the_papers_scale_needs_its_rays_its_scenes_and_a_cell_that_finished(eight: Records):
+    train = {**eight.run.settings["train"], "network": {"depth": 8, "width": 256}, "rays": 1024}
+    scenes = [replace(scene, width=800, height=800) for scene in eight.run.scenes]
+    run = replace(eight.run, scenes=scenes, settings={**eight.run.settings, "train": train})
+    large = replace(eight, run=run, cells=[replace(cell, steps=200_000) for cell in eight.cells])
+    assert is_paper_scale(large)
+    assert on_other_pictures(large)
+    assert not on_other_pictures(replace(large, run=replace(run, scenes=[replace(one, rendered={}) for one in scenes])))
+    few = {**run.settings, "train": {**train, "rays": 2048}}
+    cells = [cell for cell in large.cells if cell.scene != "ship"]
+    seven = replace(large, run=replace(run, scenes=scenes[:7]), cells=cells)
+    for changed in (
+        replace(large, cells=[replace(cell, status="diverged") for cell in large.cells]),
+        seven,
+        replace(large, run=replace(run, settings=few)),
+    ):
+        assert not is_paper_scale(changed)
+    assert has_paper_settings(seven)

@@ -5,16 +5,20 @@ from dataclasses import replace
 
 import pytest
 
-from harness.evidence_record import Effect, EvidenceRecord, StudyInfo, StudyRecord
+from harness.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord
 from harness.records import Comparison
 from reports.claims import claims
+from reports.claims_ablation import not_tested
 from reports.ledger import UNTESTED
 from reports.load import Records
+from reports.page import page
 from reports.publish import write_published
+from reports.summary import summary
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
 CLAIM = "table4-nerf_phi_encoding_amplifier-psnr"
+DERIVED = "not printed but derived from rounded figures, which leave +0.5 to +0.7 dB open"
 
 
 def effect(pair: tuple[str, str], difference: float | None, half: float = 0.1, **changes) -> Effect:
@@ -26,7 +30,8 @@ def effect(pair: tuple[str, str], difference: float | None, half: float = 0.1, *
 
 def study(*effects: Effect) -> EvidenceRecord:
     info = StudyInfo("factorial", "title", "question?", "method")
-    return EvidenceRecord({}, {}, [StudyRecord(info, scale="lego; 3 seeds; 500 steps", effects=list(effects))])
+    one = StudyRecord(info, scale="lego; 3 seeds; 500 steps", effects=list(effects))
+    return EvidenceRecord({}, {}, [one], finished=True)
 
 
 def judged(records: Records, evidence: EvidenceRecord | None):
@@ -47,7 +52,7 @@ def test_listing_2_is_judged_by_the_interval_of_its_family(whole: Records, diffe
 def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
     claim = judged(whole, study(effect(LISTING_2, -2.5), effect(EQUATION_4, 0.61, verdict="inconclusive")))[CLAIM]
     assert claim.verdict == "does not hold"
-    assert claim.note == "with the amplifier of Eq. 4: +0.61 [+0.51, +0.71] (inconclusive)"
+    assert claim.note.startswith("with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (inconclusive); not printed")
     alone = judged(whole, study(effect(EQUATION_4, 0.61)))[CLAIM]
     assert (alone.verdict, alone.measured) == (UNTESTED, None)
 
@@ -76,6 +81,42 @@ def test_ssim_has_its_own_rounding(whole: Records):
     pair = ("nerf_phi_encoding", "nerf")
     claim = judged(whole, study(effect(pair, 0.007, 0.0004, metric="ssim")))["table4-nerf_phi_encoding-ssim"]
     assert (claim.printed, claim.verdict) == (0.006, "holds")
+
+
+def test_a_difference_of_two_rounded_figures_has_the_rounding_of_both(whole: Records):
+    """33.8 − 33.2 may be 0.5; the +0.7 of the first step stands in a footnote as it is."""
+    for difference, verdict in ((0.52, "holds"), (0.5, "inconclusive"), (0.48, "does not hold")):
+        claim = judged(whole, study(effect(LISTING_2, difference, 0.005)))[CLAIM]
+        assert claim.verdict == verdict
+    first = judged(whole, study(effect(("nerf_phi_encoding", "nerf"), 0.62, 0.005)))["table4-nerf_phi_encoding-psnr"]
+    assert first.verdict == "does not hold"
+
+
+def test_quick_evidence_judges_nothing(whole: Records):
+    quick = replace(study(effect(LISTING_2, -2.5)), settings={"quick": True})
+    assert (judged(whole, quick)[CLAIM].verdict, judged(whole, quick)[CLAIM].measured) == (UNTESTED, None)
+
+
+def test_what_speaks_against_the_evidence_is_said(whole: Records):
+    sound = study(effect(LISTING_2, -2.5))
+    assert "not" not in judged(whole, sound)[CLAIM].note.removesuffix(DERIVED)
+    assert "the evidence was not finished" in judged(whole, replace(sound, finished=False))[CLAIM].note
+    checks = [Check("share of A/A comparisons", 0.2, high=0.05), Check("share of planted effects", 0.9, low=0.8)]
+    failing = StudyRecord(StudyInfo("calibration", "title", "question?", "method"), checks=checks)
+    doubted = judged(whole, replace(sound, studies=[*sound.studies, failing]))[CLAIM]
+    assert "1 of 2 checks of calibration did not hold" in doubted.note
+
+
+def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Records):
+    steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
+    every = [effect(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
+    older = ["The paper's scale.", "The ablation of Table 4 in this run: the factorial study"]
+    assert not_tested(older, claims(whole, study(*every))) == ["The paper's scale."]
+    assert not_tested(older, claims(whole, None))[1].startswith("The ablation of Table 4: 6 of its 6 steps")
+    assert not_tested([], claims(whole, study(*every[1:])))[0].startswith("The ablation of Table 4: 1 of its 6 steps")
+    assert not_tested([], []) == []
+    assert any("6 of its 6 steps" in one for one in summary(whole)["not_tested"])
+    assert "6 of its 6 steps" in page(whole)
 
 
 def test_what_is_published_is_judged_by_the_same_evidence(whole: Records, tmp_path):

@@ -11,6 +11,7 @@ from reports.first_screen import PRINCIPAL, calibration, first_screen
 from reports.load import Records, read_records
 from reports.page import page
 from tests.reports.fake_run import write_fake_run
+from tests.reports.test_claims_ablation import LISTING_2, effect, study
 from tests.reports.test_claims_time import ONE, record
 
 
@@ -31,7 +32,9 @@ def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records)
     said = shown(whole)
     assert said.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
     first, average, faster, *_, weights = said.lines
-    assert (first.printed, first.measured, first.interval) == ("+1.2 to +1.8 dB", "+0.81 dB", "[+0.69, +0.93]")
+    assert (first.printed, first.measured, first.interval) == ("+1.2 to +1.8 dB", "+0.76 to +0.86 dB", "")
+    assert "mean +0.81 [+0.69, +0.93]" in first.note
+    assert "against nerf_matched: " in average.note
     assert (average.printed, average.verdict, average.mark) == ("+1.5 dB", "does not hold", "✕")
     assert (faster.printed, faster.measured, faster.verdict) == ("18 %", "–", "not tested at this scale")
     assert (weights.printed, weights.measured) == ("1\u202f370\u202f000", "546\u202f566")
@@ -52,7 +55,14 @@ def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
 def test_what_is_known_of_an_untested_claim_stands_below_it(whole: Records):
     faster = shown(replace(whole, targets=record(ONE, 24.0, False))).lines[2]
     assert (faster.verdict, faster.measured, faster.interval) == ("not tested at this scale", "12.0 %", "[8.0, 16.0]")
-    assert faster.note == "at 24.0 dB instead of 30 dB"
+    assert faster.note.startswith("at 24.0 dB instead of 30 dB; within the training steps that both were watched")
+
+
+def test_another_scale_than_the_runs_stands_below_its_verdict(whole: Records):
+    lines = {line.words: line for line in shown(whole, study(effect(LISTING_2, -2.5))).lines}
+    assert lines["then the amplifier"].note.endswith("lego; 3 seeds; 500 steps")
+    assert lines["weights"].note.endswith("the paper’s network")
+    assert "profile reduced" not in lines["PSNR gain, average"].note
 
 
 def test_how_sure(whole: Records):
@@ -62,6 +72,19 @@ def test_how_sure(whole: Records):
     )
     assert sure[1] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
     assert "was not measured beside this run" in sure[2]
+
+
+def test_what_was_lost_and_a_single_scene_stand_beside_the_interval(records: Records, tmp_path):
+    assert "over scenes and seeds; 1 of 6 pairs left aside." in shown(records).sure[0]
+    assert "1 of 6 pairs left aside" in page(records)
+    alone = read_records(write_fake_run(tmp_path / "one", ("chair",), pictures=False, with_diverged=False))
+    assert shown(alone).sure[0].endswith("over seeds on chair alone.")
+
+
+def test_the_power_is_that_of_the_comparison_in_the_headline(whole: Records):
+    changed = [replace(one, smallest_detectable=9.0) if one.against == "nerf_matched" else one
+               for one in whole.comparisons]  # fmt: skip
+    assert "below 0.40 dB" in shown(replace(whole, comparisons=changed)).sure[1]
 
 
 @pytest.mark.parametrize(
@@ -76,6 +99,11 @@ def test_how_sure(whole: Records):
             Check("share of planted effects that are found", 0.71, low=0.8),
             "Comparer: share of planted effects that are found: 71.0\u202f% "
             "(wanted: at least 80.0\u202f%) – this check does not hold.",
+        ),
+        (
+            Check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05),
+            "Comparer: share of A/A comparisons that are called better or worse: 5.04\u202f% "
+            "(wanted: at most 5.0\u202f%) – this check does not hold.",
         ),
         (Check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
         (Check("spread", 0.21, 0.1, 0.3, "dB"), "Comparer: spread: 0.21\u202fdB (wanted: at least 0.10\u202fdB and at "

@@ -22,12 +22,21 @@ def decided(records: Records, **verdicts: str) -> Records:
     ("vs_baseline", "vs_control", "title"),
     [
         ("better", "better", "qnerf scores above both nerf and nerf_matched"),
-        ("better", "equivalent", "The gain of qnerf over nerf is a bandwidth effect: nerf_matched does as well"),
-        ("better", "worse", "The gain of qnerf over nerf is a bandwidth effect: nerf_matched does better still"),
+        (
+            "better",
+            "equivalent",
+            "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well",
+        ),
+        (
+            "better",
+            "worse",
+            "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does better still",
+        ),
         (
             "better",
             "inconclusive",
-            "The gain of qnerf over nerf is not shown to be more than a bandwidth effect: nerf_matched may do as well",
+            "The gain of qnerf over nerf is not shown to be more than bandwidth alone brings: "
+            "nerf_matched may do as well",
         ),
         ("better", None, "qnerf scores above nerf, but without a bandwidth control beside it this says little"),
         ("worse", "worse", "qnerf scores below both nerf and nerf_matched"),
@@ -49,7 +58,7 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
     )
     said = headline(records)
     assert said.title == (
-        "The gain of qnerf over nerf is a bandwidth effect: nerf_matched does as well (at equal steps)"
+        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well (at equal steps)"
     )
     assert said.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
     assert "owed to bandwidth" in said.sentences[1]
@@ -95,3 +104,20 @@ def test_roles(tmp_path):
     records = read_records(write_fake_run(tmp_path / "run", methods=METHODS, pictures=False))
     cast = roles(replace(records, run=replace(records.run, methods=methods)))
     assert (cast.baseline, cast.control, cast.contenders) == ("nerf", "nerf_matched", ["qnerf", "qnerf_theorem"])
+
+
+def test_the_baselines_lost_cells_are_in_the_title_too(whole: Records):
+    cells = [replace(cell, status="error") if (cell.scene, cell.method, cell.seed) == ("chair", "nerf", 0) else cell
+             for cell in whole.cells]  # fmt: skip
+    said = headline(decided(replace(whole, cells=cells), nerf_steps="inconclusive"))
+    assert said.title == "nerf lost 1 of its 6 cells: nothing is settled about qnerf"
+    assert said.sentences[0].endswith("This is of the cells that finished: nerf lost 1 of its 6 cells.")
+
+
+def test_pairs_without_seconds_are_not_said_to_agree(whole: Records):
+    same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
+    records = decided(whole, **same)
+    kept = [one for one in records.comparisons if (one.scene, one.budget) != ("chair", "seconds")]
+    assert headline(replace(records, comparisons=kept)).sentences[-1] == (
+        "Equal steps and equal time lead to the same verdict on qnerf wherever both could be compared (2 could not)."
+    )

@@ -31,7 +31,7 @@ def test_schema(records, tmp_path):
     assert set(data["cells"][0]) >= CELL
     assert set(data["cells"][0]["curve"]) >= {"steps", "seconds", "psnr", "rmse_linear"}
     assert set(data["comparisons"][0]) >= COMPARISON
-    assert set(data["claims"][0]) >= {"id", "source", "printed", "measured", "interval", "scale", "verdict"}
+    assert set(data["claims"][0]) >= {"id", "source", "printed", "measured", "interval", "scale", "verdict", "kind"}
     assert set(data["left_out"][0]) >= {"scene", "what", "seconds_saved", "difference", "interval"}
 
 

@@ -59,8 +59,10 @@ def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_
     ((method, steps, seconds, found, not_found),) = grid.rows
     assert (method.text, method.small) == ("qnerf", "against nerf")
     assert (steps.text, steps.tone) == ("+18.0\u202f%", "inconclusive")
-    assert steps.small.splitlines() == ["[+3.0, +31.0]", "inconclusive", "never there: 1 of 12 runs",
-                                        "there at once: 2 of 12 runs", "1 pair left aside"]  # fmt: skip
+    assert steps.small.splitlines() == [
+        "[−1.0, +33.0]", "inconclusive", "not within the time watched: 1 of 6 runs of nerf",
+        "there at once: 2 of 6 runs of qnerf", "the true saving is larger", "1 pair left aside",
+    ]  # fmt: skip
     assert seconds.text == not_found.text == "–"
     assert found.text == "20\u202f%"
 

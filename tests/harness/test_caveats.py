@@ -1,0 +1,19 @@
+"""What a run says of itself that it does not test."""
+
+from dataclasses import replace
+
+from harness.caveats import not_tested
+from harness.plan import PROFILES
+
+
+def test_the_control_is_named_only_where_it_takes_part() -> None:
+    plan = PROFILES["reduced"]
+    with_it = replace(plan, methods=("nerf", "nerf_matched", "qnerf"))
+    assert any("nerf_matched stands beside" in one for one in not_tested(with_it))
+    without = not_tested(replace(plan, methods=("nerf", "qnerf")))
+    assert any("reward low bandwidth." in one for one in without)
+    assert not any("nerf_matched" in one for one in without)
+
+
+def test_the_ablation_is_left_to_the_ledger_which_knows_what_lies_beside() -> None:
+    assert not any("ablation" in one for one in not_tested(replace(PROFILES["reduced"], methods=("nerf", "qnerf"))))
