@@ -1,5 +1,6 @@
 """Whether the PSNR ceiling that a view set states is what independent renders say."""
 
+import math
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -60,7 +61,7 @@ def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halve
 
 
 def ceilings(situation: Situation) -> Iterator[Finding]:
-    """Sentences, two checks, and a table of the scenes."""
+    """Sentences, three checks, and a table of the scenes."""
     plan = situation.plan(TRAINING)
     if situation.quick:
         plan = replace(plan, scenes=plan.scenes[:2])
@@ -108,10 +109,19 @@ def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
         max(judged_ones) if len(judged_ones) == len(found) else None,
         high=_limit(found),
         unit="standard errors",
-        why="of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies"
+        why=f"of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies. A "
+        f"difference passes up to {TOLERANCE_DB} dB and so many standard errors, "
+        f"{_widest(found):.2f} dB where they are largest"
         if len(judged_ones) == len(found)
         else "a scene with a single view has no standard error",
     )
+    poorest = max(found, key=lambda one: math.inf if one.error is None else one.error)
+    yield Check(
+        "largest standard error of a scene's difference", poorest.error, high=TOLERANCE_DB, unit="dB",
+        why=f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called "
+        "wrong would mean nothing" if poorest.error is not None
+        else f"{poorest.scene} has a single view and no standard error",
+    )  # fmt: skip
     columns = ["scene", "stated, dB", "new renders, dB", "difference, dB", "standard error, dB",
                "formula on new renders, dB", "views"]  # fmt: skip
     yield Table(
@@ -138,6 +148,11 @@ def limited(found: Sequence[Agreement], scores: dict[str, float]) -> Iterator[st
 def _limit(found: Sequence[Agreement]) -> float:
     """Student's, for as many scenes as there are, with the views that the poorest of them has."""
     return critical(max(1, min(one.views for one in found) - 1), len(found))
+
+
+def _widest(found: Sequence[Agreement]) -> float:
+    """dB: the largest difference of a scene that passes."""
+    return TOLERANCE_DB + _limit(found) * max(one.error or 0.0 for one in found)
 
 
 def _signed(value: float) -> str:

@@ -1,5 +1,6 @@
 """One frame of a radiance field by any rule and sampler: its error, its evaluations and its seconds."""
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -133,6 +134,10 @@ class Line:
         reached = [cost for cost, error in zip(costs, self.error[measure], strict=True) if error <= target]
         return min(reached, default=None)
 
+    def least(self, measure: str) -> float:
+        """Raises `ValueError` where an error is not finite, which a minimum would hide or be."""
+        return min(_finite(error, self.rule, self.sampler) for error in self.error[measure])
+
     def order(self, measure: str, floor: float) -> float | None:
         """Fitted over the finer half of what stands clear of the reference's own error."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
@@ -142,6 +147,12 @@ class Line:
 
 def rms(difference: Tensor) -> float:
     return float(difference.double().square().mean().sqrt())
+
+
+def _finite(error: float, rule: str, sampler: str) -> float:
+    if not math.isfinite(error):
+        raise ValueError(f"{rule} ({sampler}): an error is not finite: {error}")
+    return error
 
 
 def measured_lines(
@@ -156,7 +167,7 @@ def measured_lines(
 ) -> list[Line]:
     """Every rule with every sampler at each of `samples`, timed in turns: all of them once, then all once more, …
 
-    `reference` has `MEASURES`.
+    `reference` has `MEASURES`. Raises `ValueError` where an error is not finite.
     """
     todo = [(rule, sampler, count) for rule in rules for sampler in samplers for count in samples]
     for rule, sampler in {(rule, sampler): None for rule, sampler, _ in todo}:
@@ -174,8 +185,8 @@ def measured_lines(
                 line = lines.setdefault((rule, sampler.name), Line(rule, sampler.name))
                 line.samples.append(count)
                 line.evaluations.append(evaluations)
-                line.error["colour"].append(rms(colour - reference["colour"]))
-                line.error["opacity"].append(rms(opacity - reference["opacity"]))
+                line.error["colour"].append(_finite(rms(colour - reference["colour"]), rule, sampler.name))
+                line.error["opacity"].append(_finite(rms(opacity - reference["opacity"]), rule, sampler.name))
     for line in lines.values():
         line.seconds += [statistics.median(taken[line.rule, line.sampler, count]) for count in line.samples]
     return list(lines.values())

@@ -12,6 +12,7 @@ from harness.chart_record import Series, Table
 from harness.evidence.noise_process import noise_rows
 from harness.evidence.scores_at_hand import scores_at_hand
 from harness.evidence.situation import Finding, Situation
+from harness.evidence.wording import listed
 from harness.evidence_record import Check
 from harness.metrics import psnr_from_mse
 from scenes.catalog import CLASSICS
@@ -23,6 +24,8 @@ REPEATS = 2
 FITTED_FROM = 4
 """Samples a pixel: with one, colours brighter than white are clipped one by one, and the error is not noise alone."""
 ROOMS_DB = (1.0, 3.0)
+TEST_SPP = 64
+"""Of the test views in the profile `reduced`."""
 SLOPE = -0.5
 SLOPE_BAR = 0.1
 """By which the error of a scene may fall more slowly than Monte Carlo must."""
@@ -86,7 +89,10 @@ def _fitted(points: Sequence[tuple[float, float]]) -> tuple[float, float] | None
 
 
 def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
-    """From what `python -m scenes noise --scenes` printed."""
+    """From what `python -m scenes noise --scenes` printed. Raises `ValueError` where an error is not finite."""
+    for row in rows:
+        if not all(math.isfinite(one) for errors in row["mse"].values() for one in errors):
+            raise ValueError(f"{scene} with {row['spp']} samples a pixel: an error is not finite: {row['mse']}")
     linear = [statistics.fmean(row["mse"]["linear"]) for row in rows]
     display = [statistics.fmean(row["mse"]["display"]) for row in rows]
     return Noise(
@@ -130,11 +136,13 @@ def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
         return
     slow = max(by_spp, key=lambda name: by_spp[name])
     fast = min(by_spp, key=lambda name: by_spp[name])
+    flat = [one.scene for one in found if one.scene not in by_spp]
+    none = f"; no slope of {listed(flat)}" if flat else ""
     steeper = sum(slope < SLOPE - SLOPE_BAR for slope in by_spp.values())
     yield (
         f"The error falls as samples to the {_minus(by_spp[fast])} ({fast}) to {_minus(by_spp[slow])} ({slow}); "
         f"independent samples would give −0.5, and the strata of the sampler make {steeper} of {len(by_spp)} scenes "
-        f"clearly steeper ({how})."
+        f"clearly steeper ({how}){none}."
     )
     if by_time:
         slow_time, fast_time = (pick(by_time, key=lambda name: by_time[name]) for pick in (max, min))
@@ -145,7 +153,7 @@ def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
         )
     yield Check(
         "slowest fall of the error with samples a pixel", by_spp[slow], high=SLOPE + SLOPE_BAR,
-        why=f"fitted slope of log RMSE, {FITTED_FROM} samples and more, {slow}",
+        why=f"fitted slope of log RMSE, {FITTED_FROM} samples and more, {slow}{none}",
     )  # fmt: skip
 
 
@@ -160,16 +168,31 @@ def room(found: Sequence[Noise], scores: dict[str, float]) -> Iterator[Finding]:
         score = scores[one.scene]
         needed = [one.spp_for(10.0 ** (-(score + decibel) / 10.0)) for decibel in ROOMS_DB]
         rows.append([one.scene, score, *needed])
-    most = [max((float(row[2 + k] or math.nan) for row in rows), default=math.nan) for k in range(len(ROOMS_DB))]
-    yield (
-        f"For a ceiling {ROOMS_DB[0]:g} dB above the best score at hand at most {most[0]:.2g} samples a pixel are "
-        f"needed, for {ROOMS_DB[1]:g} dB {most[1]:.2g}; test views have 64, so such scores are limited by the method."
-        if most[1] < 64
-        else f"For a ceiling {ROOMS_DB[1]:g} dB above the best score at hand up to {most[1]:.2g} samples a pixel are "
-        "needed: more than the 64 of the test views."
-    )
+    yield from _needed(rows)
     columns = ["scene", "best score here, dB", *(f"samples for a ceiling {one:g} dB above" for one in ROOMS_DB)]
     yield Table("samples_needed", 0, "Samples a pixel that scores need (from the fitted line)", columns, rows)
+
+
+def _needed(rows: list[list[str | float | None]]) -> Iterator[str]:
+    """Of scene, score and samples for each of `ROOMS_DB`: the most, among scenes that have a figure for all of them."""
+    known = {str(scene): list(needed) for scene, _, *needed in rows if None not in needed}
+    lost = [str(row[0]) for row in rows if row[0] not in known]
+    if known:
+        near, far = (max(float(one[place] or 0.0) for one in known.values()) for place in range(len(ROOMS_DB)))
+        where = f"on {len(known)} of {len(rows)} scenes " if lost else ""
+        yield (
+            f"For a ceiling {ROOMS_DB[0]:g} dB above the best score at hand at most {near:.2g} samples a pixel are "
+            f"needed {where}and for {ROOMS_DB[1]:g} dB {far:.2g}; test views have {TEST_SPP}, so such scores are "
+            "limited by the method."
+            if far < TEST_SPP
+            else f"For a ceiling {ROOMS_DB[1]:g} dB above the best score at hand up to {far:.2g} samples a pixel are "
+            f"needed {where}where test views have {TEST_SPP}."
+        )
+    if lost:
+        yield (
+            f"How many samples the scores of {listed(lost)} need is not known: their error hardly falls with samples, "
+            "or stands clear of the reference's at fewer than two numbers of them."
+        )
 
 
 def charts(found: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:

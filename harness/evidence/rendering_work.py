@@ -100,13 +100,13 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
     for rule, of_rule in QUADRATURES.items():
         own_lines = [line for line in lines if line.rule == rule]
         if of_rule.of_the_paper and own_lines:
-            least = min(min(line.error["colour"]) for line in own_lines)
-            clear = min(min(line.error["opacity"]) for line in own_lines)
+            least = min(line.least("colour") for line in own_lines)
+            clear = min(line.least("opacity") for line in own_lines)
             yield (
                 f"{rule}, the paper's rule as printed, never comes below {least:.2g} (colour) and {clear:.2g} "
                 "(opacity), whatever the samples: its last interval is endless and it has no background."
             )
-    kept = {line.sampler: min(line.error["colour"]) for line in lines if line.rule == BY_SAMPLER}
+    kept = {line.sampler: line.least("colour") for line in lines if line.rule == BY_SAMPLER}
     if {"box", "box, random"} <= set(kept):
         even, random = kept["box"], kept["box, random"]
         why = ", as spacing would that aliases with frequencies of the encoding" if even > 1.5 * random else ""
@@ -171,7 +171,7 @@ def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
     for line in lines:
         row: list[str | float | None] = [line.rule, line.sampler]
         row += [line.order(name, own[name]) for name in MEASURES]
-        row += [min(line.error[name]) for name in MEASURES]
+        row += [line.least(name) for name in MEASURES]
         for target in (1e-2, 1e-3):
             work = line.cost_of(target, line.evaluations)
             row += [line.cost_of(target, line.seconds), None if work is None else work / rays]

@@ -41,7 +41,7 @@ def test_a_known_variance_is_a_known_ceiling() -> None:
 
 
 def test_equal_noise_agrees() -> None:
-    mean, worst = checks(found())
+    mean, worst, _ = checks(found())
     assert mean.holds
     assert worst.holds
     assert worst.figure == 0.0
@@ -53,7 +53,7 @@ def test_equal_noise_agrees() -> None:
 @pytest.mark.parametrize("factor", [2.0, 0.5, 4.0, 1.05])
 def test_a_wrong_factor_is_caught(factor: float) -> None:
     """5 % is 0.21 dB, and the eight scenes together show it to 0.01 dB."""
-    mean, worst = checks(found(factor=factor))
+    mean, worst, _ = checks(found(factor=factor))
     assert mean.figure == pytest.approx(10 * np.log10(factor), abs=0.05)
     assert not mean.holds
     assert not worst.holds
@@ -61,7 +61,7 @@ def test_a_wrong_factor_is_caught(factor: float) -> None:
 
 def test_one_wrong_scene_is_caught_though_the_mean_holds() -> None:
     scenes = [*found(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
-    mean, worst = checks(scenes)
+    mean, worst, _ = checks(scenes)
     assert mean.holds
     assert not worst.holds
 
@@ -69,14 +69,29 @@ def test_one_wrong_scene_is_caught_though_the_mean_holds() -> None:
 def test_a_scene_whose_views_differ_too_much_to_tell_is_not_called_wrong() -> None:
     wide = agreement("mic", [1e-4 * 1.5, 1e-4 / 1.1, 1e-4], [1e-4, 1e-4, 1e-4], [1e-4] * 3)
     assert abs(wide.difference) > TOLERANCE_DB
-    assert checks([wide, *found(3)])[1].holds
+    _, worst, error = checks([wide, *found(3)])
+    assert worst.holds
+    # … but that this says nothing is seen
+    assert not error.holds
+    assert error.figure == wide.error
+    assert error.why.startswith("mic; with a larger one 0.1 dB would not be told")
+
+
+def test_standard_errors_that_resolve_the_tolerance_hold_and_the_widest_pass_is_said() -> None:
+    """Two logarithms of ±2 % each: 10 / ln 10 · 0.02 · √2 / √15 = 0.032 dB, and with all eight scenes' quantile."""
+    _, worst, error = checks(found())
+    assert error.holds
+    assert error.figure == pytest.approx(0.032, rel=0.5)
+    assert error.figure is not None
+    assert worst.high is not None
+    assert f"{TOLERANCE_DB + worst.high * error.figure:.2f} dB where they are largest" in worst.why
 
 
 def test_one_view_has_no_error_and_no_verdict() -> None:
     single = agreement("lego", [1e-4], [2e-4], [1e-4])
     assert (single.error, single.excess()) == (None, None)
-    assert checks([single])[1].figure is None
-    assert not checks([single])[1].holds
+    for one in checks([single, *found(2)])[1:]:
+        assert (one.figure, one.holds) == (None, False)
 
 
 def test_the_table_has_every_scene() -> None:

@@ -1,12 +1,14 @@
 """Slopes and samples from errors whose law is known."""
 
+import math
 from typing import Any
 
 import pytest
 
 from harness.chart_record import Series, Table
-from harness.evidence.ground_truth_work import Noise, charts, noise_of, room, sentences, tabled
+from harness.evidence.ground_truth_work import TEST_SPP, Noise, charts, noise_of, room, sentences, tabled
 from harness.evidence_record import Check
+from harness.plan import PROFILES
 
 SPP = [1, 4, 16, 64, 256]
 FLOOR = {"lego": 1e-4, "mic": 2e-4}
@@ -78,6 +80,19 @@ def test_without_any_clear_error_nothing_is_claimed() -> None:
     assert not said[1].holds
 
 
+def test_a_scene_without_a_slope_is_named() -> None:
+    unclear = Noise("mic", [1, 4], [0.1, 0.2], [None, None], [None, None])
+    said, _, check = sentences([noise_of("lego", rows("lego")), unclear], "how")
+    assert isinstance(said, str)
+    assert said.endswith("; no slope of mic.")
+    assert isinstance(check, Check)
+    assert check.why.endswith("no slope of mic")
+
+
+def test_test_views_have_as_many_samples_as_is_said() -> None:
+    assert PROFILES["reduced"].views.spp_test == TEST_SPP
+
+
 def test_room_above_scores() -> None:
     """20 dB of score: 21 dB are 10^2.1 / 100 = 1.26 samples away, at 0.01 / spp."""
     found = [noise_of("lego", rows("lego"))]
@@ -88,10 +103,34 @@ def test_room_above_scores() -> None:
     assert "limited by the method" in sentence
     far, _ = room(found, {"lego": 45.0})
     assert isinstance(far, str)
-    assert "more than the 64 of the test views" in far
+    assert "where test views have 64" in far
     (unknown,) = room(found, {})
     assert isinstance(unknown, str)
     assert unknown.startswith("No trained cell")
+
+
+def test_a_scene_without_a_figure_is_named_and_is_no_maximum() -> None:
+    flat = noise_of("mic", rows("mic", power=0.0))
+    for found in ([noise_of("lego", rows("lego")), flat], [flat, noise_of("lego", rows("lego"))]):
+        said, unknown, table = room(found, dict.fromkeys(FLOOR, 20.0))
+        assert isinstance(said, str)
+        assert "at most 1.3 samples a pixel are needed on 1 of 2 scenes and for 3 dB 2;" in said
+        assert isinstance(unknown, str)
+        assert "the scores of mic need is not known" in unknown
+        assert isinstance(table, Table)
+        assert len(table.rows) == 2
+    alone = [one for one in room([flat], {"mic": 20.0}) if isinstance(one, str)]
+    assert len(alone) == 1, "nothing is claimed"
+    assert "mic need is not known" in alone[0]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_an_error_that_is_not_finite_is_refused(bad: float) -> None:
+    """It would pass for one below the reference's."""
+    printed = rows("lego")
+    printed[2]["mse"]["linear"][1] = bad
+    with pytest.raises(ValueError, match="lego with 16 samples a pixel: an error is not finite"):
+        noise_of("lego", printed)
 
 
 def test_charts_have_every_scene_and_the_noise_of_the_reference() -> None:

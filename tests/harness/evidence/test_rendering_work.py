@@ -184,6 +184,19 @@ def test_sentences_say_who_is_first_and_where_that_changes() -> None:
     assert "none reaches an error of 0.01 and none reaches an error of 0.001" in nobody
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("place", [0, 2])
+def test_an_error_that_is_not_finite_is_no_least_one(bad: float, place: int) -> None:
+    """`min` gives NaN where it comes first and hides it elsewhere."""
+    errors = [0.5, 0.4, 0.4]
+    errors[place] = bad
+    lines = [*LINES[:3], a_line("listing4", "box", errors, [0.1, 0.2, 0.3], [40, 80, 160])]
+    with pytest.raises(ValueError, match=r"listing4 \(box\): an error is not finite"):
+        list(sentences(lines, "4 × 5 rays", 20))
+    with pytest.raises(ValueError, match=r"listing4 \(box\): an error is not finite"):
+        tabled(lines, {"colour": 1e-5, "opacity": 2e-5}, 20)
+
+
 def test_charts_and_table_have_everything() -> None:
     own = {"colour": 1e-5, "opacity": 2e-5}
     drawn = list(charts(LINES, own, 20, "a frame"))
