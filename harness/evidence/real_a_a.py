@@ -5,37 +5,67 @@ methods of one run, the two groups share neither rays nor first weights nor the 
 ran: they differ by more than the pairs of a run.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import combinations, permutations
 
 import numpy as np
 
-from harness.comparisons import PRIMARY, Budget, compare
+from harness.comparisons import PRIMARY, Budget, compare, family_of
 from harness.records import CellRecord, Comparison
+from harness.statistics import CONFIDENCE, critical
 from harness.survival import chosen_target, compared
 from harness.targets_record import TargetComparison
 
 METHOD = "nerf"
 TWIN = "nerf_again"
+REPETITIONS = 4000
+"""Of runs that are drawn to see how much their splits vary together."""
 
 
 def splits(cells: list[CellRecord]) -> list[list[CellRecord]]:
     """Each way to rename one half of the seeds as another method, and to pair it with the other half."""
-    seeds = sorted({cell.seed for cell in cells})
+    found = []
+    for first, second in ways(sorted({cell.seed for cell in cells})):
+        place = {seed: (METHOD, k) for k, seed in enumerate(first)} | {seed: (TWIN, k) for k, seed in enumerate(second)}
+        chosen = [cell for cell in cells if cell.seed in place]
+        found.append([replace(one, method=place[one.seed][0], seed=place[one.seed][1]) for one in chosen])
+    return found
+
+
+def ways(seeds: list[int]) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Both halves of the seeds in every pairing; an odd seed stays out."""
     half = len(seeds) // 2
     seeds = seeds[: 2 * half]
-    found = []
     for first in combinations(seeds, half):
         if first[0] != seeds[0]:
             continue  # the same two groups the other way round
         for second in permutations(seed for seed in seeds if seed not in first):
-            place = {seed: (METHOD, k) for k, seed in enumerate(first)} | {
-                seed: (TWIN, k) for k, seed in enumerate(second)
-            }
-            chosen = [cell for cell in cells if cell.seed in place]
-            found.append([replace(one, method=place[one.seed][0], seed=place[one.seed][1]) for one in chosen])
-    return found
+            yield first, second
+
+
+@cache
+def independent_families(scenes: int, seeds: int) -> int:
+    """So many independent families of single scenes would hold a false call in a share that varies by chance as much
+    as that of all splits of the same `seeds` runs on each scene does: simulated, with normal noise.
+
+    1 where there is no telling, as no interval exists.
+    """
+    if seeds < 4:
+        return 1
+    first, second = (np.array(one) for one in zip(*ways(list(range(seeds))), strict=True))
+    freedom = first.shape[1] - 1
+    threshold = critical(freedom, family_of(PRIMARY, "one of them", scenes))
+    generator = np.random.default_rng(20260112)
+    shares = []
+    for _ in range(REPETITIONS):
+        scores = generator.standard_normal((scenes, seeds))
+        difference = scores[:, first] - scores[:, second]
+        error = difference.std(axis=2, ddof=1) / (freedom + 1) ** 0.5
+        shares.append(float((np.abs(difference.mean(axis=2)) > threshold * error).any(axis=0).mean()))
+    share = 1 - CONFIDENCE
+    return max(1, round(share * (1 - share) / float(np.var(shares))))
 
 
 def comparisons(cells: list[CellRecord]) -> list[Comparison]:

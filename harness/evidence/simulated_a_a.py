@@ -35,12 +35,20 @@ class Rates:
     count: int
     false: float
     """Called better or worse without an effect."""
+    outside: float
+    """Whose interval, nominally of 95 %, does not hold the 0 that is true."""
     found: float
-    """Called better with the effect that each prints as the smallest detectable."""
-    next_found: float
-    """Called better with the effect that the comparison before it printed: what one run prints, found by another."""
+    """Called better with an effect of the size that the true spread prints, the same for all that are drawn alike."""
     half: float
-    """Called better with half of what it prints itself."""
+    """Called better with half of it."""
+    own_found: float
+    """Called better with the effect that each prints itself as the smallest detectable: too easy a test where it prints
+    a large one as its spread came out large."""
+    next_found: float
+    """Called better with the effect that the comparison before it of those drawn alike printed: what one run prints,
+    found by another."""
+    planted: float
+    """dB: the size of what is found in `found`; root mean square where those drawn differently have several."""
     detectable: float
     """dB: the median of what they print."""
     family: float = 0.0
@@ -78,7 +86,7 @@ def drawn(spreads: Spreads, generator: np.random.Generator, varying: float = 0.0
 def rates_over_scenes(spreads: Spreads, count: int, varying: float = 0.0) -> Rates:
     """All scenes together, alone in their family."""
     generator = np.random.default_rng(20260108)
-    return _rates([drawn(spreads, generator, varying) for _ in range(count)], 1)
+    return _rates([[drawn(spreads, generator, varying) for _ in range(count)]], 1)
 
 
 def rates_by_scene(spreads: Spreads, count: int) -> Rates:
@@ -87,22 +95,52 @@ def rates_by_scene(spreads: Spreads, count: int) -> Rates:
     family = family_of(PRIMARY, "one of them", len(spreads.scale))
     tables = [drawn(spreads, generator) for _ in range(count)]
     called = [any(_called({scene: row}, family) for scene, row in table.items()) for table in tables]
-    rates = _rates([{scene: row} for table in tables for scene, row in table.items()], family)
+    rates = _rates([[{scene: table[scene]} for table in tables] for scene in spreads.scale], family)
     return replace(rates, family=_share(called))
 
 
-def _rates(tables: list[Differences], family: int) -> Rates:
-    printed = [judged(table, PRIMARY, family).smallest_detectable or math.inf for table in tables]
-    before = [printed[-1], *printed[:-1]]
-    sizes = list(zip(tables, printed, before, strict=True))
+@dataclass(frozen=True)
+class _Trial:
+    """One simulated comparison."""
+
+    table: Differences
+    printed: float
+    before: float
+    """What the one before it printed."""
+    true: float
+    """What the true spread prints."""
+
+
+def _rates(alike: list[list[Differences]], family: int) -> Rates:
+    """Of comparisons in groups that are drawn alike, from the same true spread."""
+    trials = [trial for tables in alike for trial in _trials(tables, family)]
     return Rates(
-        count=len(tables),
-        false=_share(_called(table, family) for table in tables),
-        found=_share(_better(table, size, family) for table, size, _ in sizes),
-        next_found=_share(_better(table, size, family) for table, _, size in sizes),
-        half=_share(_better(table, size / 2, family) for table, size, _ in sizes),
-        detectable=float(np.median(printed)),
+        count=len(trials),
+        false=_share(_called(one.table, family) for one in trials),
+        outside=_share(_outside(one.table) for one in trials),
+        found=_share(_better(one.table, one.true, family) for one in trials),
+        half=_share(_better(one.table, one.true / 2, family) for one in trials),
+        own_found=_share(_better(one.table, one.printed, family) for one in trials),
+        next_found=_share(_better(one.table, one.before, family) for one in trials),
+        planted=_root_mean_square([one.true for one in trials]),
+        detectable=float(np.median([one.printed for one in trials])),
     )
+
+
+def _trials(tables: list[Differences], family: int) -> list[_Trial]:
+    """What the true spread prints is the root mean square of what they print: the mean of squared errors is true."""
+    printed = [_printed(table, family) for table in tables]
+    before, true = [printed[-1], *printed[:-1]], _root_mean_square(printed)
+    return [_Trial(table, own, other, true) for table, own, other in zip(tables, printed, before, strict=True)]
+
+
+def _printed(table: Differences, family: int) -> float:
+    size = judged(table, PRIMARY, family).smallest_detectable
+    return math.inf if size is None else size
+
+
+def _root_mean_square(sizes: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(sizes))))
 
 
 def power_curve(spreads: Spreads, count: int, varying: float = 0.0) -> list[float]:
@@ -118,6 +156,11 @@ def power_curve(spreads: Spreads, count: int, varying: float = 0.0) -> list[floa
 
 def _share(called: Iterable[bool]) -> float:
     return float(np.mean(list(called)))
+
+
+def _outside(table: Differences) -> bool:
+    interval = judged(table, PRIMARY, 1).interval
+    return interval is not None and not interval[0] <= 0.0 <= interval[1]
 
 
 def _called(table: Differences, family: int) -> bool:

@@ -30,8 +30,8 @@ STUDIES: dict[str, Study] = dict(
             "Is the comparer calibrated?",
             "How often does it see a difference where there is none, and how often does it miss one that is there?",
             "NeRF against NeRF with other seeds, in real training runs, and in simulated comparisons drawn from the "
-            "spreads that those runs show; then once more with an effect planted, of the size that each comparison "
-            "prints as the smallest that it can detect.",
+            "spreads that those runs show; then once more with an effect planted, the same for all that are drawn "
+            "alike: of the size that their true spread prints as the smallest that can be detected.",
             "calibration:calibration",
             200,
             "a_a",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from harness.chart_record import Series, Table
 from harness.comparisons import Judgement
@@ -91,7 +92,9 @@ def test_a_sound_comparer_passes_on_sound_runs(monkeypatch: pytest.MonkeyPatch) 
     assert [one.x[0] for one in curves] == [0.0, 0.0]
     assert all(one.y[-1] > one.y[0] for one in curves)  # type: ignore[operator]
     assert {one.id for one in found if isinstance(one, Table)} == {"real_a_a", "simulated_a_a", "a_a_spread"}
-    assert "simulated comparisons over all scenes" in next(one for one in found if isinstance(one, str))
+    said = [one for one in found if isinstance(one, str)]
+    assert "simulated comparisons over all scenes" in said[0]
+    assert "The interval over all scenes, nominally of 95 %, holds the truth in" in said[1]
 
 
 def broken(change: Callable[[Judgement], Judgement], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,6 +118,42 @@ def test_a_comparer_that_calls_by_the_mean_alone_fails(monkeypatch: pytest.Monke
 def test_a_comparer_that_prints_too_small_a_size_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     broken(lambda one: replace(one, smallest_detectable=(one.smallest_detectable or 0) / 2), monkeypatch)
     assert sum("planted" in one for one in failed(findings(runs(), monkeypatch))) == 3
+
+
+def test_a_size_that_is_too_small_by_a_sixth_is_seen_though_each_comparison_finds_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The sum of two quantiles of t, 12.59 + 1.06 in a family of eight with three seeds, is no size found in 80 %."""
+    spreads = replace(measured_spreads(runs()), shape=norm.ppf((np.arange(500) + 0.5) / 500))
+    least = 0.8 - 2 * (0.8 * 0.2 / 1600) ** 0.5
+    assert rates_by_scene(spreads, 200).found >= least
+    broken(lambda one: replace(one, smallest_detectable=(one.smallest_detectable or 0) * 13.65 / 16.04), monkeypatch)
+    few = rates_by_scene(spreads, 200)
+    assert few.found < least
+    assert few.own_found >= least
+
+
+def test_the_planted_size_is_that_of_the_true_spread_and_the_same_for_all_that_are_drawn_alike() -> None:
+    spreads = replace(measured_spreads(runs()), shape=norm.ppf((np.arange(500) + 0.5) / 500))
+    rates = rates_by_scene(spreads, 400)
+    true = 16.0409 * (2 / 3 * np.mean(np.square(list(spreads.scale.values())))) ** 0.5
+    assert rates.planted == pytest.approx(true, rel=0.03)
+    assert rates.detectable < rates.planted
+
+
+def test_real_families_are_worth_as_many_as_their_share_varies_like() -> None:
+    found = real_a_a.independent_families(8, 6)
+    assert 28 <= found <= 45, "of 60 splits, of which 10 part the seeds differently"
+    assert real_a_a.independent_families(8, 4) <= 6
+    assert real_a_a.independent_families(8, 3) == 1
+
+
+def test_a_sound_share_of_real_families_holds_and_twice_as_many_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """7 of 60 with a false call is what one sound comparer in ten shows; 12 is what one in a thousand does."""
+    for called, holds in ((7, True), (12, False)):
+        monkeypatch.setattr(study, "share_of_families", lambda rows, share=called / 60: share)
+        names = failed(findings(runs(), monkeypatch, 10))
+        assert any("real families of single scenes" in one for one in names) != holds
 
 
 def test_a_real_difference_between_seeds_is_seen_in_the_real_comparisons(monkeypatch: pytest.MonkeyPatch) -> None:
