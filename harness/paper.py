@@ -7,7 +7,7 @@ Entries that repeat the shape of a table are made from that table (`harness.pape
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from harness.paper_tables import ORIGINAL_NERF, TABLE1, TABLE2, TABLE3, TABLE4
+from harness.paper_tables import ORIGINAL_NERF, SETTINGS, TABLE1, TABLE2, TABLE3, TABLE4
 
 Number = int | float
 
@@ -302,7 +302,11 @@ ELSEWHERE = (
     Printed("footnote2-tests", ("§10 footnote 2",), 30, "Test files of their vision subsystem", "their code", "files"),
 )
 
-LEDGER: tuple[Printed, ...] = (*ABSTRACT, *ARCHITECTURE, *SCORES, *EFFICIENCY, *ABLATION, *ELSEWHERE)
+STATED = tuple(
+    Printed(name, (where,), value, words, "setting", "", {"at": path}) for name, where, value, words, path in SETTINGS
+)
+
+LEDGER: tuple[Printed, ...] = (*ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *ABLATION, *ELSEWHERE)
 """In the paper's order. `tests/harness/test_paper.py` holds them against the numbers of the paper's text."""
 
 

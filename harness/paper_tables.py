@@ -28,6 +28,19 @@ TABLE4: list[dict[str, Any]] = [
 ]
 """`method` is ours with that row's parts, the amplifier as in Listing 2."""
 
+SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
+    ("setup-iterations", "§7.1", 200_000, "Iterations of a training", "budget.steps"),
+    ("setup-learning-rate", "§7.1", 0.0005, "Learning rate", "train.learning_rate"),
+    ("setup-rays", "§7.1", 1024, "Rays of an iteration", "train.rays"),
+    ("section5.2-skip", "§5.2", 4, "The standard skip follows this layer", ""),
+    ("theorem1-alpha", "§4.1", None, "α of the amplifier begins at 1/φ", ""),
+    ("listing2-threshold", "Listing 2", 0.5, "Threshold of the boost", ""),
+    ("listing2-beta", "Listing 2", 1, "β of the amplifier begins here", ""),
+    ("listing4-last", "Listing 4", 1e10, "Length of the last interval of a ray", ""),
+    ("listing4-offset", "Listing 4", 1e-10, "What is added to the transmittance of an interval", ""),
+)
+"""id, place, printed value, what it is, and where a run's settings hold its own: nothing where they do not."""
+
 ORIGINAL_NERF: dict[str, float] = {
     "chair": 33.00,
     "drums": 25.01,

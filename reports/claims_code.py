@@ -2,7 +2,7 @@
 
 from reports.judging import half_unit
 from reports.ledger import UNTESTED, Bench, Finding, Printed, Verdict
-from reports.scale import setting
+from reports.scale import number_at
 from reports.wording import count, listed
 
 COMPONENTS = {
@@ -26,9 +26,10 @@ def weights(bench: Bench, entry: Printed) -> Finding:
 
 def run_setting(bench: Bench, entry: Printed) -> Finding:
     """A setting is taken over, not put to the test; the run's own stands beside."""
-    words = setting(bench.records.run.settings, "train", "network", entry.of["setting"])
-    measured = int("".join(filter(str.isdigit, words))) if words else None
-    return Finding(UNTESTED, "the networks of this run", measured, note="a setting, not a result")
+    path = entry.of["at"].split(".") if "at" in entry.of else ["train", "network", entry.of["setting"]]
+    value = number_at(bench.records.run.settings, *path)
+    how = "the settings of this run" if "at" in entry.of else "the networks of this run"
+    return Finding(UNTESTED, how, value, note="a setting, not a result")
 
 
 def lines(bench: Bench, entry: Printed) -> Finding:

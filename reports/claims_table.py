@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from reports.claims import KINDS
+from reports.evidence_view import plain
 from reports.grid import Column, Entry, Grid
 from reports.ledger import UNTESTED, VERDICTS, Claim
 from reports.wording import NOTHING, count, interval, number, signed
@@ -109,6 +110,8 @@ def _finer(claim: Claim) -> int:
 def _value(claim: Claim, value: int | float, digits: int) -> str:
     if _is_difference(claim):
         return signed(value, digits)
+    if claim.kind == "others":
+        return plain(value)
     return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
 
 

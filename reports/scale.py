@@ -152,11 +152,22 @@ def _samples(settings: dict[str, Any]) -> str:
 
 def setting(settings: dict[str, Any], *path: str) -> str:
     """A nested setting in words; nothing where the run does not state it."""
-    value: Any = settings
-    for name in path:
-        value = value.get(name) if isinstance(value, dict) else None
+    value = _at(settings, *path)
     if isinstance(value, bool) or value is None:
         return ""
     if isinstance(value, int):
         return count(value)
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
+    """A nested setting that is a number; None where the run does not state it."""
+    value = _at(settings, *path)
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _at(settings: dict[str, Any], *path: str) -> Any:
+    value: Any = settings
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value

@@ -86,6 +86,18 @@ def test_every_number_of_the_text_has_an_entry():
     assert found["section8.1-retrieval"].printed is None
     assert [found[f"footnote2-{name}"].printed for name in ("files", "lines", "tests")] == [189, 44_000, 30]
     assert found["footnote1-table"].printed == 7
+    stated = {one.id: one.printed for one in LEDGER if "at" in one.of}
+    assert stated == {
+        "setup-iterations": 200_000, "setup-learning-rate": 5e-4, "setup-rays": 1024, "section5.2-skip": 4,
+        "theorem1-alpha": None, "listing2-threshold": 0.5, "listing2-beta": 1.0,
+        "listing4-last": 1e10, "listing4-offset": 1e-10,
+    }  # fmt: skip
+
+
+def test_what_is_derived_lies_within_what_the_rounded_figures_leave_open():
+    for one in LEDGER:
+        if one.leaves_open:
+            assert one.leaves_open[0] < one.printed < one.leaves_open[1]
 
 
 def test_what_the_paper_says_in_several_places_is_one_entry():

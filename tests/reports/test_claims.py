@@ -257,3 +257,16 @@ def test_the_papers_scale_needs_its_rays_its_scenes_and_a_cell_that_finished(eig
     ):
         assert not is_paper_scale(changed)
     assert has_paper_settings(seven)
+
+
+def test_settings_that_the_paper_states_stand_beside_the_runs(whole: Records):
+    found = by_id(whole)
+    names = ("setup-iterations", "setup-learning-rate", "setup-rays", "listing2-threshold")
+    assert [(found[name].printed, found[name].measured) for name in names] == [
+        (200_000, 1600), (0.0005, 0.005), (1024, 2048), (0.5, None),
+    ]  # fmt: skip
+    rows = {row[0].text: [row[1].text, row[2].text] for row in claims_grid(claims(whole), "").rows}
+    assert rows["Rays of an iteration"] == ["1\u202f024", "2\u202f048"]
+    assert rows["Threshold of the boost"] == ["0.5", "–"]
+    assert rows["Length of the last interval of a ray"] == ["10¹⁰", "–"]
+    assert rows["Layers of the density MLP"] == ["8", "6"]
