@@ -64,6 +64,10 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
             for file, found in beside.items():
                 if found is not None:
                     refuse_quick(found.settings, out / file)
+            if evidence is not None and not evidence.finished:
+                raise NotForPublishing(
+                    f"{out / EVIDENCE_FILE}: not finished; let `nox -s evidence` end, or leave out --publish"
+                )
         alone = all(found is None for found in beside.values())
         if alone and out.is_dir() and not records_folder(out).is_dir():
             raise NoRecords(

@@ -127,6 +127,14 @@ def test_a_quick_run_is_not_published(tmp_path, capsys):
     assert main([str(out)]) == 0
 
 
+def test_unfinished_evidence_is_not_published(tmp_path, capsys):
+    out = write_fake_evidence(tmp_path / "out", replace(GOOD, finished=False))
+    assert main([str(out), "--publish", str(tmp_path / "docs")]) == 2
+    assert "not finished" in capsys.readouterr().err
+    assert not (tmp_path / "docs").exists()
+    assert main([str(out)]) == 0
+
+
 def test_the_page_is_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_evidence(tmp_path / "out", GOOD)
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))
