@@ -81,8 +81,8 @@ def _sentences(found: _Measured) -> Iterator[str]:
         f"{_percent(alike.found)}, half of it in {_percent(alike.half)}."
     )
     yield (
-        f"The interval over all scenes, nominally of 95 %, holds the truth in {_percent(1 - alike.outside)} where runs "
-        f"differ by their seeds alone, as its error counts what differs in one cell up to three times, and in "
+        f"The interval over all scenes, nominally of 95 %, holds the truth in {100 - 100 * alike.outside:.2f} % where "
+        f"runs differ by their seeds alone, as its error counts what differs in one cell up to three times, and in "
         f"{_percent(1 - unlike.outside)} where an effect varies by {VARYING:g} dB from scene to scene. Of the latter "
         f"comparisons {_percent(unlike.false)} are called although the mean effect is 0, and {_percent(unlike.found)} "
         f"find the size that the true spread prints, {unlike.planted:.2f} dB."
@@ -147,7 +147,7 @@ def _checks(found: _Measured) -> Iterator[Check]:
         high=float(binom.ppf(1 - BY_CHANCE, found.families, MOST_FALSE)) / found.families,
         why=f"5 % by construction, in {ways}, which share runs and vary by chance as much as {found.families} "
         f"independent ones; a sound comparer is beyond the limit, a quantile of the binomial, in "
-        f"{100 * BY_CHANCE:g} %",
+        f"about {100 * BY_CHANCE:g} %",
     )
     yield Check(
         f"share of simulated comparisons that are called although an effect {UNLIKE} has mean 0",
