@@ -142,6 +142,11 @@ class _Paired:
         return ours, theirs
 
     @property
+    def bounded(self) -> int:
+        """Pairs of which a time is a bound alone: how far apart they are, nobody knows."""
+        return sum(one.known != "reached" or other.known != "reached" for one, other in self.pairs)
+
+    @property
     def silent(self) -> int:
         """Pairs of which both times are bounds on the same side, so that nobody knows which was sooner."""
         return sum(ours.known == theirs.known != "reached" for ours, theirs in self.pairs)
@@ -154,7 +159,7 @@ def compared(
 
     Times are cut at the horizon of their scene, the shortest that a finished run of the two was watched there. A run
     that never gets there counts as long as the horizon: a saving that rests on such runs is understated. While some
-    pairs tell nothing, nothing is called equivalent.
+    pair's time is a bound alone, nothing is called equivalent.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     scenes = sorted({cell.scene for cell in runs.values()})
@@ -190,7 +195,7 @@ def compared(
         saving=_per_cent(result.mean),
         interval=_in_per_cent(result.interval),
         simultaneous=_in_per_cent(result.simultaneous),
-        verdict="inconclusive" if found.aside or (said == "equivalent" and found.silent) else said,
+        verdict="inconclusive" if found.aside or (said == "equivalent" and found.bounded) else said,
         smallest_detectable=None if least is None else _per_cent(-least),
         difference=apart.mean,
         difference_interval=apart.interval,

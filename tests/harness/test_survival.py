@@ -172,6 +172,16 @@ def test_a_run_that_failed_is_left_aside_and_one_that_diverged_never_gets_there(
     assert some.saving == pytest.approx(100 * (1 - 10**-0.5))
 
 
+def test_late_against_never_is_not_equivalent() -> None:
+    """nerf gets there just before the end, qnerf never: they are nearly level in what was watched, and nobody knows."""
+    cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(3)]
+    one = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
+    assert one.never == (3, 0)
+    assert one.simultaneous is not None
+    assert -5.0 < one.simultaneous[0] < one.simultaneous[1] < 5.0
+    assert one.verdict != "equivalent"
+
+
 def test_a_run_that_failed_is_at_risk_until_it_did() -> None:
     half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
     half += [Reach("a", "m", k, "steps", 1.0, "never", "failed") for k in range(5)]
