@@ -74,7 +74,8 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
 
 
 def _line(words: str, claim: Claim, here: str) -> Line:
-    elsewhere = claim.scale if claim.scale != here and claim.verdict != UNTESTED else ""
+    # its first sentence; what else is to be known of a study's cells stands with the study
+    elsewhere = claim.scale.split(". ")[0] if claim.scale != here and claim.verdict != UNTESTED else ""
     return Line(
         words,
         claim.source,
