@@ -130,11 +130,17 @@ def wait_for(what: Any) -> None:
     pytest.fail("waited in vain")
 
 
+def in_the_foreground() -> None:
+    """On one core, and open to Ctrl-C: a suite that was started in the background hands on that it is ignored."""
+    on_one_core()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def ended_midway(how: signal.Signals, ball_folder: Path, out: Path, *more: str) -> tuple[int, str]:
     """Starts the run, ends it as soon as one cell is finished, waits for its workers; its exit code and complaints."""
     call = command(*TINY, *more, "--view-set", ball_folder, "--out", out)
     process = subprocess.Popen(
-        call, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=on_one_core
+        call, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=in_the_foreground
     )
     cells = out / "records" / "cells"
     wait_for(lambda: process.poll() is not None or (cells.exists() and list(cells.glob("*.json"))))
