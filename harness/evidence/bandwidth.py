@@ -87,14 +87,7 @@ def _moved(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
     low, high = min(cells), max(cells)
     for factor in (REACH, BASE):
         first, last = (contrast_tables(LADDER_DESIGN, (factor,), cells[px], "psnr", "steps") for px in (low, high))
-        yield from effects_of_table(
-            {scene: last[scene] - first[scene] for scene in first},
-            name=f"{factor}, from {low} to {high} px",
-            metric="psnr",
-            budget="steps",
-            metrics=1,
-            note="change of an effect",
-        )
+        yield from _change(first, last, f"{factor}, from {low} to {high} px")
 
 
 def _ripened(cells: list[CellRecord], px: int) -> Iterator[Effect]:
@@ -102,14 +95,19 @@ def _ripened(cells: list[CellRecord], px: int) -> Iterator[Effect]:
     steps = common_steps(cells)
     for factor in (REACH, BASE) if len(steps) > 1 else ():
         before, end = (contrast_tables(LADDER_DESIGN, (factor,), cells, "psnr", "steps", step) for step in steps[-2:])
-        yield from effects_of_table(
-            {scene: end[scene] - before[scene] for scene in end},
-            name=f"{factor} at {px} px, from step {steps[-2]} to {steps[-1]}",
-            metric="psnr",
-            budget="steps",
-            metrics=1,
-            note="change of an effect",
-        )
+        yield from _change(before, end, f"{factor} at {px} px, from step {steps[-2]} to {steps[-1]}")
+
+
+def _change(before: dict[str, np.ndarray], after: dict[str, np.ndarray], name: str) -> Iterator[Effect]:
+    """How an effect on PSNR moves: scene → effects [seeds], the same scenes and seeds in both."""
+    yield from effects_of_table(
+        {scene: after[scene] - before[scene] for scene in before},
+        name=name,
+        metric="psnr",
+        budget="steps",
+        metrics=1,
+        note="change of an effect",
+    )
 
 
 def answer(found: list[Effect]) -> str:
