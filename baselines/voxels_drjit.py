@@ -47,6 +47,7 @@ class VoxelField:
     """What is learnt; torch tensors come in and go out, everything between is Dr.Jit's."""
 
     bounded = False
+    pointwise = True
 
     def __init__(self, box: Box, voxels: int, view_dependent: bool, backend: Backend) -> None:
         """`voxels` along the longest side of the box; thin grey fog everywhere."""
@@ -72,6 +73,17 @@ class VoxelField:
     def state_dict(self) -> dict[str, Tensor]:
         """`density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
         return {name: self._as_grid(name) for name in self.values}
+
+    def filled(self, values: dict[str, Tensor]) -> "VoxelField":
+        """A field with what `state_dict` gave; raises `ValueError` where that is of another box or another degree."""
+        shape = tuple(values["density"].shape[::-1])
+        found = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
+        for name in found.values:
+            wanted = shape[::-1] if name == "density" else (*shape[::-1], self.coefficients)
+            if found.shape != shape or tuple(values[name].shape) != wanted:
+                raise ValueError(f"{name} of shape {tuple(values[name].shape)}, {wanted} in a grid of {found.shape}")
+            found.values[name] = self._flat(values[name].reshape(-1))
+        return found
 
     def refined(self, voxels: int) -> "VoxelField":
         """The same field on a finer grid, interpolated."""

@@ -36,6 +36,11 @@ class LearnedField(Protocol):
         """Whether density stays within [0, 1]."""
         ...
 
+    @property
+    def pointwise(self) -> bool:
+        """Whether a point's density does not depend on the other points of the call."""
+        ...
+
     def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
 
     def density_before_and_after(
@@ -89,7 +94,17 @@ class Learner(Protocol):
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
 
-    def render(self, rays: Rays, chunk: int) -> Rendering: ...
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """`chunk` rays a call; `bins` a ray instead of those of the settings."""
+        ...
+
+    def rendered_by(self) -> dict[str, Any]:
+        """All that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
+        ...
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        """What `harness.checkpoints.tensors_of` gave after `step` steps, put back."""
+        ...
 
     def amplifier_scalars(self) -> dict[str, float | None]: ...
 

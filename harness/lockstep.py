@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
 from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
+from harness.checkpoints import checkpoint_path, save_checkpoint
 from harness.flops import flops_per_evaluation
 from harness.learner import Learner, NotAvailable, learner_for
 from harness.records import CellRecord, Checkpoint, Status, StoredImage, ViewScore, records_folder
@@ -209,7 +209,7 @@ class _Runner:
         scores = evaluate.mean_scores(last.rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
-        self._save_weights()
+        save_checkpoint(trainer, checkpoint_path(self.out, self.scene, trainer.method, self.seed))
         properties = evaluate.measured_properties(trainer, self.test)
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         self.ended = True
@@ -270,14 +270,6 @@ class _Runner:
             opacity=write("opacity", np.repeat(np.clip(view.opacity, 0.0, 1.0)[..., None], 3, axis=-1)),
         )
 
-    def _save_weights(self) -> None:
-        folder = self.out / "checkpoints"
-        folder.mkdir(parents=True, exist_ok=True)
-        tensors = {name: value.contiguous().cpu() for name, value in self.trainer.fields.state_dict().items()}
-        if self.trainer.grid is not None:
-            tensors["occupied"] = self.trainer.grid.occupied.cpu()
-        save_file(tensors, folder / f"{self.scene}.{self.trainer.method}.{self.seed}.safetensors")
-
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
     """The box that everything seen lies in."""
@@ -293,7 +285,11 @@ def stream_of(scene: str, seed: int) -> str:
 
 def needs_view_direction(views: ViewSet) -> bool:
     """False where the scene's own description says that it looks the same from all sides."""
-    left_out = {row["what"] for row in views.rendered.get("left_out", [])}
+    return needs_view_direction_of([row["what"] for row in views.rendered.get("left_out", [])])
+
+
+def needs_view_direction_of(left_out: list[str]) -> bool:
+    """By what a scene does not need, in words."""
     return "view-direction branch" not in left_out
 
 
@@ -304,6 +300,7 @@ def view_set_facts(views: ViewSet) -> dict[str, Any]:
         "digest": views.rendered.get("digest"),
         "width": views.width,
         "height": views.height,
+        "focal": views.focal,
         "train": len(views.train.names),
         "test": len(views.test.names),
         "bounds": views.bounds.tolist(),

@@ -1,6 +1,7 @@
 """How training, sampling and scoring are set: small frozen groups, equal for all methods of a comparison."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.contract import NetworkSize, Precision
@@ -65,6 +66,9 @@ class TrainSettings:
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
     voxels: VoxelSettings = field(default_factory=VoxelSettings)
+    ray_attention: Literal["none", "gradients"] = "none"
+    """How the pixels of a batch are chosen: all alike, or by attention (`harness.attention`), the same for all methods.
+    Off by default: it is a different comparison."""
 
 
 @dataclass(frozen=True)

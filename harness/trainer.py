@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import asdict, replace
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -13,6 +15,7 @@ from baselines.field import NetworkField, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
+from harness.checkpoints import OCCUPIED
 from harness.clipping import Clipping
 from harness.schedule import Budget, learning_rate
 from harness.seeds import generator_for
@@ -46,6 +49,7 @@ class Trainer:
         if parts is None:
             raise ValueError(f"{method} is not made of parts; it has a trainer of its own")
         self.method = method
+        self.parts = parts
         self.settings = settings
         self.budget = budget
         self.seed = seed
@@ -55,7 +59,7 @@ class Trainer:
 
         on = settings.accelerations
         # a direction that no colour depends on is left out, unless that is switched off
-        view_dependent = view_dependent or not on.directions
+        self.view_dependent = view_dependent = view_dependent or not on.directions
 
         def field(name: str) -> NetworkField:
             return NetworkField(
@@ -127,10 +131,12 @@ class Trainer:
             self._note(loss_value, norms, rendering.network_evaluations / len(rays))
 
     @torch.no_grad()
-    def render(self, rays: Rays, chunk: int) -> Rendering:
-        """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given,
+        and of as many more in the second pass. Raises `Diverged` on a pixel not finite.
+        """
         starts = range(0, max(len(rays), 1), chunk)
-        parts = [self._rendered(rays.part(start, start + chunk), None, start) for start in starts]
+        parts = [self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts]
         whole = Rendering(
             colour=torch.cat([part.colour for part in parts]),
             opacity=torch.cat([part.opacity for part in parts]),
@@ -151,6 +157,32 @@ class Trainer:
             name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
         }
 
+    def rendered_by(self) -> dict[str, Any]:
+        return {
+            "method": self.method,
+            "parts": asdict(self.parts),
+            "sampling": asdict(self._sampling()),
+            "network": asdict(self.settings.network),
+            "precision": self.settings.precision,
+            "accelerations": asdict(self.settings.accelerations),
+            "view_dependent": self.view_dependent,
+            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "background": self.background.tolist(),
+            "device": self.device.type,
+        }
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        weights = dict(tensors)
+        occupied = weights.pop(OCCUPIED, None)
+        self.fields.load_state_dict(weights)
+        if (occupied is None) != (self.grid is None):
+            raise ValueError("an occupancy grid is in one of settings and checkpoint alone")
+        if self.grid is not None and occupied is not None:
+            if occupied.shape != self.grid.occupied.shape or occupied.dtype != torch.bool:
+                raise ValueError(f"an occupancy grid of {occupied.dtype} {tuple(occupied.shape)}")
+            self.grid.occupied = occupied.to(self.device)
+        self.step = step
+
     def _sampling(self) -> Sampling:
         grid = self.settings.grid
         # also without the grid, so that switching it off changes nothing but what is left out
@@ -164,13 +196,16 @@ class Trainer:
             exploration=self.settings.grid.exploration,
         )
 
-    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int = 0) -> Rendering:
+    def _rendered(
+        self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
+    ) -> Rendering:
         """`first` is what the rays are counted from where one of them is named."""
         rays.require_finite()
+        sampling = self._sampling()
+        if bins is not None:
+            sampling = replace(sampling, bins=bins, fine_bins=round(sampling.fine_bins * bins / sampling.bins))
         try:
-            return render_rays(
-                self.coarse, self.fine, rays, self.box, self._sampling(), self.grid, self.background, generator
-            )
+            return render_rays(self.coarse, self.fine, rays, self.box, sampling, self.grid, self.background, generator)
         except BadDensity as error:
             where = f"density of sample {error.sample} of ray {first + error.ray}"
             raise Diverged(

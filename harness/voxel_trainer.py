@@ -104,12 +104,12 @@ class VoxelTrainer:
             for name, series in self.trace.items():
                 series.append(noted[name])
 
-    def render(self, rays: Rays, chunk: int) -> Rendering:
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
+        bins = bins or self.settings.voxels.bins
         rays.require_finite()
         parts = [
-            self.field.render(rays.part(start, start + chunk), self.settings.voxels.bins)
-            for start in range(0, max(len(rays), 1), chunk)
+            self.field.render(rays.part(start, start + chunk), bins) for start in range(0, max(len(rays), 1), chunk)
         ]
         for name in ("colour", "opacity", "depth"):
             if not all(bool(torch.isfinite(getattr(part, name)).all()) for part in parts):
@@ -120,6 +120,21 @@ class VoxelTrainer:
             depth=torch.cat([part.depth for part in parts]),
             network_evaluations=sum(part.network_evaluations for part in parts),
         )
+
+    def rendered_by(self) -> dict[str, Any]:
+        return {
+            "method": self.method,
+            "bins": self.settings.voxels.bins,
+            "degree": self.field.degree,
+            "shape": list(self.field.shape),
+            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "device": self.device.type,
+        }
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        self.field = self.field.filled(tensors)
+        self._stages = []
+        self.step = step
 
     def amplifier_scalars(self) -> dict[str, float | None]:
         return {"alpha": None, "beta": None}

@@ -30,6 +30,7 @@ ALLOWED = {
         "harness.chart_record",
         "harness.stability_record",
         "harness.evidence_record",
+        "harness.serving_record",
     },
 }
 """What a package may import of ours: whole packages, or single modules."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file
 
+from harness.checkpoints import checkpoint_path, load_checkpoint, tensors_of
 from harness.evidence.situation import Situation
 from harness.ground_truth import read_views
 from harness.lockstep import box_of, needs_view_direction, stream_of
@@ -39,7 +39,7 @@ def trained_field(situation: Situation, training: str, scene: str, method: str, 
     folder = view_set_folders(replace(plan, scenes=(scene,)), situation.view_sets, situation.show)[scene]
     views = read_views(folder, plan.views, situation.scratch)
     stored = situation.out / "studies" / training
-    weights = stored / "checkpoints" / f"{scene}.{method}.{seed}.safetensors"
+    weights = checkpoint_path(stored, scene, method, seed)
     if weights.exists() and _settings_of(stored) == json.loads(json.dumps(plan.settings())):
         trainer = restored(weights, plan, views, stream_of(scene, seed), method, device)
         return TrainedField(trainer, views, f"checkpoint of the training {training}")
@@ -47,22 +47,14 @@ def trained_field(situation: Situation, training: str, scene: str, method: str, 
     if not isinstance(alone, Trainer):
         raise TypeError(f"{method} is no network")
     found = empty_trainer(plan, views, stream_of(scene, seed), method, device)
-    found.fields.load_state_dict(alone.fields.state_dict())
-    if found.grid is not None and alone.grid is not None:
-        found.grid.occupied = alone.grid.occupied.clone()
-    found.step = alone.step
+    found.restore(tensors_of(alone), alone.step)
     return TrainedField(found, views, f"trained now, as {training} does")
 
 
 def restored(weights: Path, plan: Plan, views: ViewSet, stream: str, method: str, device: torch.device) -> Trainer:
     """A trainer at the end of its budget, with the weights and the occupied cells of a checkpoint."""
-    tensors = load_file(weights, device=str(device))
     trainer = empty_trainer(plan, views, stream, method, device)
-    occupied = tensors.pop("occupied", None)
-    trainer.fields.load_state_dict(tensors)
-    if trainer.grid is not None and occupied is not None:
-        trainer.grid.occupied = occupied
-    trainer.step = plan.budget.steps or trainer.settings.grid.first_step + 1
+    load_checkpoint(trainer, weights, plan.budget.steps or trainer.settings.grid.first_step + 1)
     return trainer
 
 

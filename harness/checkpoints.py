@@ -1,0 +1,60 @@
+"""What training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors."""
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from scenes.errors import InputError
+
+if TYPE_CHECKING:
+    from harness.learner import Learner
+
+OCCUPIED = "occupied"
+"""The mask of the occupancy grid, beside the weights: which points are evaluated is part of a picture."""
+
+
+def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
+    return out / "checkpoints" / f"{scene}.{method}.{seed}.safetensors"
+
+
+def tensors_of(learner: "Learner") -> dict[str, Tensor]:
+    """Everything that training changed and a picture depends on, by name."""
+    tensors = {name: value.contiguous() for name, value in learner.fields.state_dict().items()}
+    if learner.grid is not None:
+        tensors[OCCUPIED] = learner.grid.occupied
+    return tensors
+
+
+def save_checkpoint(learner: "Learner", path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.part")
+    save_file({name: value.cpu() for name, value in tensors_of(learner).items()}, beside)
+    beside.replace(path)
+
+
+def load_checkpoint(learner: "Learner", path: Path, step: int) -> None:
+    """Makes a learner what it was after `step` steps. Raises `InputError` for a file that is missing, damaged or of
+    another network; nothing is unpickled.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: this checkpoint is missing; train the cell again, or choose another one")
+    try:
+        learner.restore(load_file(path, device=str(learner.device)), step)
+    except (SafetensorError, RuntimeError, KeyError, ValueError, OSError) as error:
+        said = " ".join(str(error).split())[:300]
+        raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({said})") from error
+
+
+@torch.no_grad()
+def weights_digest(learner: "Learner") -> str:
+    """64 hexadecimal digits: equal where every tensor has the same name, type, shape and bits."""
+    found = hashlib.blake2b(digest_size=32)
+    for name, value in sorted(tensors_of(learner).items()):
+        found.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
+        found.update(value.detach().cpu().reshape(-1).view(torch.uint8).numpy().data)
+    return found.hexdigest()

@@ -1,0 +1,120 @@
+"""A finished run as something to look at: its methods, with the weights that training left, ready to render."""
+
+import types
+import typing
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+
+from baselines.catalog import CATALOG
+from baselines.contract import Box
+from harness.camera import Camera
+from harness.checkpoints import checkpoint_path, load_checkpoint
+from harness.learner import Learner, learner_for
+from harness.lockstep import needs_view_direction_of, stream_of
+from harness.plan import known_names
+from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cell, read_run, records_folder
+from harness.schedule import Budget
+from harness.settings import TrainSettings
+from scenes.errors import InputError
+
+One = TypeVar("One")
+
+
+@dataclass(frozen=True)
+class TrainedCell:
+    """One method on one scene with one seed, after its training."""
+
+    scene: SceneRecord
+    cell: CellRecord
+    learner: Learner
+
+    @property
+    def chunk(self) -> int:
+        """Rays a call with which it was scored: part of the picture where a density depends on the call."""
+        return int(self.cell.settings["score"]["chunk"])
+
+    def camera(self, camera_to_world: np.ndarray) -> Camera:
+        """The lens of the scene's views at a pose."""
+        focal = float(self.cell.settings["view_set"]["focal"])
+        one = self.scene
+        return Camera(camera_to_world, one.width, one.height, focal, one.near, one.far)
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """What an output folder holds."""
+
+    out: Path
+    run: RunRecord
+
+    @staticmethod
+    def of(out: Path) -> "FinishedRun":
+        """Raises `InputError` where there is no run, and `DamagedRecord` where it cannot be read."""
+        if not (records_folder(out) / "run.json").is_file():
+            raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
+        return FinishedRun(out, read_run(out))
+
+    def scenes(self, asked: list[str] | None) -> list[SceneRecord]:
+        """Those of `asked`, or all; raises `InputError` for a name that the run does not have."""
+        known = {scene.name: scene for scene in self.run.scenes}
+        return [known[name] for name in known_names("--scenes", asked or list(known), list(known))]
+
+    def methods(self, asked: list[str] | None) -> list[str]:
+        """Those of `asked`, or all; raises `InputError` for a name that the run does not have."""
+        known = list(self.run.methods)
+        return list(known_names("--methods", asked or known, known))
+
+    def is_trained(self, scene: str, method: str, seed: int) -> bool:
+        """Whether its weights are there."""
+        return checkpoint_path(self.out, scene, method, seed).is_file()
+
+    def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:
+        """Raises `InputError` for a cell that was not trained to its end, or whose checkpoint is not whole, and
+        `NotAvailable` for a method that this machine cannot render.
+        """
+        name = f"{scene.name}, {method}, seed {seed}"
+        path = cell_path(self.out, scene.name, method, seed)
+        if not path.is_file():
+            raise InputError(f"{self.out}: {name} was not trained; choose another one, or go on with --resume")
+        cell = read_cell(path)
+        if cell.status != "done":
+            raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
+        if method not in CATALOG:
+            raise InputError(f"{path}: method {method!r} is not in this version's catalogue: {' '.join(CATALOG)}")
+        settings = from_plain(TrainSettings, cell.settings["train"], path)
+        budget = from_plain(Budget, cell.settings["budget"], path)
+        box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
+        directed = needs_view_direction_of([row.what for row in scene.left_out])
+        learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
+        load_checkpoint(learner, checkpoint_path(self.out, scene.name, method, seed), cell.steps)
+        return TrainedCell(scene, cell, learner)
+
+
+def from_plain(kind: type[One], data: Any, path: Path) -> One:
+    """A frozen dataclass from what `asdict` and JSON made of it; raises `InputError` naming the file where a key is
+    missing or unknown: settings that are silently other ones would render another picture.
+    """
+    try:
+        found = _from_plain(kind, data)
+    except (TypeError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: its settings are not those of this version ({error}); run again") from error
+    return typing.cast(One, found)
+
+
+def _from_plain(kind: Any, data: Any) -> Any:
+    origin = typing.get_origin(kind)
+    if is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        if not isinstance(data, dict) or set(data) != set(hints):
+            unlike = sorted(set(data) ^ set(hints)) if isinstance(data, dict) else type(data).__name__
+            raise ValueError(f"{getattr(kind, '__name__', kind)}: {unlike}")
+        return typing.cast(type, kind)(**{name: _from_plain(hints[name], value) for name, value in data.items()})
+    if origin is tuple:
+        return tuple(data)
+    if origin in (types.UnionType, typing.Union) or origin is typing.Literal:
+        return data
+    return kind(data) if kind in (int, float) and not isinstance(data, bool) else data
