@@ -12,6 +12,7 @@ import torch
 from baselines.catalog import CATALOG
 from baselines.contract import Box
 from harness.camera import Camera
+from harness.camera_paths import mean_distance
 from harness.checkpoints import checkpoint_path, load_checkpoint
 from harness.learner import Learner, learner_for
 from harness.lockstep import needs_view_direction_of, stream_of
@@ -20,6 +21,11 @@ from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_
 from harness.schedule import Budget
 from harness.settings import TrainSettings
 from scenes.errors import InputError
+from scenes.transforms import read_transforms, transforms_file
+from scenes.viewpoints import RADIUS
+
+VIEW_SETS = Path("out/view_sets")
+"""Where view sets are cached if nothing else is said."""
 
 One = TypeVar("One")
 
@@ -39,8 +45,7 @@ class TrainedCell:
 
     def camera(self, camera_to_world: np.ndarray) -> Camera:
         """The lens of the scene's views at a pose."""
-        focal = float(self.cell.settings["view_set"]["focal"])
-        one = self.scene
+        one, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
         return Camera(camera_to_world, one.width, one.height, focal, one.near, one.far)
 
 
@@ -83,6 +88,8 @@ class FinishedRun:
         cell = read_cell(path)
         if cell.status != "done":
             raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
+        if "focal" not in cell.settings.get("view_set", {}):
+            raise InputError(f"{path}: recorded before the focal length was; run again to look at it")
         if method not in CATALOG:
             raise InputError(f"{path}: method {method!r} is not in this version's catalogue: {' '.join(CATALOG)}")
         settings = from_plain(TrainSettings, cell.settings["train"], path)
@@ -92,6 +99,26 @@ class FinishedRun:
         learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
         load_checkpoint(learner, checkpoint_path(self.out, scene.name, method, seed), cell.steps)
         return TrainedCell(scene, cell, learner)
+
+    def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
+        """The folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was given
+        with `--view-set` is where it was. Raises `InputError` where it is not there any more.
+        """
+        given = self.run.settings.get("view_set")
+        places = [Path(given)] if given else [cache / scene.view_set, self.out.parent / "view_sets" / scene.view_set]
+        found = next((place for place in places if transforms_file(place, "train").is_file()), None)
+        if found is None:
+            tried = " or ".join(str(place) for place in places)
+            raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
+        return found
+
+    def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
+        """How far from the origin its cameras stand, in scene units: known of our own scenes, of others the mean over
+        the training cameras. Raises `InputError` where those are not there any more.
+        """
+        if scene.rendered:
+            return RADIUS
+        return mean_distance(read_transforms(self.view_set(scene, cache), "train").camera_to_world)
 
 
 def from_plain(kind: type[One], data: Any, path: Path) -> One:
