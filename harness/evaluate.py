@@ -44,6 +44,11 @@ def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
     return Cameras.of(split.camera_to_world, views.width, views.height, views.focal, views.near, views.far).to(device)
 
 
+def pixel_order(pixels: int) -> torch.Tensor:
+    """The fixed random order in which the pixels of a view are rendered, int [pixels], on the processor."""
+    return torch.randperm(pixels, generator=generator_for("pixel order"))
+
+
 def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> View:
     """A whole view, its pixels in one fixed random order.
 
@@ -51,7 +56,7 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
     as a training batch does, and not ten rows of background.
     """
     rays = cameras.all_rays(view)
-    order = torch.randperm(len(rays), generator=generator_for("pixel order")).to(rays.origins.device)
+    order = pixel_order(len(rays)).to(rays.origins.device)
     shuffled = Rays(rays.origins[order], rays.directions[order], rays.near, rays.far)
     rendering = trainer.render(shuffled, chunk)
     back = torch.argsort(order)

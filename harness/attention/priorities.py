@@ -1,0 +1,132 @@
+"""Eq. 7: attention → priorities, the order of regions and the samples that each of them gets.
+
+`attention` is an array [regions] of numbers ≥ 0 of any scale, the mean attention of each region's pixels. All zero is
+taken as equal attention, which is plain rendering: nobody said that anything matters more.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+PHI = (1.0 + math.sqrt(5.0)) / 2.0
+TIE = 1e-12
+"""Relative difference below which two attentions are equal: the sums that they come from are no more exact."""
+BINARY_PLACES = 20
+"""Binary places to which a number of bins is rounded before its whole part is taken, for the same reason. More where
+there are so many rays that rounding up could exceed the total."""
+
+
+class BadAttention(ValueError):
+    """Attention that no priority follows from. Says which region has which value."""
+
+
+def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
+    """`attention` as float64 [regions], or `BadAttention`: not one number for each region, none at all, or one that is
+    negative, NaN or infinite.
+    """
+    if np.iscomplexobj(attention):
+        raise BadAttention("attention is complex: a priority has a size alone")
+    try:
+        found = np.asarray(attention, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadAttention(f"attention is not made of numbers: {error}") from error
+    if found.ndim != 1 or (count is not None and len(found) != count):
+        wanted = "[regions]" if count is None else f"[{count}]"
+        raise BadAttention(f"attention has the shape {list(found.shape)}: must be {wanted}, one number for each region")
+    if not len(found):
+        raise BadAttention("attention is empty: there is no region to render")
+    bad = ~(np.isfinite(found) & (found >= 0.0))
+    if bad.any():
+        region = int(bad.argmax())
+        others = f", and {bad.sum() - 1} more" if bad.sum() > 1 else ""
+        raise BadAttention(f"region {region}: attention {found[region]:g}{others}; must be finite and not below 0")
+    return found
+
+
+def is_equal(attention: np.ndarray) -> bool:
+    """Whether no region is attended more than another (to `TIE`), which is so as well where nothing is attended."""
+    found = checked(attention)
+    return bool(found.min() >= found.max() * (1.0 - TIE))
+
+
+def shares(attention: np.ndarray) -> np.ndarray:
+    """attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
+    found = checked(attention)
+    largest = found.max()
+    # first by the largest, so that the sum neither overflows nor is 0
+    relative = found / largest if largest > 0.0 else np.ones_like(found)
+    return relative / relative.sum()
+
+
+def priorities(attention: np.ndarray) -> np.ndarray:
+    """P = φ · attention / Σ attention (Eq. 7), float64 [regions].
+
+    φ scales all priorities alike. Order and allocation depend on their ratios alone, so that both are the same with
+    any positive factor in its place (`without_phi` measures it); the priorities sum to φ = 1.618…, so they are no
+    probabilities. An attention below 1e-308 of the largest has the priority 0, as float64 has nothing smaller, but
+    still its place in `region_order`. Raises `BadAttention`.
+    """
+    return PHI * shares(attention)
+
+
+def region_order(attention: np.ndarray) -> np.ndarray:
+    """All regions, the most attended first, int [regions]; equal ones (to `TIE`) row by row, those without any
+    attention last. Raises `BadAttention`.
+    """
+    found = checked(attention)
+    falling = np.argsort(-found, kind="stable")
+    inorder = found[falling]
+    rank = np.empty(len(found), dtype=np.int64)
+    rank[falling] = np.concatenate([[0], np.cumsum(inorder[1:] < inorder[:-1] * (1.0 - TIE))])
+    return np.argsort(rank, kind="stable")
+
+
+def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> np.ndarray:
+    """Bins a ray in each region, int [regions], at the total of `bins` a ray everywhere.
+
+    Each ray gets `least` bins, and of what is left a part proportional to the attention of its region; whole numbers by
+    largest remainder (equal ones row by row). The total Σ rays · bins is never exceeded; it is met exactly where all
+    regions have as many rays, else what is left over is less than the largest region has rays. Equal attention gives
+    `bins` everywhere. Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
+    """
+    found = checked(attention)
+    counts = np.asarray(rays)
+    if counts.shape != found.shape or counts.min() < 1:
+        raise ValueError(f"rays {counts.shape}: must be at least one in each of {len(found)} regions")
+    if not 1 <= least <= bins:
+        raise ValueError(f"at least {least} of {bins} bins a ray: must lie between 1 and {bins}")
+    if is_equal(found):
+        return np.full(len(found), bins)
+    relative = found / found.max()
+    free = (bins - least) * int(counts.sum())
+    step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
+    wanted = np.round(free * relative / (relative * counts).sum() / step) * step
+    more = np.floor(wanted).astype(np.int64)
+    left = free - int((more * counts).sum())
+    for region in np.argsort(more - wanted, kind="stable"):
+        if counts[region] <= left:
+            more[region] += 1
+            left -= int(counts[region])
+    return least + more
+
+
+@dataclass(frozen=True)
+class PhiEffect:
+    """What the factor φ of Eq. 7 changes for one map of attention."""
+
+    sum_of_priorities: float
+    order_changed: bool
+    allocation_changed: bool
+
+
+def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> PhiEffect:
+    """Order and allocation by P against those by the shares, which lack the factor: found, not assumed."""
+    with_it, without = priorities(attention), shares(attention)
+    return PhiEffect(
+        sum_of_priorities=float(with_it.sum()),
+        order_changed=not np.array_equal(region_order(with_it), region_order(without)),
+        allocation_changed=not np.array_equal(
+            allocated_bins(with_it, rays, bins, least), allocated_bins(without, rays, bins, least)
+        ),
+    )

@@ -1,0 +1,79 @@
+"""A picture cut into square regions: the units that attention is given to."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Squares of `tile` pixels from the top left, numbered row by row; those on the right and at the bottom are cut off
+    where the picture ends.
+
+    Raises `ValueError` for a picture or a tile without a pixel.
+    """
+
+    height: int
+    width: int
+    tile: int
+
+    def __post_init__(self) -> None:
+        if min(self.height, self.width, self.tile) < 1:
+            raise ValueError(f"{self.height} × {self.width} pixels in tiles of {self.tile}: each must be at least 1")
+
+    @property
+    def rows(self) -> int:
+        """Regions from top to bottom."""
+        return -(-self.height // self.tile)
+
+    @property
+    def columns(self) -> int:
+        """Regions from left to right."""
+        return -(-self.width // self.tile)
+
+    @property
+    def count(self) -> int:
+        return self.rows * self.columns
+
+    @cached_property
+    def of_pixel(self) -> np.ndarray:
+        """[height, width]: the region that a pixel lies in."""
+        row, column = np.arange(self.height) // self.tile, np.arange(self.width) // self.tile
+        return row[:, None] * self.columns + column[None, :]
+
+    @cached_property
+    def rays(self) -> np.ndarray:
+        """[count]: pixels of each region."""
+        return np.bincount(self.of_pixel.reshape(-1), minlength=self.count)
+
+    def corner(self, region: int) -> tuple[int, int, int, int]:
+        """First row, first column, height and width of a region in pixels."""
+        row, column = divmod(region, self.columns)
+        top, left = row * self.tile, column * self.tile
+        return top, left, min(self.tile, self.height - top), min(self.tile, self.width - left)
+
+    def pixels(self, region: int) -> np.ndarray:
+        """Flat indices of its pixels, row by row."""
+        top, left, height, width = self.corner(region)
+        rows, columns = np.arange(top, top + height), np.arange(left, left + width)
+        return (rows[:, None] * self.width + columns[None, :]).reshape(-1)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Values [height, width] → float64 [count], the mean of each region.
+
+        Equal values have exactly equal means, and the sum of large ones does not overflow; what is not finite stays so.
+        """
+        given = np.asarray(values, dtype=np.float64)
+        if given.shape != (self.height, self.width):
+            raise ValueError(f"values {given.shape}, the picture is {self.height} × {self.width}")
+        largest = float(np.abs(given).max())
+        scale = largest if 0.0 < largest < np.inf else 1.0
+        total = np.bincount(self.of_pixel.reshape(-1), (given / scale).reshape(-1), self.count)
+        return total / self.rays * scale
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """Values [count] → [height, width], each pixel with its region's."""
+        if np.shape(values) != (self.count,):
+            raise ValueError(f"values {np.shape(values)}, there are {self.count} regions")
+        return np.asarray(values)[self.of_pixel]
