@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.evidence import options as evidence_options
+from harness.filming import options as filming_options
 from harness.gate import options as gate_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
@@ -64,6 +65,8 @@ def parser() -> argparse.ArgumentParser:
         "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
     )
     evidence_options.add_options(evidence)
+    film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
+    filming_options.add_options(film)
     gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
     gate_options.add_options(gate)
     return top
@@ -89,6 +92,7 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
     add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
     add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
+    add("--ray-attention", metavar="none|gradients", help="how the pixels of a batch are chosen (default: all alike)")
     add("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
@@ -118,6 +122,8 @@ def main(arguments: list[str]) -> int:
             return stability_options.run_stability(options, show)
         if options.command == "evidence":
             return evidence_options.run_evidence(options, show)
+        if options.command == "render":
+            return filming_options.run_render(options, show)
         if options.command == "gate":
             return gate_options.run_gate(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
@@ -161,6 +167,7 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
         without=options.without,
         need=options.need,
         no_need=options.no_need,
+        ray_attention=options.ray_attention,
     )
     return plan, device
 

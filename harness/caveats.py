@@ -1,5 +1,6 @@
 """What a reader must know: where a run departs from the paper's text, and what it does not test."""
 
+from harness.attention.drawing import ATTENDED_SHARE
 from harness.plan import Plan
 from harness.schedule import Budget
 from harness.settings import TrainSettings
@@ -53,6 +54,13 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "holds cells with and without it on eight scenes: on two of them it costs more than 0.2 dB."
         )
+    if train.ray_attention != "none":
+        rows.append(
+            f"Rays of training are chosen by attention (Eq. 7): {ATTENDED_SHARE:.0%} of each batch by the gradients of "
+            "the training images, region by region and the same for all methods, the others from all pixels alike. The "
+            "loss is the mean over the batch as it is, so that edges weigh more in it than in the scores: a different "
+            "comparison from that of the other runs. The paper does not say how its rays are chosen."
+        )
     if "voxels_drjit" in plan.methods:
         grid = train.voxels
         rows.append(
@@ -94,5 +102,4 @@ def not_tested(plan: Plan) -> list[str]:
             "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
             "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."
         )
-    missing.append("View caching and attention-prioritised rendering (§8).")
     return missing

@@ -62,7 +62,7 @@ def train_group(
     """
     box = box_of(views, device)
     train_cameras = evaluate.cameras_of(views, views.train, device)
-    batches = Batches(train_cameras, views.train.rgba)
+    batches = Batches(train_cameras, views.train.rgba, settings.train.ray_attention)
     stream = stream_of(scene, seed)
     floor = evaluate.floor_psnr(views)
     runners = []

@@ -9,7 +9,14 @@ from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
 from harness.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.schedule import Budget
-from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
+from harness.settings import (
+    RAY_ATTENTION,
+    GridSettings,
+    ScoreSettings,
+    TrainSettings,
+    ViewSettings,
+    VoxelSettings,
+)
 from scenes.catalog import CATALOG as SCENES
 from scenes.catalog import CLASSICS, RUNGS, STRESS
 from scenes.errors import InputError
@@ -152,11 +159,13 @@ def planned(
     without: list[str] | None = None,
     need: list[str] | None = None,
     no_need: list[str] | None = None,
+    ray_attention: str | None = None,
 ) -> Plan:
     """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
 
     `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
     parts in and out, whatever a scene needs: `need` is also what switching off the acceleration that leaves it out is.
+    `ray_attention` None keeps the profile's.
     """
     from baselines.catalog import CATALOG as METHODS
 
@@ -188,6 +197,11 @@ def planned(
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
     if precision is not None:
         plan = replace(plan, train=replace(plan.train, precision=precision))
+    if ray_attention is not None:
+        if ray_attention not in RAY_ATTENTION:
+            known = " ".join(RAY_ATTENTION)
+            raise InputError(f"--ray-attention: unknown {ray_attention!r}; known: {known}")
+        plan = replace(plan, train=replace(plan.train, ray_attention=ray_attention))
     if without is not None:
         off = known_names("--without", without, [one.name for one in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))

@@ -1,10 +1,13 @@
 """How training, sampling and scoring are set: small frozen groups, equal for all methods of a comparison."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.contract import NetworkSize, Precision
+
+RayAttention = Literal["none", "gradients"]
+RAY_ATTENTION: tuple[RayAttention, ...] = get_args(RayAttention)
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class TrainSettings:
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
     voxels: VoxelSettings = field(default_factory=VoxelSettings)
-    ray_attention: Literal["none", "gradients"] = "none"
+    ray_attention: RayAttention = "none"
     """How the pixels of a batch are chosen: all alike, or by attention (`harness.attention`), the same for all methods.
     Off by default: it is a different comparison."""
 

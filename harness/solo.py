@@ -28,7 +28,8 @@ def trained_alone(
     What the scene does not need is left out. Raises `Diverged`, and `NotAvailable` for a method that cannot run here.
     """
     settings = for_scene(settings, views)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
+    cameras = evaluate.cameras_of(views, views.train, device)
+    batches = Batches(cameras, views.train.rgba, settings.ray_attention)
     box, directed = box_of(views, device), needs_view_direction(views)
     trainer = learner_for(method, box, settings, budget, stream, device, directed)
     trainer.warm_up(*batches.batch(stream, 0, settings.rays))
