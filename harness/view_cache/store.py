@@ -1,0 +1,151 @@
+"""A levelled store of rendered views, with the interface that Listing 5 needs of the paper's `HUAMMemory`, which is not
+published: `key in store`, `store.get(key)`, `store.store(key, value, level=1)`.
+"""
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.view_cache.disk import DiskPictures
+from harness.view_cache.memory import SegmentedMemory
+from harness.view_cache.pictures import frozen
+
+LEVELS = (0, 1, 2)
+MEMORY_BYTES = 256 * 1024 * 1024
+DISK_BYTES = 2 * 1024 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class StoreStatistics:
+    """What happened in a store since it was opened, and what it holds now."""
+
+    hits: dict[int, int]
+    """Level → pictures that were found there."""
+    misses: int
+    stored: dict[int, int]
+    """Level → pictures that were put there; promotion does not count."""
+    evicted: dict[int, int]
+    """Level → pictures that made room for others: 1 for those that left memory, 2 for those that left the disk."""
+    bytes: dict[int, int]
+    """Level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
+    too_large: int
+    """Pictures that memory could not hold."""
+    damaged: int
+    """Files that were not what had been written: dropped, and a miss."""
+    dangling: int
+    """Keys on disk whose picture was gone."""
+    leftovers: int
+    """Files of killed writers that were swept."""
+    unreadable: int
+    """Reads that the system refused: a miss."""
+    failed_writes: int
+    last_failure: str | None
+    """Why the last of them failed."""
+
+    @property
+    def hit_rate(self) -> float:
+        asked = sum(self.hits.values()) + self.misses
+        return sum(self.hits.values()) / asked if asked else 0.0
+
+
+class ViewStore:
+    """Pictures (finite float32 [height, width, channels]) under arbitrary keys, given back bit for bit and read-only.
+
+    Level 0 holds in memory what was used again, level 1 in memory what was seen once, level 2 on disk what shall
+    outlive the process. A hit in 1 goes up to 0; what falls out of 0 goes down to 1, and out of that from memory; a hit
+    in 2 is put into 1 as well. `memory_bytes` bounds both levels in memory together, `disk_bytes` the folder. Safe to
+    use from several threads, and the folder from several processes. Raises `InputError` where `disk` cannot be used.
+    """
+
+    def __init__(
+        self, memory_bytes: int = MEMORY_BYTES, disk: Path | None = None, disk_bytes: int = DISK_BYTES
+    ) -> None:
+        if memory_bytes < 0 or disk_bytes < 0:
+            raise ValueError(f"{memory_bytes} bytes of memory, {disk_bytes} on disk: cannot be negative")
+        self._memory = SegmentedMemory(memory_bytes)
+        self._disk = None if disk is None else DiskPictures(disk, disk_bytes)
+        self._lock = threading.Lock()
+        self._hits = dict.fromkeys(LEVELS, 0)
+        self._stored = dict.fromkeys(LEVELS, 0)
+        self._misses = self._too_large = 0
+
+    def __contains__(self, key: str) -> bool:
+        return self.where(key) is not None
+
+    def where(self, key: str) -> int | None:
+        """The level at which `get` would find it now; this uses nothing, but what is damaged on disk is dropped."""
+        level = self._memory.where(_checked(key))
+        if level is None and self._disk is not None and self._disk.get(key, use=False) is not None:
+            return 2
+        return level
+
+    def get(self, key: str) -> np.ndarray | None:
+        found = self.get_with_level(key)
+        return None if found is None else found[0]
+
+    def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
+        """The picture, and the level at which it was found."""
+        found = self._memory.get(_checked(key))
+        if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
+            self._memory.put(key, picture, 1)
+            found = picture, 2
+        with self._lock:
+            if found is None:
+                self._misses += 1
+            else:
+                self._hits[found[1]] += 1
+        return found
+
+    def store(self, key: str, value: np.ndarray, level: int = 1) -> None:
+        """Keeps a copy of `value` at a level; what the disk does not take, or where there is none, goes to level 1.
+
+        Raises `TypeError` and `ValueError` for a value that is no picture (`pictures.frozen`) and another level.
+        """
+        if level not in LEVELS:
+            raise ValueError(f"level {level}: there are {LEVELS}")
+        _checked(key)
+        picture = frozen(value)
+        if level == 2:
+            if self._disk is not None and self._disk.put(key, picture):
+                self._count(2)
+                return
+            level = 1
+        if self._memory.put(key, picture, level):
+            self._count(level)
+        else:
+            with self._lock:
+                self._too_large += 1
+
+    @property
+    def statistics(self) -> StoreStatistics:
+        """Now; looks at every file on disk."""
+        first, second = self._memory.bytes()
+        disk = self._disk
+        counts = None if disk is None else disk.counts
+        with self._lock:
+            return StoreStatistics(
+                hits=dict(self._hits),
+                misses=self._misses,
+                stored=dict(self._stored),
+                evicted={1: self._memory.evicted, 2: counts.evicted if counts else 0},
+                bytes={0: first, 1: second, 2: disk.bytes() if disk else 0},
+                too_large=self._too_large,
+                damaged=counts.damaged if counts else 0,
+                dangling=counts.dangling if counts else 0,
+                leftovers=counts.leftovers if counts else 0,
+                unreadable=counts.unreadable if counts else 0,
+                failed_writes=counts.failed if counts else 0,
+                last_failure=counts.reason if counts else None,
+            )
+
+    def _count(self, level: int) -> None:
+        with self._lock:
+            self._stored[level] += 1
+
+
+def _checked(key: str) -> str:
+    if not isinstance(key, str):
+        raise TypeError(f"a key is a string, not {type(key).__name__}")
+    return key
