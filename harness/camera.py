@@ -10,9 +10,10 @@ from baselines.contract import Rays
 from harness.rays import Cameras
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
-    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`.
+    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: what makes two views the
+    same is `harness.view_cache.keys`' to say.
 
     Raises `ValueError` for a pose or a length that is not finite, an empty picture, or near and far out of order.
     """
@@ -51,7 +52,7 @@ class Camera:
 
     def cameras(self, device: torch.device) -> Cameras:
         """As a set of one."""
-        pose = self.camera_to_world[None]
+        pose = self.camera_to_world[None].copy()  # torch warns of an array that it may not write to
         return Cameras.of(pose, self.width, self.height, self.focal, self.near, self.far).to(device)
 
     def rays(self, device: torch.device) -> Rays:

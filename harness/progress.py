@@ -27,6 +27,10 @@ class Progress(Protocol):
 
     def cell(self, cell: CellRecord) -> None: ...
 
+    def part(self, what: str, done: int, total: int) -> None:
+        """Of anything else that has parts: how many of them are done, and what is being done."""
+        ...
+
     def close(self) -> None: ...
 
 
@@ -42,6 +46,8 @@ class Quiet:
     def trained(self, task: "GroupTask", share: float) -> None: ...
 
     def cell(self, cell: CellRecord) -> None: ...
+
+    def part(self, what: str, done: int, total: int) -> None: ...
 
     def close(self) -> None: ...
 
@@ -79,6 +85,10 @@ class Lines(Quiet):
     def cell(self, cell: CellRecord) -> None:
         self.line(cell_line(cell))
 
+    def part(self, what: str, done: int, total: int) -> None:
+        if self._due():
+            self.line(f"{what}: {done} of {total}")
+
     def _due(self) -> bool:
         now = time.monotonic()
         if now - self._last < self._every:
@@ -88,7 +98,7 @@ class Lines(Quiet):
 
 
 class Bars(Quiet):
-    """Two bars that stay on the terminal: rendering and training."""
+    """Bars that stay on the terminal: rendering and training, or whatever else has parts."""
 
     def __init__(self) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -103,6 +113,7 @@ class Bars(Quiet):
         self._bars.start()
         self._render: TaskID | None = None
         self._train: TaskID | None = None
+        self._part: TaskID | None = None
         self._scenes_done = 0
         self._tally = _Tally()
 
@@ -129,6 +140,11 @@ class Bars(Quiet):
 
     def cell(self, cell: CellRecord) -> None:
         self.line(cell_line(cell))
+
+    def part(self, what: str, done: int, total: int) -> None:
+        if self._part is None:
+            self._part = self._bars.add_task(what, total=total)
+        self._bars.update(self._part, completed=done, total=total, description=what)
 
     def close(self) -> None:
         self._bars.stop()
