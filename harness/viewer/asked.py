@@ -1,0 +1,128 @@
+"""What a page may ask for, checked: a request that is not just so is refused with a sentence."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from harness.viewer.attended import Attention
+from harness.viewer.orbit import Orbit
+
+LARGEST_BODY = 4096
+"""Bytes."""
+LARGEST_WIDTH = 1024
+"""Pixels."""
+FARTHEST = 1000.0
+"""Scene units of any coordinate and distance."""
+NEAREST = 1e-3
+MOST_METHODS = 8
+LARGEST_NUMBER = 2**53
+"""Up to which a page counts exactly."""
+
+
+class BadRequest(ValueError):
+    """What is asked for is not what a page would ask; the message says what to send instead."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A view of methods of a scene."""
+
+    client: str
+    """Of one page; its newest request is the only one that is still rendered."""
+    generation: int
+    scene: str
+    methods: tuple[str, ...]
+    place: int | Orbit
+    """A test view's number, or where the camera stands."""
+    attention: Attention
+    width: int | None
+    """Pixels; None for the views' own."""
+
+
+def parsed(body: bytes) -> Asked:
+    """Raises `BadRequest` for anything that is not a request in every detail; names are not looked up here."""
+    needed = {"client", "generation", "scene", "methods", "place", "attention"}
+    data = _only(_json(body), "the request", needed, {"width"})
+    methods = data["methods"]
+    if not isinstance(methods, list) or not 1 <= len(set(map(str, methods))) == len(methods) <= MOST_METHODS:
+        raise BadRequest(f"methods: give 1 to {MOST_METHODS} different names")
+    attention = _only(data["attention"], "attention", {"kind", "row", "column"}, set())
+    try:
+        attended = Attention(
+            _text(attention["kind"], "kind"),
+            _number(attention["row"], "row"),
+            _number(attention["column"], "column"),
+        )
+        place = _place(data["place"])
+    except BadRequest:
+        raise
+    except ValueError as mistake:
+        raise BadRequest(str(mistake)) from mistake
+    return Asked(
+        client=_text(data["client"], "client"),
+        generation=_whole(data["generation"], "generation", 0, LARGEST_NUMBER),
+        scene=_text(data["scene"], "scene"),
+        methods=tuple(_text(name, "methods") for name in methods),
+        place=place,
+        attention=attended,
+        width=None if data.get("width") is None else _whole(data["width"], "width", 8, LARGEST_WIDTH),
+    )
+
+
+def view_number(text: str | None) -> int:
+    """Of a test view, from the address; raises `BadRequest`."""
+    if text is None or not text.isascii() or not text.isdigit() or len(text) > 6:
+        raise BadRequest("view: give the number of a test view")
+    return int(text)
+
+
+def _place(data: Any) -> int | Orbit:
+    if isinstance(data, dict) and set(data) == {"view"}:
+        return _whole(data["view"], "view", 0, LARGEST_NUMBER)
+    place = _only(data, "place", {"azimuth", "elevation", "distance", "target"}, set())
+    target = place["target"]
+    if not isinstance(target, list) or len(target) != 3:
+        raise BadRequest("target: give three numbers")
+    x, y, z = (_number(one, "target", FARTHEST) for one in target)
+    distance = _number(place["distance"], "distance", FARTHEST)
+    if distance < NEAREST:
+        raise BadRequest(f"distance: must lie between {NEAREST:g} and {FARTHEST:g} scene units")
+    return Orbit((x, y, z), _number(place["azimuth"], "azimuth"), _number(place["elevation"], "elevation"), distance)
+
+
+def _json(body: bytes) -> Any:
+    def refuse(name: str) -> None:
+        raise BadRequest(f"{name} is not a number that can be shown")
+
+    if len(body) > LARGEST_BODY:
+        raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")
+    try:
+        return json.loads(body, parse_constant=refuse)
+    except BadRequest:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise BadRequest("the request is not JSON") from error
+
+
+def _only(data: Any, what: str, needed: set[str], allowed: set[str]) -> dict[str, Any]:
+    if not isinstance(data, dict) or not needed <= set(data) <= needed | allowed:
+        raise BadRequest(f"{what}: give {' '.join(sorted(needed))}, and nothing else")
+    return data
+
+
+def _text(value: Any, what: str) -> str:
+    if not isinstance(value, str) or not 1 <= len(value) <= 200:
+        raise BadRequest(f"{what}: give a name of 1 to 200 characters")
+    return value
+
+
+def _number(value: Any, what: str, largest: float = 1e6) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= largest:
+        raise BadRequest(f"{what}: give a finite number, at most {largest:g} in size")
+    return float(value)
+
+
+def _whole(value: Any, what: str, least: int, most: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise BadRequest(f"{what}: give a whole number from {least} to {most}")
+    return value

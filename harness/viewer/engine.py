@@ -1,0 +1,281 @@
+"""One view of several trained methods, made to be looked at while it is made: coarse at once, then refined in order of
+attention, method after method in turn; out of the view cache where it was seen before.
+
+Nothing here knows of HTTP: a camera, methods and an attention go in, frames come out, and whoever takes no more of
+them has stopped the rendering.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from harness.attention.priorities import is_equal
+from harness.attention.progressive import Canvas, coarse, refine, why_plain
+from harness.attention.regions import Regions
+from harness.camera import Camera
+from harness.evaluate import LARGEST_PSNR, View
+from harness.finished import TrainedCell
+from harness.learner import Learner
+from harness.metrics import psnr
+from harness.trainer import Diverged
+from harness.view_cache.cached import CachedMethod
+from harness.view_cache.keys import plain_calls
+from harness.view_cache.store import ViewStore
+from harness.viewer.attended import Attention, attention_map
+
+COARSE_SECONDS = 0.1
+"""What a coarse frame of one method may take."""
+FINEST_STRIDE, COARSEST_STRIDE = 2, 16
+REGION = 16
+"""Least side of a region in pixels: smaller calls cost more than they bring."""
+REGIONS_A_SIDE = 12
+
+State = Literal["coarse", "refining", "whole", "failed"]
+
+
+@dataclass
+class Pace:
+    """Rays a second of one method, learnt from what was rendered."""
+
+    rays_per_second: float = 20_000.0
+
+    def learn(self, rays: int, seconds: float) -> None:
+        """Weighs what was just seen as much as all before it."""
+        if rays > 0 and seconds > 0.0:
+            self.rays_per_second = math.sqrt(self.rays_per_second * rays / seconds)
+
+    def stride(self, pixels: int) -> int:
+        """Of a coarse frame that takes about `COARSE_SECONDS`."""
+        affordable = max(self.rays_per_second * COARSE_SECONDS, 1.0)
+        return min(max(math.ceil(math.sqrt(pixels / affordable)), FINEST_STRIDE), COARSEST_STRIDE)
+
+
+@dataclass
+class Seat:
+    """A method that is looked at."""
+
+    name: str
+    learner: Learner
+    cached: CachedMethod
+    chunk: int
+    """Rays a call."""
+    pace: Pace = field(default_factory=Pace)
+
+    @staticmethod
+    def of(cell: TrainedCell, store: ViewStore) -> "Seat":
+        return Seat(
+            cell.cell.method, cell.learner, CachedMethod(cell.learner, store, cell.chunk, frozen=True), cell.chunk
+        )
+
+    @property
+    def pointwise(self) -> bool:
+        return self.learner.field.pointwise
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Pixels of one method that have just come to be known."""
+
+    method: str
+    state: State
+    pixels: np.ndarray
+    """int64 [n]: numbered row by row."""
+    colour: np.ndarray
+    """float32 [n, 3]."""
+    opacity: np.ndarray
+    """float32 [n]."""
+    depth: np.ndarray
+    """float32 [n]: distance along the ray, scene units."""
+    share: float
+    """Of the picture's rays at full resolution that are done."""
+    seconds: float
+    """Since the view was asked for; methods take turns."""
+    work: float
+    """Of these, spent on this method."""
+    rays: int = 0
+    """Rendered so far, with those of the coarse frame."""
+    evaluations: int = 0
+    """Of the network so far, without those of the coarse frame."""
+    stride: int | None = None
+    """Of a coarse frame."""
+    level: int | None = None
+    """Of the view cache that a whole picture came from; None where it was rendered."""
+    psnr: float | None = None
+    """dB against the ground truth, where there is one for exactly this view; not while refining."""
+    note: str = ""
+    """What a reader should know, in one sentence."""
+
+
+def regions_of(camera: Camera) -> Regions:
+    side = max(REGION, math.ceil(max(camera.width, camera.height) / REGIONS_A_SIDE))
+    return Regions(camera.height, camera.width, side)
+
+
+def frames(
+    seats: Sequence[Seat],
+    camera: Camera,
+    attention: Attention,
+    truth: np.ndarray | None = None,
+    use_cache: bool = True,
+    asked_at: float | None = None,
+) -> Iterator[Frame]:
+    """Of each method either one whole picture out of the cache, or a coarse one, the refined parts of it, and a last
+    frame that holds the whole picture. `truth` [h, w, 3] is compared with. `asked_at`: of `time.perf_counter`.
+
+    What comes from the cache comes first. Then it is the turn of the method that has had the least time, for one call
+    of rays. Rendering goes on only when the next frame is asked for. A method whose picture is not finite ends with
+    the state `failed`.
+    """
+    start = time.perf_counter() if asked_at is None else asked_at
+    waiting = []
+    for seat in seats:
+        turn = _Turn(seat, camera, attention, truth, use_cache, start)
+        found = turn.from_cache()
+        if found is not None:
+            yield found
+        else:
+            waiting.append((turn, turn.rendered()))
+    while waiting:
+        next_one = min(waiting, key=lambda one: one[0].work)
+        frame = next(next_one[1], None)
+        if frame is None:
+            waiting.remove(next_one)
+        else:
+            yield frame
+
+
+@dataclass
+class _Turn:
+    """One method at work on one view."""
+
+    seat: Seat
+    camera: Camera
+    attention: Attention
+    truth: np.ndarray | None
+    use_cache: bool
+    start: float
+    work: float = 0.0
+    regions: Regions = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.regions = regions_of(self.camera)
+
+    def from_cache(self) -> Frame | None:
+        """The picture that rendering now would give, or the plain one, which differs from it by rounding alone."""
+        if not self.use_cache:
+            return None
+        began = time.perf_counter()
+        for calls in dict.fromkeys((self._calls(self._by_regions()), plain_calls(self.seat.chunk))):
+            found = self.seat.cached.lookup(self.camera, calls)
+            if found is not None:
+                view, level = found
+                self.work = time.perf_counter() - began
+                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=self._psnr(view))
+        return None
+
+    def rendered(self) -> Iterator[Frame]:
+        try:
+            yield from self._rendered()
+        except Diverged as reason:
+            none = np.zeros(0, np.float32)
+            nothing = (np.zeros(0, np.int64), np.zeros((0, 3), np.float32), none, none)
+            yield self._frame("failed", *nothing, share=0.0, note=f"The picture is not finite: {reason}")
+
+    def _rendered(self) -> Iterator[Frame]:
+        seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
+        stride = seat.pace.stride(size)
+        began = time.perf_counter()
+        first, rays = coarse(seat.learner, camera, stride, seat.chunk)
+        passed = time.perf_counter() - began
+        seat.pace.learn(rays, passed)
+        self.work += passed
+        note = "" if self.attention.kind == "none" else why_plain(seat.learner) or ""
+        yield self._frame(
+            "coarse", *_all(first), share=0.0, rays=rays, stride=stride, psnr=self._psnr(first), note=note
+        )
+        began = time.perf_counter()
+        attended = attention_map(self.attention, self.regions, camera.focal, first.colour)
+        canvas, evaluations = Canvas(camera.height, camera.width), 0
+        for done in refine(seat.learner, camera, self.regions, attended, seat.chunk):
+            canvas.put(done)
+            rays, evaluations = rays + len(done.pixels), evaluations + done.network_evaluations
+            self.work += time.perf_counter() - began
+            parts = (done.pixels, done.colour, done.opacity, done.depth)
+            yield self._frame("refining", *parts, share=done.share, rays=rays, evaluations=evaluations, note=note)
+            began = time.perf_counter()
+        view, score = canvas.view, self._psnr(canvas.view)
+        seat.pace.learn(size, self.work - passed)
+        self.work += time.perf_counter() - began
+        try:
+            yield self._frame(
+                "whole", *_all(view), share=1.0, rays=rays, evaluations=evaluations, psnr=score, note=note
+            )
+        finally:  # also for one who has seen enough
+            if self.use_cache:
+                seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
+
+    def _by_regions(self) -> bool:
+        return self.seat.pointwise and self.attention.kind != "none"
+
+    def _calls(self, by_regions: bool) -> str:
+        """A picture by regions is the same for all attention, to float32 rounding: their order is not part of it."""
+        plain = plain_calls(self.seat.chunk)
+        return f"regions of {self.regions.tile} pixels, each {plain}" if by_regions else plain
+
+    def _psnr(self, view: View) -> float | None:
+        if self.truth is None or self.truth.shape != view.colour.shape:
+            return None
+        return min(psnr(view.colour, self.truth), LARGEST_PSNR)
+
+    def _frame(
+        self, state: State, pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray, **facts: Any
+    ) -> Frame:
+        seconds = time.perf_counter() - self.start
+        return Frame(self.seat.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts)
+
+
+def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """pixels, colour, opacity and depth of a whole picture."""
+    size = view.opacity.size
+    return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)
+
+
+def first_frame(
+    cells: Sequence[TrainedCell], camera: Camera, attention: Attention | None = None, warm_up: bool = True
+) -> tuple[float, float]:
+    """Seconds from asking for a view, with nothing in the cache, until there is a coarse frame of every method, and
+    until every method is refined. `warm_up` renders a coarse frame first, as the viewer does when it loads a method.
+
+    Raises `harness.trainer.Diverged` where a picture is not finite: that is no time.
+    """
+    seats = [Seat.of(cell, ViewStore(0, None, 0)) for cell in cells]
+    if warm_up:
+        for seat in seats:
+            warmed(seat, camera)
+    return seconds_of(frames(seats, camera, attention or Attention(), use_cache=False), len(seats))
+
+
+def seconds_of(shown: Iterator[Frame], methods: int) -> tuple[float, float]:
+    """When there was something of all methods, and when everything was whole."""
+    seen: dict[str, float] = {}
+    last = 0.0
+    for frame in shown:
+        if frame.state == "failed":
+            raise Diverged(0, f"{frame.method}: {frame.note}")
+        seen.setdefault(frame.method, frame.seconds)
+        last = frame.seconds
+    if len(seen) != methods:
+        raise ValueError(f"{methods} methods, frames of {sorted(seen)}")
+    return max(seen.values(), default=0.0), last
+
+
+def warmed(seat: Seat, camera: Camera) -> None:
+    """Lets a method allocate what it needs, and learns its pace."""
+    for _ in range(2):
+        began = time.perf_counter()
+        _, rays = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
+        seat.pace.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)

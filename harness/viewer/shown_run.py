@@ -1,0 +1,240 @@
+"""A finished run as a page shows it: what there is, and methods and views loaded when they are first asked for."""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from harness.camera import Camera
+from harness.finished import FinishedRun
+from harness.records import DamagedRecord, SceneRecord, cell_path, read_cell
+from harness.view_cache.store import ViewStore
+from harness.viewer import engine
+from harness.viewer.asked import LARGEST_WIDTH, Asked, BadRequest
+from harness.viewer.attended import ATTENTIONS
+from harness.viewer.orbit import Orbit, covering, nearest_view, orbit_of
+from harness.viewer.truth import Truth, read_truth
+from harness.viewer.wire import frame_message, message, picture_message
+from scenes.errors import InputError
+
+MEMORY_BYTES = 256 << 20
+DISK_BYTES = 2 << 30
+ELEVATION = math.radians(30.0)
+"""Of the first view where there is no test view to begin with."""
+DEFAULT_METHODS = ("nerf", "qnerf")
+
+
+@dataclass
+class ShownRun:
+    """Everything but the two listings is called in the one thread that renders; nothing here is locked."""
+
+    run: FinishedRun
+    view_sets: Path
+    seed: int
+    first_scene: str
+    first_methods: tuple[str, ...]
+    device: torch.device
+    store: ViewStore
+    memory_alone: str = ""
+    """Why nothing is kept on disk; empty where it is."""
+    width: int | None = None
+    """Pixels; None: each scene's own."""
+    seats: dict[tuple[str, str], engine.Seat] = field(default_factory=dict)
+    lenses: dict[str, Camera] = field(default_factory=dict)
+    """Of the views of each scene, somewhere."""
+    truths: dict[str, Truth] = field(default_factory=dict)
+    sources: Counter[str] = field(default_factory=Counter)
+    """Where whole pictures came from: `level 0` … `level 2` of the cache, or `rendered`."""
+
+    @staticmethod
+    def of(
+        out: Path,
+        scene: str | None,
+        methods: Sequence[str] | None,
+        seed: int,
+        view_sets: Path,
+        width: int | None,
+        device: torch.device,
+    ) -> "ShownRun":
+        """Raises `InputError` for names that the run does not have, and where it left nothing to show."""
+        run = FinishedRun.of(out)
+        scenes = [one.name for one in run.scenes([scene] if scene else None)]
+        asked = run.methods(list(methods) if methods else None)
+        if methods is None:
+            asked = list(DEFAULT_METHODS) if set(DEFAULT_METHODS) <= set(asked) else asked[:2]
+        if seed not in run.run.seeds:
+            raise InputError(f"--seed {seed}: the run has {' '.join(map(str, run.run.seeds))}")
+        trained = [name for name in scenes if any(run.is_trained(name, method, seed) for method in asked)]
+        if not trained:
+            raise InputError(
+                f"{out}: no checkpoint of {' '.join(asked)} with seed {seed} on {' '.join(scenes)}, so there is "
+                "nothing to show; choose other --methods, --scene or --seed, or train them again"
+            )
+        store, memory_alone = _store(out / "view_cache")
+        return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
+
+    def listing(self) -> dict[str, Any]:
+        """What can be chosen."""
+        return {
+            "run": self.run.out.resolve().name,
+            "profile": self.run.run.profile,
+            "seed": self.seed,
+            "scenes": [{"name": one.name, "title": one.title} for one in self.run.run.scenes],
+            "methods": [{"name": name, "about": about} for name, about in self.run.run.methods.items()],
+            "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items()],
+            "first": {"scene": self.first_scene, "methods": self.first_methods},
+            "largest_width": LARGEST_WIDTH,
+        }
+
+    def scene_listing(self, name: str) -> dict[str, Any]:
+        """Of one scene: its pictures' size, where the camera begins and stands at each test view, and its cells."""
+        scene = self.scene(name)
+        truth = self.truth(scene)
+        centre = np.mean(scene.bounds, axis=0)
+        width = self.width or scene.width
+        return {
+            "name": scene.name,
+            "title": scene.title,
+            "width": width,
+            "height": max(1, round(scene.height * width / scene.width)),
+            "start": _as_json(_start(scene)),
+            "views": [
+                {"name": view, **_as_json(orbit_of(pose, centre))}
+                for view, pose in zip(truth.names, truth.poses, strict=True)
+            ],
+            "missing": truth.missing,
+            "cells": {method: self._cell(name, method) for method in self.run.run.methods},
+        }
+
+    def _cell(self, scene: str, method: str) -> dict[str, Any]:
+        try:
+            cell = read_cell(cell_path(self.run.out, scene, method, self.seed))
+        except DamagedRecord:
+            return {"shown": False, "why": "was not trained"}
+        shown = cell.status == "done" and self.run.is_trained(scene, method, self.seed)
+        why = (cell.reason or cell.status) if cell.status != "done" else "its checkpoint is missing"
+        return {
+            "shown": shown,
+            "why": "" if shown else why,
+            "psnr": cell.scores.get("psnr"),
+            "weights": cell.parameters.get("total"),
+            "train_seconds": cell.train_seconds,
+        }
+
+    def scene(self, name: str) -> SceneRecord:
+        for scene in self.run.run.scenes:
+            if scene.name == name:
+                return scene
+        raise BadRequest("scene: the run has no such scene")
+
+    def truth(self, scene: SceneRecord) -> Truth:
+        if scene.name not in self.truths:
+            self.truths[scene.name] = read_truth(self.run, scene, self.view_sets, self.width or scene.width)
+        return self.truths[scene.name]
+
+    def seat(self, scene: SceneRecord, method: str) -> engine.Seat:
+        """Raises `InputError` where the cell cannot be shown."""
+        if (scene.name, method) not in self.seats:
+            cell = self.run.trained(scene, method, self.seed, self.device)
+            seat = engine.Seat.of(cell, self.store)
+            lens = self.lenses.setdefault(scene.name, cell.camera(_start(scene).pose()))
+            engine.warmed(seat, self._camera(scene, lens, None))
+            self.seats[scene.name, method] = seat
+        return self.seats[scene.name, method]
+
+    def checked(self, asked: Asked) -> None:
+        """Raises `BadRequest` for names and views that are not there."""
+        scene = self.scene(asked.scene)
+        unknown = [name for name in asked.methods if name not in self.run.run.methods]
+        if unknown:
+            raise BadRequest("methods: the run has no such method")
+        if isinstance(asked.place, int) and asked.place >= len(self.truth(scene)):
+            raise BadRequest(f"view: there are {len(self.truth(scene))} test views")
+
+    def truth_message(self, name: str, view: int) -> bytes:
+        truth = self.truth(self.scene(name))
+        if view >= len(truth):
+            raise BadRequest(f"view: there are {len(truth)} test views")
+        colour, opacity, depth = truth.colour(view), truth.opacity(view), truth.depth(view)
+        height, width = opacity.shape
+        facts = {"name": truth.names[view], "width": width, "height": height, "depth": depth is not None}
+        return picture_message("truth", colour, opacity, depth, **facts)
+
+    def messages(self, asked: Asked) -> Generator[bytes, None, None]:
+        """All that a page is sent for what it asked, one piece of work after another; `checked` before."""
+        began = time.perf_counter()
+        scene = self.scene(asked.scene)
+        truth, centre = self.truth(scene), np.mean(scene.bounds, axis=0)
+        exact = asked.place if isinstance(asked.place, int) else None
+        pose = truth.poses[exact] if exact is not None else asked.place.pose()  # type: ignore[union-attr]
+        seats = []
+        for method in asked.methods:
+            if (scene.name, method) not in self.seats:
+                yield message("loading", method=method)
+            try:
+                seats.append(self.seat(scene, method))
+            except InputError as mistake:
+                yield message("failed", method=method, note=str(mistake))
+        if not seats:
+            yield message("end", cache=self.cache_listing(), seconds=time.perf_counter() - began)
+            return
+        camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
+        facts: dict[str, Any] = {"generation": asked.generation, "width": camera.width, "height": camera.height}
+        if len(truth):
+            index, angle = nearest_view(truth.poses, pose, centre)
+            index, angle = (index, angle) if exact is None else (exact, 0.0)
+            facts |= {"nearest": index, "degrees": math.degrees(angle)}
+        yield message("start", **facts, exact=exact)
+        picture = truth.colour(exact) if exact is not None else None
+        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
+            if frame.state == "whole":
+                self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
+            yield frame_message(frame)
+        yield message("end", cache=self.cache_listing(), seconds=time.perf_counter() - began)
+
+    def cache_listing(self) -> dict[str, Any]:
+        found = self.store.statistics
+        return {
+            "sources": dict(self.sources),
+            "memory_bytes": found.bytes[0] + found.bytes[1],
+            "disk_bytes": found.bytes[2],
+            "memory_alone": self.memory_alone,
+            "failed_writes": found.failed_writes,
+            "last_failure": found.last_failure,
+            "damaged": found.damaged,
+        }
+
+    def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:
+        """At the size that is shown; a free one sees the whole box, an exact one is the view's own to the last bit."""
+        found = covering(camera, np.asarray(scene.bounds)) if free else camera
+        wanted = width or self.width or scene.width
+        return found if wanted == found.width else found.resized(wanted)
+
+
+def _start(scene: SceneRecord) -> Orbit:
+    """Where the camera stands as long as nobody has moved it, and there is no test view to begin with."""
+    x, y, z = np.mean(scene.bounds, axis=0).tolist()
+    return Orbit((x, y, z), 0.5 * math.pi, ELEVATION, 0.5 * (scene.near + scene.far))
+
+
+def _store(folder: Path) -> tuple[ViewStore, str]:
+    """With level 2 where the folder can be written; else why not."""
+    try:
+        return ViewStore(MEMORY_BYTES, folder, DISK_BYTES), ""
+    except InputError as reason:
+        return ViewStore(MEMORY_BYTES, None, 0), str(reason)
+
+
+def _as_json(orbit: Orbit) -> dict[str, Any]:
+    return {
+        "azimuth": orbit.azimuth,
+        "elevation": orbit.elevation,
+        "distance": orbit.distance,
+        "target": list(orbit.target),
+    }

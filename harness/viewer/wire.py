@@ -1,0 +1,75 @@
+"""Frames as bytes: a header's length (uint32, little-endian), the header (JSON), and then its `pixels` n as arrays.
+
+    number   uint32  [n]      of the pixel, row by row
+    depth    float32 [n]      scene units along the ray, 0 where nothing was hit
+    colour   uint8   [n, 3]   display colour
+    opacity  uint8   [n]
+
+Everything is little-endian. A stream is such messages one after another.
+"""
+
+import json
+import struct
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from harness.viewer.engine import Frame
+
+BYTES_PER_PIXEL = 12
+ARRAYS = ("pixels", "colour", "opacity", "depth")
+HIT = 0.5
+"""Opacity from which a pixel has a depth that is shown."""
+
+
+def message(kind: str, **header: Any) -> bytes:
+    """One without pixels."""
+    return _packed({"kind": kind, **header, "pixels": 0}, b"")
+
+
+def frame_message(frame: Frame) -> bytes:
+    """A last frame whose parts were all sent before holds none of them again."""
+    header = {one.name: getattr(frame, one.name) for one in fields(frame) if one.name not in ARRAYS}
+    if frame.state == "whole" and frame.level is None:
+        return message("frame", **header)
+    return _with_pixels("frame", header, frame.pixels, frame.colour, frame.opacity, frame.depth)
+
+
+def picture_message(
+    kind: str, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray | None, **header: Any
+) -> bytes:
+    """A whole picture: [h, w, 3], [h, w] and [h, w] or, where depth is unknown, None."""
+    size = opacity.size
+    far = np.zeros(size, np.float32) if depth is None else depth.reshape(size)
+    return _with_pixels(kind, header, np.arange(size), colour.reshape(size, 3), opacity.reshape(size), far)
+
+
+def _with_pixels(
+    kind: str, header: dict[str, Any], pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray
+) -> bytes:
+    shown = np.where(opacity >= HIT, depth, 0.0)
+    parts = (pixels.astype("<u4"), shown.astype("<f4"), _bytes(colour), _bytes(opacity))
+    return _packed({"kind": kind, **header, "pixels": len(pixels)}, b"".join(part.tobytes() for part in parts))
+
+
+def _bytes(values: np.ndarray) -> np.ndarray:
+    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
+
+
+def _packed(header: dict[str, Any], payload: bytes) -> bytes:
+    text = json.dumps(header, allow_nan=False, ensure_ascii=False).encode()
+    return struct.pack("<I", len(text)) + text + payload
+
+
+def unpacked(stream: bytes) -> list[tuple[dict[str, Any], bytes]]:
+    """The whole messages of a stream, for whoever reads it in Python."""
+    found, at = [], 0
+    while at + 4 <= len(stream):
+        length = struct.unpack_from("<I", stream, at)[0]
+        header = json.loads(stream[at + 4 : at + 4 + length])
+        start, at = at + 4 + length, at + 4 + length + BYTES_PER_PIXEL * header["pixels"]
+        if at > len(stream):
+            break
+        found.append((header, stream[start:at]))
+    return found
