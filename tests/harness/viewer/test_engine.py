@@ -16,7 +16,7 @@ from harness.metrics import psnr
 from harness.trainer import Diverged
 from harness.view_cache.store import ViewStore
 from harness.viewer import engine
-from harness.viewer.attended import Attention, Kind
+from harness.viewer.attended import Attention
 from harness.viewer.engine import Frame, Pace, Seat, first_frame, frames, regions_of
 from harness.viewer.orbit import Orbit
 
@@ -43,7 +43,7 @@ def of(shown: list[Frame], method: str) -> list[Frame]:
 
 
 @pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "none"])
-def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(seats: list[Seat], camera: Camera, kind: Kind) -> None:
+def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(seats: list[Seat], camera: Camera, kind: str) -> None:
     shown = list(frames(seats, camera, Attention(kind)))
     for method in ("nerf", "qnerf"):
         first, *parts, last = of(shown, method)
@@ -224,5 +224,5 @@ def test_the_coarse_frame_takes_as_long_as_it_may() -> None:
     "attention", [{"kind": "everywhere"}, {"row": 1.5}, {"column": float("nan")}, {"row": -0.1}]
 )  # fmt: skip
 def test_attention_to_nowhere_is_refused(attention: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="attention|point of interest"):
+    with pytest.raises(ValueError, match=r"attention|point of interest"):
         Attention(**attention)
