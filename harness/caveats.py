@@ -26,6 +26,11 @@ ALWAYS = [
     "shapes match.",
     "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "
     "occupied cells; in scoring they are those of one chunk of rays, drawn from all over the view.",
+    "The view cache (§8.1) knows a view by all that its picture depends on: weights, method, pose, lens, size, "
+    "sampling and how rays are put into calls. Listing 5's hash of the pose alone would return another one's picture. "
+    "HUAMMemory is not published: the store has what Listing 5 asks of it.",
+    "Eq. 7 is taken as a priority, as its values sum to φ and not to 1: it orders the regions of a picture and shares "
+    "out samples. φ scales all alike, so that nothing depends on it. What is attended to, the paper does not say.",
 ]
 
 
@@ -58,8 +63,9 @@ def deviations(plan: Plan) -> list[str]:
         rows.append(
             f"Rays of training are chosen by attention (Eq. 7): {ATTENDED_SHARE:.0%} of each batch by the gradients of "
             "the training images, region by region and the same for all methods, the others from all pixels alike. The "
-            "loss is the mean over the batch as it is, so that edges weigh more in it than in the scores: a different "
-            "comparison from that of the other runs. The paper does not say how its rays are chosen."
+            "loss is the mean over the batch as it is, so that edges weigh more in it than in the scores; and where "
+            "more rays meet matter a step evaluates more points. It is a different comparison from that of other runs. "
+            "The paper does not say how its rays are chosen."
         )
     if "voxels_drjit" in plan.methods:
         grid = train.voxels

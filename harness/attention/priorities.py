@@ -89,6 +89,9 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: in
     largest remainder (equal ones row by row). The total Σ rays · bins is never exceeded; it is met exactly where all
     regions have as many rays, else what is left over is less than the largest region has rays. Equal attention gives
     `bins` everywhere. Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
+
+    `rays` may be any whole cost ≥ 1 of one more bin in each region: with `cost.evaluations_by_region` the total that is
+    fixed is that of the network's evaluations, where empty space costs none.
     """
     found = checked(attention)
     counts = np.asarray(rays)
@@ -109,6 +112,33 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: in
             more[region] += 1
             left -= int(counts[region])
     return least + more
+
+
+def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) -> np.ndarray:
+    """Bins a ray, int [regions], that take few different values: each one of a ladder of factor `ratio` up from the
+    least, at no more than the total Σ rays · bins of those given.
+
+    Regions with as many bins share a call of the renderer, and what a call costs by itself is more than what a region's
+    own number of bins gains. Each is rounded down; then those that lost most, by their ratio, go up while the total
+    allows it. Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
+    """
+    wanted, counts = np.asarray(bins), np.asarray(rays)
+    if wanted.ndim != 1 or counts.shape != wanted.shape or not len(wanted) or min(wanted.min(), counts.min()) < 1:
+        raise ValueError(f"bins {wanted.shape} and rays {counts.shape}: at least one each in each region")
+    if not ratio > 1.0:
+        raise ValueError(f"ratio {ratio}: must be above 1")
+    least, most = int(wanted.min()), int(wanted.max())
+    steps = np.unique([min(most, round(least * ratio**k)) for k in range(math.ceil(math.log(most / least, ratio)) + 1)])
+    level = np.searchsorted(steps, wanted, side="right") - 1
+    left = int(((wanted - steps[level]) * counts).sum())
+    for region in np.argsort(steps[level] / wanted, kind="stable"):
+        if wanted[region] == steps[level[region]]:
+            continue
+        more = int((steps[level[region] + 1] - steps[level[region]]) * counts[region])
+        if more <= left:
+            level[region] += 1
+            left -= more
+    return steps[level]
 
 
 @dataclass(frozen=True)

@@ -81,20 +81,25 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
     is asked for what it was trained on; its picture is another one all the same, as with any other chunk.
     `bins` a ray instead of the learner's. Raises `ValueError` for a stride below 1.
     """
-    if stride < 1:
-        raise ValueError(f"stride {stride}: must be at least 1")
-    height, width = camera.height, camera.width
-    rows, columns = _middles(height, stride), _middles(width, stride)
-    pixels = (rows[:, None] * width + columns[None, :]).reshape(-1)
+    grid = coarse_pixels(camera, stride)
+    pixels = grid.reshape(-1)
     mixed = pixel_order(len(pixels))
     found = learner.render(
         _rays(learner, camera).chosen(torch.as_tensor(pixels)[mixed].to(learner.device)), chunk, bins
     )
     index = np.empty(len(pixels), np.int64)
     index[mixed.numpy()] = np.arange(len(pixels))
-    of_pixel = index.reshape(len(rows), len(columns))[np.arange(height) // stride][:, np.arange(width) // stride]
+    row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
+    of_pixel = index.reshape(grid.shape)[row][:, column]
     colour, opacity, depth = (_array(values)[of_pixel] for values in (found.colour, found.opacity, found.depth))
     return View(colour, opacity, depth), len(pixels)
+
+
+def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
+    """Flat indices [rows, columns] of the middle pixels of the squares."""
+    if stride < 1:
+        raise ValueError(f"stride {stride}: must be at least 1")
+    return _middles(camera.height, stride)[:, None] * camera.width + _middles(camera.width, stride)[None, :]
 
 
 @dataclass(frozen=True)
