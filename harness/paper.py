@@ -7,7 +7,7 @@ Entries that repeat the shape of a table are made from that table (`harness.pape
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from harness.paper_tables import ORIGINAL_NERF, SETTINGS, TABLE1, TABLE2, TABLE3, TABLE4
+from harness.paper_tables import ORIGINAL_NERF, SERVING, SETTINGS, TABLE1, TABLE2, TABLE3, TABLE4
 
 Number = int | float
 
@@ -294,7 +294,9 @@ ABLATION = (
 )
 
 ELSEWHERE = (
-    Printed("section8.1-retrieval", ("§8.1",), None, "Cached views are retrieved instantly", "retrieval"),
+    Printed(
+        "section10-integration", ("§10",), None, "Seamless integration via HUAM and consciousness bridge", "their code"
+    ),
     Printed(
         "footnote2-files", ("§10 footnote 2",), 189, "Source files of their vision subsystem", "their code", "files"
     ),
@@ -306,7 +308,11 @@ STATED = tuple(
     Printed(name, (where,), value, words, "setting", "", {"at": path}) for name, where, value, words, path in SETTINGS
 )
 
-LEDGER: tuple[Printed, ...] = (*ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *ABLATION, *ELSEWHERE)
+SERVED = tuple(Printed(name, where, None, words, rule, unit) for name, where, words, rule, unit in SERVING)
+
+LEDGER: tuple[Printed, ...] = (
+    *ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *SERVED, *ABLATION, *ELSEWHERE,
+)  # fmt: skip
 """In the paper's order. `tests/harness/test_paper.py` holds them against the numbers of the paper's text."""
 
 

@@ -1,4 +1,4 @@
-"""The paper's four tables as printed, and the source of its baseline column."""
+"""The paper's four tables as printed, what else it states, and the source of its baseline column."""
 
 from typing import Any
 
@@ -40,6 +40,14 @@ SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
     ("listing4-offset", "Listing 4", 1e-10, "What is added to the transmittance of an interval", ""),
 )
 """id, place, printed value, what it is, and where a run's settings hold its own: nothing where they do not."""
+
+SERVING: tuple[tuple[str, tuple[str, ...], str, str, str], ...] = (
+    ("section8.1-retrieval", ("§8.1",), "Cached views are retrieved instantly", "retrieval", "×"),
+    ("listing5-key", ("Listing 5",), "A cached view is found by the hash of its pose", "pose key", "views"),
+    ("section8.2-priority", ("§8.2", "Eq. 7"), "Rendering is prioritised by attention", "attended first", "×"),
+    ("eq7-phi", ("Eq. 7",), "The factor φ of P_render takes part in the priorities", "factor of priorities", "maps"),
+)
+"""What §8 says, all of it in words: id, places, statement, rule, unit of what is measured."""
 
 ORIGINAL_NERF: dict[str, float] = {
     "chair": 33.00,

@@ -1,7 +1,7 @@
 """python -m reports OUT: records in, report.html and summary.json out; the page's path is printed last.
 
 Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone. The studies of an
-evidence.json stand in report.html, or alone in evidence.html.
+evidence.json stand in report.html, or alone in evidence.html; what a serving.json holds stands in report.html.
 """
 
 import argparse
@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 from harness.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
 from harness.records import DamagedRecord, records_folder
+from harness.serving_record import SERVING_FILE
 from harness.speed_record import SpeedRecord
 from harness.stability_record import STABILITY_FILE, StabilityRecord, broken
 
 if TYPE_CHECKING:
+    from reports.beside import Beside
     from reports.load import Records
 
 OWN_ERROR, BAD_INPUT, SOME_FAILED = 1, 2, 3
@@ -25,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
         prog="python -m reports",
         description="Build report.html and summary.json from the records of a run, speed.html from its speed.json, "
         "stability.html from its stability.json, and the studies of its evidence.json, in report.html or alone in "
-        "evidence.html.",
+        "evidence.html. What its serving.json holds stands in report.html.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
         "stability check of what is ours failed, or a check of the evidence does not hold.",
     )
@@ -52,23 +54,26 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build(out: Path, quiet: bool, publish: Path | None) -> int:
     """Reads, writes, prints; what is heavy is imported only once the records are known to be sound."""
+    from reports.beside import Beside
     from reports.evidence_load import find_evidence
     from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
+    from reports.serving_load import find_serving
     from reports.speed_load import FILE, find_speed
     from reports.stability_load import find_stability
 
     try:
         speed, stability, evidence = find_speed(out), find_stability(out), find_evidence(out)
-        beside = {FILE: speed, STABILITY_FILE: stability, EVIDENCE_FILE: evidence}
+        serving = find_serving(out)
+        with_pages = {FILE: speed, STABILITY_FILE: stability, EVIDENCE_FILE: evidence}
         if publish is not None:
-            for file, found in beside.items():
+            for file, found in {**with_pages, SERVING_FILE: serving}.items():
                 if found is not None:
                     refuse_quick(found.settings, out / file)
             if evidence is not None and not evidence.finished:
                 raise NotForPublishing(
                     f"{out / EVIDENCE_FILE}: not finished; let `nox -s evidence` end, or leave out --publish"
                 )
-        alone = all(found is None for found in beside.values())
+        alone = all(found is None for found in with_pages.values())
         if alone and out.is_dir() and not records_folder(out).is_dir():
             raise NoRecords(
                 f"{out}: no {records_folder(out).name}/, no {FILE}, no {STABILITY_FILE} and no {EVIDENCE_FILE} in it; "
@@ -88,7 +93,7 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
     if evidence is not None:
         codes.append(build_evidence(evidence, out, quiet, publish, records is not None))
     if records is not None:
-        codes.append(build_report(records, quiet, publish, stability, evidence))
+        codes.append(build_report(records, quiet, publish, Beside(stability, evidence, serving)))
     return max(codes)
 
 
@@ -150,25 +155,23 @@ def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path
     return SOME_FAILED if failed_checks(record) else 0
 
 
-def build_report(
-    records: "Records",
-    quiet: bool,
-    publish: Path | None,
-    stability: StabilityRecord | None,
-    evidence: EvidenceRecord | None,
-) -> int:
+def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:
     """The page and the numbers of a run."""
     from reports.headline import headline
     from reports.page import write_page
     from reports.summary import write_summary
 
     out = records.out
-    write_summary(records, out / "summary.json", evidence)
-    write_page(records, out / "report.html", stability, evidence)
+    write_summary(records, out / "summary.json", beside)
+    write_page(records, out / "report.html", beside)
     if publish is not None:
         from reports.publish import write_published
 
-        write_published(records, publish, evidence)
+        write_published(records, publish, beside)
+        if beside.serving is not None:
+            from reports.serving_publish import write_published_serving
+
+            write_published_serving(beside.serving, records.methods, publish)
     if not quiet:
         print(headline(records).title)
         for cell in records.failed:

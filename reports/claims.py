@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from harness.evidence_record import EvidenceRecord
 from reports import claims_arithmetic as arithmetic
 from reports import claims_code as code
 from reports import claims_scores as scores
+from reports import claims_serving as serving
 from reports import claims_time as times
+from reports.beside import ALONE, Beside
 from reports.claims_ablation import added_part
 from reports.ledger import UNTESTED, VERDICTS, Bench, Claim, Finding, Printed, Verdict, claim_of, entries
 from reports.load import Records
@@ -23,7 +24,8 @@ KINDS = {
     "gains": "Gains, speed, ablation",
     "levels": "Absolute scores and times",
     "figures": "Weights and its own arithmetic",
-    "others": "Settings, code, cache",
+    "serving": "View cache and attention",
+    "others": "Settings and code",
 }
 
 Judge = Callable[[Bench, Printed], Finding]
@@ -48,20 +50,25 @@ RULES: dict[str, tuple[str, Judge]] = {
     "final is average": ("figures", arithmetic.final_is_average),
     "row of table 2": ("figures", arithmetic.row_of_table2),
     "number of a table": ("figures", arithmetic.number_of_a_table),
+    "retrieval": ("serving", serving.retrieval),
+    "pose key": ("serving", serving.pose_key),
+    "attended first": ("serving", serving.attended_first),
+    "factor of priorities": ("serving", serving.factor_of_priorities),
     "setting": ("others", code.run_setting),
     "lines": ("others", code.lines),
     "their code": ("others", code.their_code),
-    "retrieval": ("others", code.retrieval),
 }
 """Rule of an entry → what sort of statement it is, and who judges it."""
 
 
-def claims(records: Records, evidence: EvidenceRecord | None = None) -> list[Claim]:
+def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
     """Every printed number that the run's record lists, in the paper's order.
 
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
-    bench = Bench(records, evidence, records.targets, in_a_line(records), has_paper_settings(records))
+    bench = Bench(
+        records, beside.evidence, records.targets, in_a_line(records), has_paper_settings(records), beside.serving
+    )
     return [_judged(bench, entry) for entry in entries(records.run.paper)]
 
 

@@ -75,18 +75,13 @@ def _other_reading(evidence: EvidenceRecord, scene: str, method: str, against: s
     return f"with the amplifier of Eq. 4: {shown} ({one.verdict})"
 
 
-def not_tested(said: list[str], found: list[Claim]) -> list[str]:
-    """What the run says of itself, `said`, and what the ledger has left untested of the ablation, if anything.
-
-    The run cannot know what lies beside it; older ones spoke of the ablation all the same.
-    """
+def untested(found: list[Claim]) -> list[str]:
+    """What the ledger has left untested of the ablation, in a sentence; none where nothing was."""
     steps = [claim for claim in found if claim.kind == "gains" and "Table 4" in claim.source]
     missing = sum(claim.verdict == UNTESTED for claim in steps)
-    kept = [one for one in said if not one.startswith("The ablation of Table 4")]
     if not missing:
-        return kept
+        return []
     return [
-        *kept,
         f"The ablation of Table 4: {missing} of its {counted(len(steps), 'step')} on lego; the factorial study of "
         "`nox -s evidence` trains every combination of the parts, and is judged where its record lies beside.",
     ]

@@ -1,4 +1,4 @@
-"""What needs no training, or cannot be tested from outside: weights, settings, lines of code, the view cache."""
+"""What needs no training, or cannot be tested from outside: weights, settings, lines of code."""
 
 from reports.judging import half_unit
 from reports.ledger import UNTESTED, Bench, Finding, Printed, Verdict
@@ -45,8 +45,3 @@ def lines(bench: Bench, entry: Printed) -> Finding:
 
 def their_code(bench: Bench, entry: Printed) -> Finding:
     return Finding(UNTESTED, "cannot be measured from outside", note="the authors’ code is not published")
-
-
-def retrieval(bench: Bench, entry: Printed) -> Finding:
-    how = "time of a cached view against that of rendering it"
-    return Finding(UNTESTED, how, note="a view cache is not part of this comparison")

@@ -116,5 +116,5 @@ def _value(claim: Claim, value: int | float, digits: int) -> str:
 
 
 def _with_unit(claim: Claim, value: int | float, digits: int) -> str:
-    unit = claim.unit if claim.unit in ("dB", "%", "h") else ""
+    unit = claim.unit if claim.unit in ("dB", "%", "h", "×") else ""
     return f"{_value(claim, value, digits)} {unit}".strip()

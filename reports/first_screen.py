@@ -6,6 +6,7 @@ It is built from the ledger, the run's comparisons and, where it lies beside, th
 from dataclasses import dataclass
 
 from harness.evidence_record import Check, EvidenceRecord
+from reports.beside import Beside
 from reports.claims_table import MARKS, TONES, interval_text, measured_text, printed_text, tally_grid
 from reports.grid import Grid
 from reports.headline import roles, smallest_detectable
@@ -54,11 +55,11 @@ class FirstScreen:
     tally: Grid | None
 
 
-def first_screen(records: Records, found: list[Claim], evidence: EvidenceRecord | None) -> FirstScreen:
+def first_screen(records: Records, found: list[Claim], beside: Beside) -> FirstScreen:
     by_id = {claim.id: claim for claim in found}
     lines = [_line(words, by_id[name], in_a_line(records)) for name, words in PRINCIPAL.items() if name in by_id]
     tally = tally_grid(found) if found else None
-    return FirstScreen(question(records, by_id), lines, how_sure(records, evidence), tally)
+    return FirstScreen(question(records, by_id), lines, how_sure(records, beside.evidence), tally)
 
 
 def question(records: Records, by_id: dict[str, Claim]) -> str:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from harness.evidence_record import EvidenceRecord
 from harness.records import DamagedRecord
+from harness.serving_record import ServingRecord
 from harness.targets_record import TargetsRecord
 from reports.load import REMEDY, Records
 
@@ -77,6 +78,7 @@ class Bench:
     scale: str
     """Of the run, in a line."""
     at_paper_scale: bool
+    serving: ServingRecord | None = None
 
     @property
     def paper(self) -> dict[str, Any]:

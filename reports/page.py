@@ -7,11 +7,9 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from harness.evidence_record import EvidenceRecord
-from harness.stability_record import StabilityRecord
 from reports import error_maps, palette, properties, shell, wording
+from reports.beside import ALONE, Beside
 from reports.claims import claims
-from reports.claims_ablation import not_tested
 from reports.claims_table import chapters
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
@@ -26,9 +24,12 @@ from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
 from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale, on_other_pictures
+from reports.serving_attention import about, attention
+from reports.serving_cache import cache
 from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
+from reports.untested import not_tested
 from reports.work_view import work
 
 
@@ -38,25 +39,20 @@ class Plot:
     svg: Markup
 
 
-def page(records: Records, tried: StabilityRecord | None = None, evidence: EvidenceRecord | None = None) -> str:
-    """The whole page as text; `tried` are the stability cases, `evidence` the studies that lie beside the run, each in
-    a section.
-    """
+def page(records: Records, beside: Beside = ALONE) -> str:
+    """The whole page as text; what lies `beside` the run has sections of its own."""
     environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
     environment.filters["signed"] = wording.signed
     environment.filters["interval"] = wording.interval
-    content = _content(records, evidence) | {
-        "stability": stability(tried, records.out) if tried else None,
-        "evidence": evidence_shown(evidence) if evidence else None,
-    }
+    content = _content(records, beside) | _content_beside(records, beside)
     return environment.get_template("page.html").render(
         **content,
         policy=CONTENT_POLICY,
         style=_style(content),
         title=content["headline"].title,
-        stability_page=STABILITY_PAGE if tried else "",
+        stability_page=STABILITY_PAGE if beside.stability else "",
         speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
         colours=colours,
         sections=[(name, title) for name, title in SECTIONS if content[name]],
@@ -70,6 +66,8 @@ SECTIONS = (
     ("work", "Error against run time"),
     ("reaching", "Time to target"),
     ("pictures", "Pictures"),
+    ("cache", "View cache (§8.1)"),
+    ("attention", "Attention (§8.2)"),
     ("metrics", "Other scores"),
     ("amplifier", "Amplifier"),
     ("stability", "Numerical stability"),
@@ -85,21 +83,46 @@ SECTIONS = (
 )
 
 
+SHEETS = {
+    "stability": ("stability.css",),
+    "evidence": ("evidence.css",),
+    "work": ("work.css",),
+    "cache": ("serving.css",),
+    "attention": ("work.css", "serving.css"),
+}
+"""Section → the style sheets that it needs besides that of the page."""
+CHOOSING = ("work", "attention")
+"""Sections in which a reader chooses, with rules of their own."""
+
+
 def _style(content: dict[str, Any]) -> Markup:
-    """What the sections that are there need."""
-    own = [f"{name}.css" for name in ("stability", "evidence", "work") if content[name]]
-    return shell.style("page.css", *own) + (content["work"].rules if content["work"] else "")
+    """What the sections that are there need, each sheet once."""
+    own = dict.fromkeys(sheet for name, sheets in SHEETS.items() if content[name] for sheet in sheets)
+    rules = Markup("").join(content[name].rules for name in CHOOSING if content[name])
+    return shell.style("page.css", *own) + rules
 
 
-def _content(records: Records, evidence: EvidenceRecord | None) -> dict[str, Any]:
+def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
+    """The sections of what was measured beside the run."""
+    serving = beside.serving
+    return {
+        "stability": stability(beside.stability, records.out) if beside.stability else None,
+        "evidence": evidence_shown(beside.evidence) if beside.evidence else None,
+        "cache": cache(serving.cache, records.methods) if serving and serving.cache else None,
+        "attention": attention(serving, records.folder) if serving else None,
+        "served": about(serving) if serving else None,
+    }
+
+
+def _content(records: Records, beside: Beside) -> dict[str, Any]:
     """What each section shows; an empty one is left out with its entry in the contents."""
-    run, found = records.run, claims(records, evidence)
+    run, found = records.run, claims(records, beside)
     return {
         "records": records,
         "run": run,
         "headline": headline(records),
         "cast": roles(records),
-        "first": first_screen(records, found, evidence),
+        "first": first_screen(records, found, beside),
         "facts": facts(records),
         "scale": in_a_line(records),
         "at_paper_scale": is_paper_scale(records),
@@ -196,8 +219,6 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     return Markup("").join(parts)
 
 
-def write_page(
-    records: Records, path: Path, tried: StabilityRecord | None = None, evidence: EvidenceRecord | None = None
-) -> None:
+def write_page(records: Records, path: Path, beside: Beside = ALONE) -> None:
     """Beside its place, then renamed: a reader never sees half a page."""
-    shell.write_whole(page(records, tried, evidence), path)
+    shell.write_whole(page(records, beside), path)

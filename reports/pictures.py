@@ -66,9 +66,9 @@ def views(records: Records) -> list[View]:
     return found
 
 
-def side_for(pictures: int) -> int:
-    """The longest side at which so many pictures stay within the page's budget."""
-    fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= BUDGET_BYTES)
+def side_for(pictures: int, budget: int = BUDGET_BYTES) -> int:
+    """The longest side at which so many pictures stay within a budget, the page's own by default."""
+    fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= budget)
     return next(fitting, SIZES[-1])
 
 

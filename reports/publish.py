@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from harness.evidence_record import EvidenceRecord
+from reports.beside import ALONE, Beside
 from reports.figure import STYLE, Panel, paint
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
@@ -23,13 +23,13 @@ from reports.work_precision import EVERYWHERE, diagrams
 DOTS_PER_INCH = 130
 
 
-def write_published(records: Records, folder: Path, evidence: EvidenceRecord | None = None) -> list[Path]:
+def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
     """psnr.png, error_vs_time.png, work_precision.png, views.png (where pictures were kept) and summary.json.
 
     Gives what was written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_summary(records, folder / "summary.json", evidence)
+    write_summary(records, folder / "summary.json", beside)
     written = [folder / "summary.json"]
     with matplotlib.rc_context(STYLE):
         figures = {

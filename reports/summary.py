@@ -4,20 +4,24 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from harness.evidence_record import EvidenceRecord
 from harness.records import CellRecord, finite_or_none, write_json
+from harness.serving_record import CacheRecord, ServingRecord
+from reports.beside import ALONE, Beside
 from reports.claims import claims
-from reports.claims_ablation import not_tested
 from reports.headline import headline
 from reports.load import Records
 from reports.table import METRICS
+from reports.untested import not_tested
 
 SCHEMA = 1
 
 
-def summary(records: Records, evidence: EvidenceRecord | None = None) -> dict[str, Any]:
-    """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why."""
-    run, found = records.run, claims(records, evidence)
+def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
+    """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why.
+
+    `cache` and `attention` are None where they were not measured.
+    """
+    run, found = records.run, claims(records, beside)
     return {
         "schema": SCHEMA,
         "profile": run.profile,
@@ -40,6 +44,8 @@ def summary(records: Records, evidence: EvidenceRecord | None = None) -> dict[st
         "cells": [_cell(cell) for cell in records.cells],
         "comparisons": [asdict(one) for one in records.comparisons],
         "claims": [_claim(one.__dict__) for one in found],
+        "cache": _cache(beside.serving.cache) if beside.serving and beside.serving.cache else None,
+        "attention": _attention(beside.serving) if beside.serving else None,
         "left_out": [{"scene": scene.name, **asdict(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": not_tested(run.not_tested, found),
@@ -74,12 +80,25 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
     }
 
 
+def _cache(record: CacheRecord) -> dict[str, Any]:
+    paths = [{**asdict(one), "hit_rate": one.hit_rate} for one in record.paths]
+    return {**asdict(record), "paths": paths}
+
+
+def _attention(record: ServingRecord) -> dict[str, Any] | None:
+    """With the viewer's first frame, which refines by attention."""
+    if record.attention is None:
+        return None
+    first = asdict(record.first_frame) if record.first_frame else None
+    return {**asdict(record.attention), "first_frame": first}
+
+
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:
     judged = ("id", "source", "printed", "measured", "interval", "scale", "verdict")
     explained = ("statement", "kind", "unit", "how", "note")
     return {name: claim[name] for name in (*judged, *explained)}
 
 
-def write_summary(records: Records, path: Path, evidence: EvidenceRecord | None = None) -> None:
+def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
     """Whole or not at all; NaN and Infinity are refused."""
-    write_json(path, summary(records, evidence))
+    write_json(path, summary(records, beside))

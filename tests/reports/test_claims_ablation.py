@@ -7,13 +7,14 @@ import pytest
 
 from harness.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord
 from harness.records import Comparison
+from reports.beside import Beside
 from reports.claims import claims
-from reports.claims_ablation import not_tested
 from reports.ledger import UNTESTED
 from reports.load import Records
 from reports.page import page
 from reports.publish import write_published
 from reports.summary import summary
+from reports.untested import not_tested
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
@@ -35,7 +36,7 @@ def study(*effects: Effect) -> EvidenceRecord:
 
 
 def judged(records: Records, evidence: EvidenceRecord | None):
-    return {one.id: one for one in claims(records, evidence)}
+    return {one.id: one for one in claims(records, Beside(evidence=evidence))}
 
 
 @pytest.mark.parametrize(
@@ -110,17 +111,21 @@ def test_what_speaks_against_the_evidence_is_said(whole: Records):
 def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Records):
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
     every = [effect(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
+    def said(before: list[str], evidence: EvidenceRecord | None) -> list[str]:
+        found = claims(whole, Beside(evidence=evidence))
+        return not_tested(before, [claim for claim in found if claim.kind != "serving"])
+
     older = ["The paper's scale.", "The ablation of Table 4 in this run: the factorial study"]
-    assert not_tested(older, claims(whole, study(*every))) == ["The paper's scale."]
-    assert not_tested(older, claims(whole, None))[1].startswith("The ablation of Table 4: 6 of its 6 steps")
-    assert not_tested([], claims(whole, study(*every[1:])))[0].startswith("The ablation of Table 4: 1 of its 6 steps")
+    assert said(older, study(*every)) == ["The paper's scale."]
+    assert said(older, None)[1].startswith("The ablation of Table 4: 6 of its 6 steps")
+    assert said([], study(*every[1:]))[0].startswith("The ablation of Table 4: 1 of its 6 steps")
     assert not_tested([], []) == []
     assert any("6 of its 6 steps" in one for one in summary(whole)["not_tested"])
     assert "6 of its 6 steps" in page(whole)
 
 
 def test_what_is_published_is_judged_by_the_same_evidence(whole: Records, tmp_path):
-    write_published(whole, tmp_path, study(effect(LISTING_2, -2.5)))
+    write_published(whole, tmp_path, Beside(evidence=study(effect(LISTING_2, -2.5))))
     rows = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["claims"]
     row = next(row for row in rows if row["id"] == CLAIM)
     assert (row["measured"], row["verdict"]) == (-2.5, "does not hold")

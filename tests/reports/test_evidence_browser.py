@@ -3,6 +3,7 @@ phone."""
 
 import pytest
 
+from reports.beside import Beside
 from reports.load import read_records
 from reports.page import write_page
 from tests.reports.browsing import opened, unfold, weakest_contrast
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
     out = write_fake_run(tmp_path_factory.mktemp("evidence") / "run", pictures=False)
-    write_page(read_records(out), out / "report.html", evidence=fake_evidence())
+    write_page(read_records(out), out / "report.html", Beside(evidence=fake_evidence()))
     return (out / "report.html").as_uri()
 
 

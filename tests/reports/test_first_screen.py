@@ -6,6 +6,7 @@ import pytest
 
 from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord
 from harness.paper import LEDGER
+from reports.beside import Beside
 from reports.claims import claims
 from reports.first_screen import PRINCIPAL, calibration, first_screen
 from reports.load import Records, read_records
@@ -16,7 +17,8 @@ from tests.reports.test_claims_time import ONE, record
 
 
 def shown(records: Records, evidence: EvidenceRecord | None = None):
-    return first_screen(records, claims(records, evidence), evidence)
+    beside = Beside(evidence=evidence)
+    return first_screen(records, claims(records, beside), beside)
 
 
 def calibrated(*checks: Check) -> EvidenceRecord:
@@ -116,7 +118,7 @@ def test_the_calibration_is_told_with_its_limits(check, sentence):
 
 def test_the_page_opens_with_all_of_it(whole: Records):
     evidence = calibrated(Check("share of planted effects that are found", 0.846, low=0.8))
-    text = page(whole, None, evidence)
+    text = page(whole, Beside(evidence=evidence))
     top = text[: text.index("<nav")]
     places = [
         top.index(words)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from harness.stability_record import CHAPTERS, StabilityRecord
+from reports.beside import Beside
 from reports.page import page
 from reports.stability_page import stability_page
 from tests.reports.fake_stability import fake_stability, hostile, write_fake_stability
@@ -164,7 +165,7 @@ def test_the_report_beside_it_is_linked(folder):
 def test_the_section_of_the_report_shows_the_same(records, folder):
     shutil.copytree(folder / "stability", records.out / "stability")
     tried = fake_stability(with_charts=False)
-    text, whole = stability_page(tried, records.out), page(records, tried)
+    text, whole = stability_page(tried, records.out), page(records, Beside(tried))
     outline = Outline(whole)
     assert len(outline.ids) == len(set(outline.ids))
     assert {link[1:] for link in outline.links if link.startswith("#")} <= set(outline.ids)

@@ -1,0 +1,249 @@
+"""Attention-prioritised rendering as measured → what the report shows of it, as plain data."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from markupsafe import Markup
+
+from harness.serving_record import Allocation, Anytime, AttentionRecord, ExampleFrame, FirstFrame, Order, ServingRecord
+from reports.error_maps import smaller
+from reports.figure import svg
+from reports.grid import EMPTY, Column, Entry, Grid
+from reports.pens import key
+from reports.pictures import data_uri, read, side_for
+from reports.series_charts import panel, panels_of
+from reports.serving_curves import ALLOCATED, PENS, allocation_series, anytime_panels
+from reports.serving_races import ORDERS, Race, Times, first, races
+from reports.serving_said import allocated, answer, averaged, paid, phi_said, plainly, seen_first
+from reports.serving_wording import MAPS, brief
+from reports.wording import NARROW, count, duration, number
+
+FRAMES_BYTES = 400_000
+"""Of the page, for example frames."""
+IN_SIGHT = 6
+"""Cases of the table that need no unfolding."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    title: str
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class Tab:
+    """A choice of the reader."""
+
+    name: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is seen when its map and its method are chosen."""
+
+    name: str
+    attended: list[Plot]
+    whole: list[Plot]
+    allocations: list[Plot]
+
+
+@dataclass(frozen=True)
+class Frame:
+    title: str
+    psnr: str
+    image: str
+
+
+@dataclass(frozen=True)
+class Strip:
+    title: str
+    frames: list[Frame]
+
+
+@dataclass(frozen=True)
+class Attention:
+    answer: str
+    sentences: list[str]
+    plain: list[str]
+    """What is not rendered by regions."""
+    maps: list[Tab]
+    methods: list[Tab]
+    choices: list[Choice]
+    orders: list[tuple[str, Markup]]
+    ways: list[tuple[str, Markup]]
+    races: Grid | None
+    allocations: Grid | None
+    strips: list[Strip]
+    tile: int
+
+    @property
+    def rules(self) -> Markup:
+        """The style that shows what is chosen, and what is missing where nothing was measured for it."""
+        known = {one.name for one in self.choices}
+        shown = [
+            f'.served:has([name=map][value="{kind.name}"]:checked):has([name=served][value="{method.name}"]:checked) .'
+            + (name if (name := f"{kind.name}-{method.name}") in known else "unmeasured")
+            for kind in self.maps
+            for method in self.methods
+        ]
+        return Markup(f"{','.join(shown)}{{display:block}}\n") if shown else Markup("")
+
+
+@dataclass(frozen=True)
+class About:
+    """What both sections about serving say of themselves."""
+
+    quick: bool
+    left_out: list[str]
+    measured: str
+
+
+def about(record: ServingRecord) -> About:
+    settings = record.settings
+    known = (("seed", "seed {}"), ("width", "{} px wide"), ("threads", "{} threads"))
+    parts = [words.format(settings[name]) for name, words in known if settings.get(name) is not None]
+    parts += [f"measured in {duration(record.seconds)}"] if record.seconds else []
+    return About(bool(settings.get("quick")), record.left_out, ", ".join(parts))
+
+
+def attention(record: ServingRecord, folder: Path) -> Attention | None:
+    """`folder`: the run's records, where the pictures are. None where nothing of it was measured."""
+    found, seen = record.attention, record.first_frame
+    if found is None:
+        return _bare(seen) if seen or record.left_out else None
+    cases = races(found)
+    there: list[Anytime | Allocation] = [*found.curves, *found.allocations]
+    kinds = list(dict.fromkeys(one.attention for one in there))
+    served = list(dict.fromkeys(one.method for one in there))
+    maps = [Tab(f"map{place}", _map(kind)) for place, kind in enumerate(kinds)]
+    methods = [Tab(f"served{place}", method) for place, method in enumerate(served)]
+    choices = [
+        choice
+        for tab, kind in zip(maps, kinds, strict=True)
+        for by, method in zip(methods, served, strict=True)
+        if (choice := _choice(f"{tab.name}-{by.name}", found, kind, method))
+    ]
+    return Attention(
+        answer=answer(cases),
+        sentences=[*paid(cases), *averaged(found), *allocated(found.allocations), *phi_said(found.phi), *_viewer(seen)],
+        plain=plainly(found.not_by_regions),
+        maps=maps,
+        methods=methods,
+        choices=choices,
+        orders=[(order, key(PENS[order])) for order in ORDERS if any(one.order == order for one in found.curves)],
+        ways=[(name, key(pen)) for name, pen in ALLOCATED.items()] if found.allocations else [],
+        races=races_grid(cases) if cases else None,
+        allocations=allocations_grid(found.allocations, found.reference_bins) if found.allocations else None,
+        strips=strips(found.frames, folder),
+        tile=found.tile,
+    )
+
+
+def _bare(seen: FirstFrame | None) -> Attention:
+    """The viewer's first frame alone, if anything."""
+    said = "No method of this run was rendered by regions."
+    return Attention(said, _viewer(seen), [], [], [], [], [], [], None, None, [], 0)
+
+
+def _viewer(seen: FirstFrame | None) -> list[str]:
+    return [seen_first(seen)] if seen else []
+
+
+def _map(kind: str) -> str:
+    return MAPS.get(kind, kind)
+
+
+def _choice(name: str, record: AttentionRecord, kind: str, method: str) -> Choice | None:
+    curves = [one for one in record.curves if (one.attention, one.method) == (kind, method)]
+    shares = [one for one in record.allocations if (one.attention, one.method) == (kind, method)]
+    if not curves and not shares:
+        return None
+    return Choice(name, _curves(curves, False, name), _curves(curves, True, name), _shared(shares, name))
+
+
+def _curves(curves: list[Anytime], whole: bool, name: str) -> list[Plot]:
+    """In the order in which they are told apart: attention last, on top."""
+    sorted_ = sorted(curves, key=lambda one: -ORDERS.index(one.order))
+    what = "whole" if whole else "attended"
+    return [
+        Plot(one.title, svg(one, f"{name}-{what}-{place}")) for place, one in enumerate(anytime_panels(sorted_, whole))
+    ]
+
+
+def _shared(found: list[Allocation], name: str) -> list[Plot]:
+    drawn = panels_of(allocation_series(found))
+    return [
+        Plot(title, svg(panel(title, group, ALLOCATED), f"{name}-samples-{place}"))
+        for place, (title, group) in enumerate(drawn)
+    ]
+
+
+def races_grid(cases: list[Race]) -> Grid:
+    """Seconds of every order to the same share of the error; the first of each three stands out."""
+    there = [order for order in ORDERS if any(order in one.attended for one in cases)]
+    columns = [Column("where", numeric=False), Column("attention", numeric=False)]
+    columns += [Column(order, small="attended") for order in there]
+    columns += [Column(order, small="whole picture") for order in there]
+    rows = []
+    before = None
+    for one in cases:
+        where = Entry(one.scene, one.method) if (one.scene, one.method) != before else Entry("")
+        before = (one.scene, one.method)
+        rows.append([where, Entry(_map(one.attention)), *_times(one.attended, there), *_times(one.whole, there)])
+    note = "▲ the first of the orders. A dash: it never got there, or was not measured."
+    return Grid("Until a tenth of the coarse frame’s error is left", columns, rows, note=note)
+
+
+def _times(times: Times, orders: list[Order]) -> list[Entry]:
+    best = first(times)
+    return [
+        EMPTY if (at := times.get(order)) is None else Entry(brief(at), tone="better" if order == best else "")
+        for order in orders
+    ]
+
+
+def allocations_grid(found: list[Allocation], reference_bins: int) -> Grid:
+    """Every picture with its samples shared out in either way."""
+    columns = [Column(name, numeric=False) for name in ("where", "attention", "samples")]
+    columns += [Column(name) for name in ("a ray", "evaluations", "time")]
+    columns += [Column("attended", small="against the integral"), Column("whole", small="against the integral")]
+    columns += [Column("attended", small="against the truth"), Column("whole", small="against the truth")]
+    rows = []
+    for one in found:
+        errors = (one.rmse_attended, one.rmse_whole, one.truth_attended, one.truth_whole)
+        rows.append(
+            [
+                Entry(one.scene, one.method),
+                Entry(_map(one.attention)),
+                Entry("by attention" if one.by_attention else "the same for each ray"),
+                Entry(number(one.bins, 1)),
+                Entry(count(round(one.evaluations))),
+                Entry(brief(one.seconds)),
+                *(Entry(number(error, 5)) if error is not None else EMPTY for error in errors),
+            ]
+        )
+    note = (
+        f"RMSE of display colour. The integral: the same field with {reference_bins} samples a ray. Empty space costs "
+        "no evaluation, so that equal numbers of samples differ in them."
+    )
+    return Grid("Every picture with its samples shared out", columns, rows, note=note)
+
+
+def strips(frames: list[ExampleFrame], folder: Path) -> list[Strip]:
+    """By scene and method, as the record has them."""
+    side = side_for(len(frames), FRAMES_BYTES)
+    found = []
+    for scene, method in dict.fromkeys((one.scene, one.method) for one in frames):
+        shown = [
+            Frame(
+                one.title.replace(" %", f"{NARROW}%"),
+                f"{number(one.psnr, 1)}{NARROW}dB" if one.psnr is not None else "",
+                data_uri(smaller(picture, side)),
+            )
+            for one in frames
+            if (one.scene, one.method) == (scene, method) and (picture := read(folder, one.image)) is not None
+        ]
+        if shown:
+            found.append(Strip(f"{scene}, {method}", shown))
+    return found

@@ -1,0 +1,115 @@
+"""Curves of a picture while it is refined, and of its error over the number of samples, as plain data."""
+
+import math
+
+from harness.chart_record import Series
+from harness.serving_record import Allocation, Anytime, Order
+from reports import palette
+from reports.figure import Panel, Trace, padded, with_common_limits
+from reports.pens import Pen
+from reports.serving_races import SHARE, reached
+from reports.serving_wording import ORDERS, brief
+from reports.wording import of_any_size
+
+PENS: dict[Order, Pen] = {
+    "attention": Pen(palette.OTHERS[0], "o", False, ()),
+    "raster": Pen(palette.OTHERS[1], "D", True, (5, 2)),
+    "spread": Pen(palette.OTHERS[2], "s", False, (1.2, 1.2)),
+}
+"""Not in the colours of methods."""
+ALLOCATED: dict[str, Pen] = {
+    "by attention, attended": Pen(palette.OTHERS[0], "o", False, ()),
+    "by attention, whole": Pen(palette.OTHERS[0], "o", True, (1.2, 1.2)),
+    "the same for each ray, attended": Pen(palette.OTHERS[1], "D", False, ()),
+    "the same for each ray, whole": Pen(palette.OTHERS[1], "D", True, (1.2, 1.2)),
+}
+INVISIBLE = 1e-4
+"""Of display colour, a fortieth of a step of an 8-bit picture: below it a curve stands at the foot of its axis."""
+AT_MOST = 60
+"""Points of a line."""
+SIZE = (3.4, 2.3)
+
+
+def anytime_panels(curves: list[Anytime], whole: bool, share: float = SHARE) -> list[Panel]:
+    """A panel a scene, a line an order; a marker where it has come down to the share of its first error."""
+    scenes = dict.fromkeys(one.scene for one in curves)
+    panels = [_panel(scene, [one for one in curves if one.scene == scene], whole, share) for scene in scenes]
+    return with_common_limits(panels, "xy")
+
+
+def _panel(scene: str, curves: list[Anytime], whole: bool, share: float) -> Panel:
+    traces: list[Trace] = []
+    foot = None
+    for one in curves:
+        pen, error = PENS[one.order], _error(one, whole)
+        seconds, shown = _drawn(one.seconds, error)
+        if min(shown) < INVISIBLE:
+            foot = INVISIBLE
+        width = 2.2 if one.order == "attention" else 1.6
+        line = tuple(max(value, INVISIBLE) for value in shown)
+        traces.append(Trace(one.order, pen.colour.light, "line", tuple(seconds), line, dash=pen.dash, width=width))
+    for one in curves:
+        pen, error = PENS[one.order], _error(one, whole)
+        at = reached(one.seconds, error, share)
+        if at is not None and share * error[0] > INVISIBLE:
+            goal = share * error[0]
+            traces.append(
+                Trace(one.order, pen.colour.light, "mark", (at,), (goal,), marker=pen.marker, hollow=pen.hollow, size=6)
+            )
+    if curves and share * _error(curves[0], whole)[0] > INVISIBLE:
+        goal = share * _error(curves[0], whole)[0]
+        ends = (min(one.seconds[0] for one in curves), max(one.seconds[-1] for one in curves))
+        traces.append(Trace("share", palette.MUTED.light, "floor", ends, (goal, goal)))
+    every = [value for trace in traces for value in trace.y]
+    what = "whole picture" if whole else "attended regions"
+    said = "; ".join(
+        f"{ORDERS[one.order]} {of_any_size(_error(one, whole)[0])} after {brief(one.seconds[0])} to "
+        f"{of_any_size(_error(one, whole)[-1])} after {brief(one.seconds[-1])}"
+        for one in curves
+    )
+    return Panel(
+        scene,
+        "seconds since the view was asked for",
+        "RMSE, display",
+        tuple(traces),
+        f"Error of the {what} on {scene} while it is refined: {said}.",
+        "linear",
+        "log",
+        y_limits=padded(every, True),
+        size=SIZE,
+        zero_at=foot,
+    )
+
+
+def _error(one: Anytime, whole: bool) -> list[float]:
+    return one.rmse_whole if whole else one.rmse_attended
+
+
+def _drawn(seconds: list[float], error: list[float]) -> tuple[list[float], list[float]]:
+    """Evenly thinned, with both ends, and with the first point that is invisible: a line drops where it did."""
+    step = max(1, math.ceil(len(seconds) / AT_MOST))
+    kept = set(range(0, len(seconds), step)) | {len(seconds) - 1}
+    gone = next((place for place, value in enumerate(error) if value < INVISIBLE), None)
+    if gone is not None:
+        kept |= {gone, max(0, gone - 1)}
+    places = sorted(kept)
+    return [seconds[place] for place in places], [error[place] for place in places]
+
+
+def allocation_series(found: list[Allocation]) -> list[Series]:
+    """Error over network evaluations, a chart a scene; a line for each way to share samples out and each error."""
+    series = []
+    for scene in dict.fromkeys(one.scene for one in found):
+        for by_attention, words in ((True, "by attention"), (False, "the same for each ray")):
+            chosen = [one for one in found if (one.scene, one.by_attention) == (scene, by_attention)]
+            for name, errors in (
+                ("attended", [one.rmse_attended for one in chosen]),
+                ("whole", [one.rmse_whole for one in chosen]),
+            ):
+                evaluations = [one.evaluations for one in chosen]
+                series.append(
+                    Series(
+                        scene, 0, f"{words}, {name}", "network evaluations a view", "RMSE, display", evaluations, errors
+                    )
+                )
+    return [one for one in series if one.x]
