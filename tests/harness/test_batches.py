@@ -8,6 +8,7 @@ from scipy.stats import chi2_contingency, chisquare
 from harness.batches import Batches
 from harness.rays import Cameras
 from harness.seeds import generator_for
+from harness.settings import RayAttention
 from scenes.image_stack import ImageStack
 from scenes.pixels import over_white
 from tests.harness.ball import pose
@@ -55,6 +56,41 @@ def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> Non
         direct = views.rays(index // size**2, index % size, index % size**2 // size)
         assert torch.equal(rays.directions, direct.directions)
         assert torch.equal(rays.origins, direct.origins)
+
+
+def patterned(attention: RayAttention) -> Batches:
+    """As `batches`, with a third view that alone has gradients."""
+    rgba = np.ones((VIEWS, HEIGHT, WIDTH, 4), np.float32)
+    rgba[2, ..., 1] = np.arange(WIDTH) % 2
+    return Batches(cameras(), ImageStack.of(rgba), attention)
+
+
+def test_without_attention_batches_are_drawn_as_they_ever_were() -> None:
+    index = torch.randint(PIXELS, (40,), generator=generator_for(3, 17, "batch"))
+    assert numbers(batches(), 3, 17) == index.tolist()
+    rgba = batches().rgba
+    assert numbers(Batches(cameras(), rgba, "none"), 3, 17) == index.tolist()
+
+
+def test_with_attention_half_of_the_rays_go_where_the_training_images_change() -> None:
+    some = patterned("gradients")
+    rays, colours = some.batch(5, 1, 2000)
+    third = cameras().all_rays(2).origins[0]
+    from_third = (rays.origins == third).all(dim=-1)
+    assert bool(from_third[:1000].all())
+    assert 0.25 < float(from_third[1000:].float().mean()) < 0.42
+    origins = {tuple(origin) for origin in rays.origins[1000:].tolist()}
+    assert len(origins) == VIEWS  # nothing is out of reach
+    assert len(colours) == 2000
+
+
+def test_attended_batches_depend_on_seed_and_step_alone() -> None:
+    first = patterned("gradients").batch(5, 1, 64)[0]
+    some = patterned("gradients")
+    some.batch(5, 2, 64)
+    assert torch.equal(some.batch(5, 1, 64)[0].directions, first.directions)
+    assert not torch.equal(some.batch(6, 1, 64)[0].directions, first.directions)
+    assert not torch.equal(patterned("none").batch(5, 1, 64)[0].directions, first.directions)
 
 
 def test_images_that_the_cameras_did_not_take_are_refused() -> None:

@@ -13,6 +13,7 @@ from harness.batches import Batches
 from harness.lockstep import GroupSettings, needs_view_direction, train_group, warnings_of
 from harness.records import CellRecord, cell_path, read_cell, write_cell
 from harness.schedule import Budget
+from harness.solo import trained_alone
 from harness.stopwatch import Stopwatch
 from harness.trainer import TRACED, Trainer
 from scenes.images import read_image
@@ -133,6 +134,31 @@ def test_all_methods_get_the_same_batches_and_take_turns(
     rounds = [order[start : start + 3] for start in range(0, 18, 3)]
     assert all(set(one) == set(THREE) for one in rounds)
     assert [one[0] for one in rounds] == [*THREE, *THREE], "who goes first changes"
+
+
+@pytest.mark.parametrize("attention", ["none", "gradients"])
+def test_all_methods_get_the_rays_that_the_settings_choose(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attention: Any
+) -> None:
+    cameras = evaluate.cameras_of(ball, ball.train, CPU)
+    expected = Batches(cameras, ball.train.rgba, attention).batch("ball/0", 1, TRAIN.rays)
+    seen: list[tuple[int, torch.Tensor, torch.Tensor]] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen.append((self.step, rays.directions, colours))
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    train = replace(TRAIN, ray_attention=attention)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(3, None), train=train)
+    assert {cell.settings["train"]["ray_attention"] for cell in cells.values()} == {attention}
+    trained_alone("nerf", ball, "ball/0", train, Budget(3, None), CPU)
+    second = [(directions, colours) for step, directions, colours in seen if step == 1]
+    assert len(second) == 3
+    for directions, colours in second:
+        assert torch.equal(directions, expected[0].directions)
+        assert torch.equal(colours, expected[1])
 
 
 def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:

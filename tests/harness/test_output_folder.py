@@ -71,6 +71,14 @@ def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     claim(out, plan, MACHINE, resume=True)
 
 
+@pytest.mark.parametrize(("before", "now"), [("none", "gradients"), ("gradients", "none")])
+def test_other_rays_are_another_plan(tmp_path: Path, before: str, now: str) -> None:
+    out = with_results(tmp_path / "run", planned("smoke", scenes=["lego"], ray_attention=before))
+    with pytest.raises(InputError, match=f"'ray_attention': '{now}'"):
+        claim(out, planned("smoke", scenes=["lego"], ray_attention=now), MACHINE, resume=True)
+    claim(out, planned("smoke", scenes=["lego"], ray_attention=before), MACHINE, resume=True)
+
+
 def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
     for other in (replace(MACHINE, threads=2), replace(MACHINE, device="cuda"), replace(MACHINE, workers=1)):

@@ -35,6 +35,7 @@ from scenes.errors import InputError
         ({"budget_seconds": math.inf}, ["--budget-seconds inf"]),
         ({"resolution": 0}, ["--resolution 0", "between 8 and 4096"]),
         ({"resolution": 10**6}, ["--resolution 1000000"]),
+        ({"ray_attention": "edges"}, ["--ray-attention", "'edges'", "none gradients"]),
         ({"scenes": ["lego"], "view_set": Path("x")}, ["--scenes and --view-set exclude each other"]),
     ],
 )
@@ -93,6 +94,8 @@ def test_options_change_what_they_name_and_nothing_else() -> None:
         ({"budget_steps": 7}, {"budget"}),
         ({"resolution": 16}, {"views"}),
         ({"precision": "float32"}, {"train"}),
+        ({"ray_attention": "gradients"}, {"train"}),
+        ({"ray_attention": "none"}, set()),
         ({"view_set": Path("some/lego")}, {"view_set", "scenes"}),
     ]
     for options, expected in changes:
