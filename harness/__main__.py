@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 from harness.evidence import options as evidence_options
 from harness.filming import options as filming_options
 from harness.gate import options as gate_options
+from harness.serving import options as serving_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
+from harness.viewer import options as viewer_options
 
 if TYPE_CHECKING:
     import torch
@@ -41,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="train with and without everything that is left out (exit code 3)",
     )
+    run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
     run.add_argument("--quiet", action="store_true", help="no progress")
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
     _add_plan_options(rates)
@@ -67,8 +70,12 @@ def parser() -> argparse.ArgumentParser:
     evidence_options.add_options(evidence)
     film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
     filming_options.add_options(film)
+    serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")
+    serving_options.add_options(serving)
     gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
     gate_options.add_options(gate)
+    view = commands.add_parser("view", help="look at a finished run in the browser, methods side by side")
+    viewer_options.add_options(view)
     return top
 
 
@@ -124,8 +131,12 @@ def main(arguments: list[str]) -> int:
             return evidence_options.run_evidence(options, show)
         if options.command == "render":
             return filming_options.run_render(options, show)
+        if options.command == "serving":
+            return serving_options.run_serving(options, show)
         if options.command == "gate":
             return gate_options.run_gate(options, show)
+        if options.command == "view":
+            return viewer_options.run_view(options, show)
         return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
     except (InputError, DamagedRecord) as mistake:
         show.close()
@@ -201,7 +212,8 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
     claim(out, plan, machine, options.resume)
     point_latest_to(out)
     try:
-        code = run(plan, out, options.view_sets, machine, command, show, options.verify_omissions)
+        extras = options.verify_omissions, not options.no_serving
+        code = run(plan, out, options.view_sets, machine, command, show, *extras)
     except InputError:
         release(out)
         if before is not None and not out.exists():

@@ -33,11 +33,19 @@ from harness.targets_record import write_targets
 
 
 def run(
-    plan: Plan, out: Path, view_sets: Path, machine: Machine, command: str, show: Progress, verify: bool = False
+    plan: Plan,
+    out: Path,
+    view_sets: Path,
+    machine: Machine,
+    command: str,
+    show: Progress,
+    verify: bool = False,
+    serve: bool = False,
 ) -> int:
     """Do what the plan says into `out`, which is ours already (`harness.output_folder`), leaving out finished cells.
 
-    With `verify`, what each scene does not need is then tried with and without. Gives the exit code: 0, or 3 where a
+    With `verify`, what each scene does not need is then tried with and without; with `serve`, view cache and attention
+    are measured last, which changes nothing of the run. Gives the exit code: 0, or 3 where a
     cell diverged or failed or something that was left out costs more than its bound. Raises `InputError` before any
     training where input is wrong.
     """
@@ -75,6 +83,12 @@ def run(
     if verify:
         with _timed(phases, "verify"):
             scenes, costly = _verified(plan, cells, scenes, folders, machine, out, show)
+        write(finished=True)
+    if serve:
+        from harness.serving.runner import after_run
+
+        with _timed(phases, "serve"):
+            after_run(out, machine.device, view_sets, show)
         write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)

@@ -107,7 +107,7 @@ class Anytime:
     order: Order
     views: int
     seconds: list[float]
-    """Since the view was asked for, with the attention map computed and the coarse frame in it."""
+    """Since the view was asked for, with the coarse frame in it, and the map where the order needs one."""
     share: list[float]
     """Of the rays at full resolution that are done."""
     rmse_attended: list[float]
@@ -129,12 +129,13 @@ class Allocation:
     evaluations: float
     """Of the network, a view; empty space costs none, so that equal totals of samples may differ in them."""
     seconds: float
+    """A view; by attention with the coarse frame and the map in it, which sharing out equally needs none of."""
     rmse_attended: float
     """Of display colour against the same field integrated with `reference_bins`."""
     rmse_whole: float
-    truth_attended: float
-    """Of display colour against the ground truth."""
-    truth_whole: float
+    truth_attended: float | None
+    """Of display colour against the ground truth; None where its views are not there any more."""
+    truth_whole: float | None
 
 
 @dataclass(frozen=True)

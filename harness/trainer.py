@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, replace
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -69,7 +70,6 @@ class Trainer:
         self.coarse = field("coarse")
         self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
-        self.optimiser = torch.optim.Adam(self.fields.parameters(), lr=settings.learning_rate, fused=True)
         # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
         self.whole_rays = parts.quadrature == "listing4"
         self.quadrature = parts.quadrature
@@ -82,6 +82,11 @@ class Trainer:
         self.last_loss: float | None = None
         """Of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
+
+    @cached_property
+    def optimiser(self) -> torch.optim.Optimizer:
+        """Made when it is first needed: it imports torch's compiler, seconds that what only renders need not wait."""
+        return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
 
     @property
     def field(self) -> NetworkField:

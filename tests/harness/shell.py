@@ -11,7 +11,9 @@ import pytest
 from harness.__main__ import main
 
 ROOT = Path(__file__).parents[2]
-TINY = shlex.split("--profile smoke --resolution 24 --methods nerf qnerf --seeds 2 --budget-steps 34 --workers 1")
+TINY = shlex.split(
+    "--profile smoke --resolution 24 --methods nerf qnerf --seeds 2 --budget-steps 34 --workers 1 --no-serving"
+)
 CELLS = [("nerf", 0), ("nerf", 1), ("qnerf", 0), ("qnerf", 1)]
 
 

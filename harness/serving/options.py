@@ -1,0 +1,46 @@
+"""`python -m harness serving`: its options, and how they are checked. Nothing heavy is imported to show the help."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.progress import Progress
+
+NARROWEST, WIDEST = 8, 4096
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("out", type=Path, metavar="OUT", help="output folder of a finished run, for instance out/latest")
+    add("--scenes", nargs="+", metavar="SCENE", help="scenes of the run to look at (default: all)")
+    add("--methods", nargs="+", metavar="METHOD", help="methods of the run to look at (default: all)")
+    add("--seed", type=int, default=0, metavar="N", help="whose weights are shown (default: 0)")
+    add("--width", type=int, default=100, metavar="PX", help="of the pictures that are timed (default: 100)")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def run_serving(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 3 where nothing of the run could be rendered; raises `InputError` for what cannot be."""
+    from scenes.errors import InputError
+
+    if not NARROWEST <= options.width <= WIDEST:
+        raise InputError(f"--width {options.width}: must lie between {NARROWEST} and {WIDEST}")
+
+    from harness.device import chosen_device
+    from harness.finished import FinishedRun
+    from harness.serving.runner import Asked, run
+    from harness.serving_record import SERVING_FILE
+
+    finished = FinishedRun.of(options.out)
+    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
+    if options.seed not in finished.run.seeds:
+        known = " ".join(map(str, finished.run.seeds))
+        raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
+    asked = Asked([one.name for one in scenes], methods, options.seed, options.width, options.quick)
+    record = run(finished, asked, chosen_device(options.device), options.view_sets, show)
+    show.line(f"figures in {options.out / SERVING_FILE}")
+    return 0 if record.cache is not None or record.attention is not None else 3

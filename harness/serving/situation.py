@@ -1,0 +1,163 @@
+"""What the studies of serving are given: the run, its cells ready to render, poses, ground truth, how much to do."""
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from harness.camera import Camera
+from harness.camera_paths import orbit
+from harness.evaluate import View, render_view
+from harness.finished import FinishedRun, TrainedCell, from_plain
+from harness.ground_truth import read_views
+from harness.learner import Learner
+from harness.metrics import mse
+from harness.progress import Progress
+from harness.records import DamagedRecord, SceneRecord
+from harness.settings import ViewSettings
+from scenes.errors import InputError
+from scenes.pixels import over_white
+from scenes.view_set import ViewSet
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is measured."""
+
+    rounds: int
+    """Renderings that are timed, each with hits of every level around it."""
+    hits: int
+    """Calls of every level in a round."""
+    orbit: int
+    """Views of a camera path."""
+    confused: int
+    """Views for which a key of the pose alone is asked."""
+    extra_steps: int
+    """Of training, for the weights of a moment later."""
+    scenes: int
+    """On which attention is looked at."""
+    views: int
+    """Of each of these."""
+    repeats: int
+    """Of every refinement, for a median of its seconds."""
+    bins: tuple[int, ...]
+    """Samples a ray that are shared out; the run's own are added."""
+    reference_bins: int
+    first_frames: int
+
+
+FULL = Sizes(
+    rounds=20, hits=5, orbit=20, confused=4, extra_steps=10, scenes=3, views=3, repeats=2, bins=(8, 16),
+    reference_bins=512, first_frames=5,
+)  # fmt: skip
+QUICK = Sizes(
+    rounds=3, hits=2, orbit=4, confused=2, extra_steps=2, scenes=1, views=1, repeats=1, bins=(8,),
+    reference_bins=64, first_frames=1,
+)  # fmt: skip
+"""At which no figure means anything, to try the studies themselves."""
+
+
+@dataclass
+class Situation:
+    """A finished run and what of it is asked for."""
+
+    run: FinishedRun
+    scenes: list[SceneRecord]
+    methods: list[str]
+    seed: int
+    width: int
+    device: torch.device
+    view_sets: Path
+    scratch: Path
+    """A folder on a disk, which is thrown away."""
+    quick: bool
+    show: Progress
+    left_out: list[str] = field(default_factory=list)
+    """What cannot be measured and why, one sentence each, no sentence twice."""
+    _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
+    _views: dict[str, ViewSet | None] = field(default_factory=dict)
+
+    @property
+    def sizes(self) -> Sizes:
+        return QUICK if self.quick else FULL
+
+    def leave_out(self, sentence: str) -> None:
+        """Once."""
+        if sentence not in self.left_out:
+            self.left_out.append(sentence)
+            self.show.line(f"  left out: {sentence}")
+
+    def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
+        """None, with a sentence in `left_out`, for a cell that cannot be rendered here. Nobody may train it."""
+        key = (scene.name, method, self.seed if seed is None else seed)
+        if key not in self._cells:
+            try:
+                self._cells[key] = self.run.trained(scene, method, key[2], self.device)
+            except (InputError, DamagedRecord) as reason:
+                self.leave_out(f"{scene.name}, {method}, seed {key[2]} cannot be rendered: {reason}")
+                self._cells[key] = None
+        return self._cells[key]
+
+    def camera(self, cell: TrainedCell, pose: np.ndarray) -> Camera:
+        """The scene's lens at a pose, in pictures of the width that is measured."""
+        return cell.camera(pose).resized(self.width)
+
+    def orbit(self, scene: SceneRecord, frames: int) -> np.ndarray:
+        """Poses [frames, 4, 4] around a scene, as far away as its views were taken from."""
+        try:
+            radius = self.run.view_radius(scene, self.view_sets)
+        except InputError as reason:
+            self.leave_out(f"orbits of {scene.name} are 4 scene units wide, as its cameras are not known: {reason}")
+            return orbit(frames, radius=4.0)
+        return orbit(frames, radius=radius)
+
+    def views(self, scene: SceneRecord) -> ViewSet | None:
+        """The run's own views at the measured width; None, with a sentence in `left_out`, where they are not there."""
+        if scene.name not in self._views:
+            self._views[scene.name] = self._read_views(scene)
+        return self._views[scene.name]
+
+    def _read_views(self, scene: SceneRecord) -> ViewSet | None:
+        missing = f"without the ground truth of {scene.name}"
+        if self.width > scene.width:
+            self.leave_out(f"{missing}: its views are {scene.width} pixels wide, {self.width} are measured")
+            return None
+        try:
+            settings = from_plain(ViewSettings, self.run.run.settings["views"], self.run.out)
+            settings = replace(settings, resolution=self.width, train=min(settings.train, TRAIN_VIEWS))
+            found = read_views(self.run.view_set(scene, self.view_sets), settings, self.scratch)
+        except InputError as reason:
+            self.leave_out(f"{missing}: {reason}")
+            return None
+        height = max(1, round(scene.height * self.width / scene.width))
+        if (found.height, found.width) != (height, self.width):
+            self.leave_out(f"{missing}: its views have {found.height} rows at this width, pictures have {height}")
+            return None
+        return found
+
+    def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
+        """`count` poses evenly spread over the test views, with their pictures over white [h, w, 3]; from an orbit and
+        without pictures where the views are not there.
+        """
+        views = self.views(scene)
+        if views is None or not len(views.test.names):
+            return [(pose, None) for pose in self.orbit(scene, count)]
+        test = views.test
+        chosen = np.unique(np.linspace(0, len(test.names), count, endpoint=False).astype(int))
+        return [(test.camera_to_world[index], over_white(test.rgba[int(index)])) for index in chosen]
+
+
+TRAIN_VIEWS = 8
+"""Views that a few more steps are trained on."""
+
+
+def plain(learner: Learner, camera: Camera, chunk: int) -> View:
+    """The picture as the run scored it: what everything here is measured against."""
+    return render_view(learner, camera.cameras(learner.device), 0, chunk)
+
+
+def rmse(found: np.ndarray, wanted: np.ndarray) -> float:
+    """Root of the mean square over everything; raises `ValueError` where a value is not finite."""
+    return math.sqrt(mse(found, wanted))
