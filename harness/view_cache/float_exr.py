@@ -14,6 +14,8 @@ import numpy as np
 
 from harness.view_cache.pictures import over_bytes, possible
 
+TILE = 512
+
 
 class Damaged(ValueError):
     """Not a file that `write_exr` left, or no longer."""
@@ -34,6 +36,8 @@ def write_exr(file: Path, picture: np.ndarray) -> None:
     spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT)
     spec.channelnames = channel_names(channels)
     spec.attribute("compression", "none")
+    # in one piece where it is not huge: taking it apart line by line is most of reading it
+    spec.tile_width, spec.tile_height = min(width, TILE), min(height, TILE)
     target = oiio.ImageOutput.create(str(file))
     if target is None:
         raise OSError(errno.EINVAL, _reason(oiio.geterror()), str(file))

@@ -23,7 +23,7 @@ class SegmentedMemory:
         self.bounds = (int(bound * PROTECTED), bound)
         """Of level 0, and of both together."""
         self.evicted = 0
-        """Pictures that fell out of level 1, and out of memory."""
+        """Pictures that fell out of memory."""
         self._levels: tuple[OrderedDict[str, np.ndarray], OrderedDict[str, np.ndarray]] = (OrderedDict(), OrderedDict())
         self._bytes = [0, 0]
         self._lock = threading.Lock()
@@ -76,7 +76,8 @@ class SegmentedMemory:
             self._levels[1][demoted] = moved
             self._bytes[1] += moved.nbytes
         while sum(self._bytes) > self.bounds[1]:
-            self._oldest(1)
+            # a picture so large that all of level 1 is not enough for it has room made in level 0
+            self._oldest(1 if next(iter(self._levels[1])) != key else 0)
             self.evicted += 1
 
     def _oldest(self, level: int) -> tuple[str, np.ndarray]:
