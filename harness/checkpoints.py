@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor
 
 from scenes.errors import InputError
@@ -31,10 +31,18 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
 
 
 def save_checkpoint(learner: "Learner", path: Path) -> None:
+    """Whole or not at all; raises `OSError`, naming the file, where it cannot be written."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    data = save({name: value.cpu() for name, value in tensors_of(learner).items()})
     beside = path.with_name(f".{path.name}.part")
-    save_file({name: value.cpu() for name, value in tensors_of(learner).items()}, beside)
-    beside.replace(path)
+    try:
+        # not by safetensors itself, whose own error would hide a full disk
+        beside.write_bytes(data)
+        beside.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def load_checkpoint(learner: "Learner", path: Path, step: int) -> None:
@@ -44,7 +52,10 @@ def load_checkpoint(learner: "Learner", path: Path, step: int) -> None:
     if not path.is_file():
         raise InputError(f"{path}: this checkpoint is missing; train the cell again, or choose another one")
     try:
-        learner.restore(load_file(path, device=str(learner.device)), step)
+        tensors = load_file(path, device=str(learner.device))
+        if spoilt := [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]:
+            raise ValueError(f"{' '.join(spoilt)}: not finite")
+        learner.restore(tensors, step)
     except (SafetensorError, RuntimeError, KeyError, ValueError, OSError) as error:
         said = " ".join(str(error).split())[:300]
         raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({said})") from error

@@ -19,7 +19,7 @@ from harness.lockstep import needs_view_direction_of, stream_of
 from harness.plan import known_names
 from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cell, read_run, records_folder
 from harness.schedule import Budget
-from harness.settings import TrainSettings
+from harness.settings import ScoreSettings, TrainSettings
 from scenes.errors import InputError
 from scenes.transforms import read_transforms, transforms_file
 from scenes.viewpoints import RADIUS
@@ -88,12 +88,13 @@ class FinishedRun:
         cell = read_cell(path)
         if cell.status != "done":
             raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
-        if "focal" not in cell.settings.get("view_set", {}):
-            raise InputError(f"{path}: recorded before the focal length was; run again to look at it")
         if method not in CATALOG:
             raise InputError(f"{path}: method {method!r} is not in this version's catalogue: {' '.join(CATALOG)}")
-        settings = from_plain(TrainSettings, cell.settings["train"], path)
-        budget = from_plain(Budget, cell.settings["budget"], path)
+        settings = from_plain(TrainSettings, cell.settings.get("train"), path)
+        budget = from_plain(Budget, cell.settings.get("budget"), path)
+        from_plain(ScoreSettings, cell.settings.get("score"), path)
+        if not isinstance(cell.settings.get("view_set"), dict) or "focal" not in cell.settings["view_set"]:
+            raise InputError(f"{path}: recorded before the focal length of its views was; run again to look at it")
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
         directed = needs_view_direction_of([row.what for row in scene.left_out])
         learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
@@ -133,15 +134,23 @@ def from_plain(kind: type[One], data: Any, path: Path) -> One:
 
 
 def _from_plain(kind: Any, data: Any) -> Any:
-    origin = typing.get_origin(kind)
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         if not isinstance(data, dict) or set(data) != set(hints):
             unlike = sorted(set(data) ^ set(hints)) if isinstance(data, dict) else type(data).__name__
             raise ValueError(f"{getattr(kind, '__name__', kind)}: {unlike}")
         return typing.cast(type, kind)(**{name: _from_plain(hints[name], value) for name, value in data.items()})
-    if origin is tuple:
-        return tuple(data)
-    if origin in (types.UnionType, typing.Union) or origin is typing.Literal:
+    if origin is tuple and parts[-1] is ... and isinstance(data, (list, tuple)):
+        return tuple(_from_plain(parts[0], value) for value in data)
+    if origin is tuple and isinstance(data, (list, tuple)) and len(data) == len(parts):
+        return tuple(_from_plain(part, value) for part, value in zip(parts, data, strict=True))
+    if origin in (types.UnionType, typing.Union):
+        return None if data is None and type(None) in parts else _from_plain(parts[0], data)
+    if origin is typing.Literal and data in parts:
         return data
-    return kind(data) if kind in (int, float) and not isinstance(data, bool) else data
+    if kind is float and type(data) in (int, float):
+        return float(data)
+    if kind in (bool, int, str) and type(data) is kind:
+        return data
+    raise ValueError(f"{data!r} is no {kind}")

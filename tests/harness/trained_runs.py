@@ -1,0 +1,63 @@
+"""Finished runs on the ball, so small that a cell trains in a moment, made in this process by the run's own code."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from harness.group import GroupTask, run_group
+from harness.learner import Learner
+from harness.local_executor import Event
+from harness.output_folder import claim
+from harness.plan import Machine, planned
+from harness.progress import Quiet
+from harness.records import CellRecord
+from harness.runner import run
+from harness.settings import TrainSettings
+from tests.harness.ball import write_ball
+from tests.harness.tiny import SCORE, TRAIN
+
+SIZE = 16
+
+
+def train_run(
+    folder: Path,
+    methods: list[str],
+    train: TrainSettings = TRAIN,
+    steps: int = 24,
+    no_need: list[str] | None = None,
+    on_trained: Callable[[Learner], None] = lambda learner: None,
+) -> Path:
+    """The output folder `run`; its view set `ball` is beside it. `on_trained` gets each learner at its end."""
+    from harness import lockstep
+
+    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
+        for task in tasks:
+            cells: list[CellRecord] = []
+            run_group(task, lambda share: None, cells.append)
+            yield from (Event(task, cell=cell) for cell in cells)
+
+    def saved(learner: Learner, path: Path, save: Callable[[Learner, Path], None] = lockstep.save_checkpoint) -> None:
+        save(learner, path)
+        on_trained(learner)
+
+    views, out = folder / "ball", folder / "run"
+    if not views.exists():
+        write_ball(views, size=SIZE, train=5, test=3)
+    plan = planned(
+        "smoke", view_set=views, methods=methods, seeds=1, budget_steps=steps, resolution=SIZE, no_need=no_need
+    )
+    plan = replace(plan, train=train, score=replace(SCORE, checkpoints=1, chunk=100, train_views=1))
+    machine = Machine("cpu", 1, 1)
+    claim(out, plan, machine, resume=False)
+    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.runner.run_locally", here)
+        patch.setattr("harness.lockstep.save_checkpoint", saved)
+        run(plan, out, folder, machine, "none", Quiet())
+    # a fixture of a whole module comes before the one that puts these back after each test
+    torch.set_num_threads(threads)
+    torch.set_deterministic_debug_mode(deterministic)
+    return out
