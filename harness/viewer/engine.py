@@ -174,7 +174,8 @@ class _Turn:
             if found is not None:
                 view, level = found
                 self.work = time.perf_counter() - began
-                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=self._psnr(view))
+                psnr_here, note = self._psnr(view), self._note()
+                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=psnr_here, note=note)
         return None
 
     def rendered(self) -> Iterator[Frame]:
@@ -193,7 +194,7 @@ class _Turn:
         passed = time.perf_counter() - began
         seat.pace.learn(rays, passed)
         self.work += passed
-        note = "" if self.attention.kind == "none" else why_plain(seat.learner) or ""
+        note = self._note()
         yield self._frame(
             "coarse", *_all(first), share=0.0, rays=rays, stride=stride, psnr=self._psnr(first), note=note
         )
@@ -217,6 +218,10 @@ class _Turn:
         finally:  # also for one who has seen enough
             if self.use_cache:
                 seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
+
+    def _note(self) -> str:
+        why = None if self.attention.kind == "none" else why_plain(self.seat.learner)
+        return f"{why[0].upper()}{why[1:]}." if why else ""
 
     def _by_regions(self) -> bool:
         return self.seat.pointwise and self.attention.kind != "none"

@@ -124,12 +124,18 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
         Route("/truth", truth, methods=["GET"]),
         Route("/render", render, methods=["POST"]),
     ]
+    refusals = {BadRequest: _refused, Exception: _broken}
     middleware = [Middleware(SafeHeaders), Middleware(TrustedHostMiddleware, allowed_hosts=hosts, www_redirect=False)]
-    return Starlette(routes=routes, middleware=middleware, exception_handlers={BadRequest: _refused})
+    return Starlette(routes=routes, middleware=middleware, exception_handlers=refusals)
 
 
 async def _refused(request: Request, mistake: Exception) -> Response:
     return PlainTextResponse(str(mistake), 400)
+
+
+async def _broken(request: Request, error: Exception) -> Response:
+    traceback.print_exception(error, file=sys.stderr)
+    return PlainTextResponse(f"{type(error).__name__}; the terminal has the details", 500)
 
 
 async def _body(request: Request) -> bytes:

@@ -109,6 +109,8 @@ class ShownRun:
                 for view, pose in zip(truth.names, truth.poses, strict=True)
             ],
             "missing": truth.missing,
+            "psnr_ceiling": scene.psnr_ceiling,
+            "psnr_floor": scene.psnr_floor,
             "cells": {method: self._cell(name, method) for method in self.run.run.methods},
         }
 
@@ -163,12 +165,11 @@ class ShownRun:
             raise BadRequest(f"view: there are {len(truth)} test views")
         colour, opacity, depth = truth.colour(view), truth.opacity(view), truth.depth(view)
         height, width = opacity.shape
-        facts = {"name": truth.names[view], "width": width, "height": height, "depth": depth is not None}
+        facts = {"name": truth.names[view], "width": width, "height": height, "has_depth": depth is not None}
         return picture_message("truth", colour, opacity, depth, **facts)
 
     def messages(self, asked: Asked) -> Generator[bytes, None, None]:
         """All that a page is sent for what it asked, one piece of work after another; `checked` before."""
-        began = time.perf_counter()
         scene = self.scene(asked.scene)
         truth, centre = self.truth(scene), np.mean(scene.bounds, axis=0)
         exact = asked.place if isinstance(asked.place, int) else None
@@ -182,8 +183,9 @@ class ShownRun:
             except InputError as mistake:
                 yield message("failed", method=method, note=str(mistake))
         if not seats:
-            yield message("end", cache=self.cache_listing(), seconds=time.perf_counter() - began)
+            yield message("end", cache=self.cache_listing())
             return
+        began = time.perf_counter()
         camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
         facts: dict[str, Any] = {"generation": asked.generation, "width": camera.width, "height": camera.height}
         if len(truth):
@@ -196,7 +198,7 @@ class ShownRun:
             if frame.state == "whole":
                 self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
             yield frame_message(frame)
-        yield message("end", cache=self.cache_listing(), seconds=time.perf_counter() - began)
+        yield message("end", cache=self.cache_listing())
 
     def cache_listing(self) -> dict[str, Any]:
         found = self.store.statistics

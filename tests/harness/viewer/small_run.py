@@ -1,33 +1,45 @@
 """A run that a page can show: two methods, trained for a moment on the ball, in this process."""
 
-from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import pytest
+import torch
 
-from harness.__main__ import main
-from harness.group import GroupTask, run_group
-from harness.local_executor import Event
-from harness.records import CellRecord
+from harness.ground_truth import read_views
+from harness.lockstep import GroupSettings, train_group
+from harness.needed import for_scene
+from harness.records import RunRecord, SceneRecord, write_cell, write_run
+from harness.schedule import Budget
+from harness.settings import ViewSettings
 from tests.harness.ball import write_ball
+from tests.harness.tiny import SCORE, TRAIN
 
 SIZE = 40
 """Pixels: nine regions."""
+VIEWS = ViewSettings(resolution=SIZE, train=4, val=0, test=3)
+HOSTILE = "<img src=x onerror=\"document.title='taken'\"> & more"
+METHODS = {"nerf": HOSTILE, "qnerf": "Q-NeRF as listed", "nerf_matched": "never trained here"}
 
 
-def train(folder: Path) -> Path:
-    """The output folder `run`; its view set `ball` is beside it. Without a process of its own for the training."""
-
-    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        for task in tasks:
-            cells: list[CellRecord] = []
-            run_group(task, lambda share: None, cells.append)
-            yield from (Event(task, cell=cell) for cell in cells)
-
-    views, out = write_ball(folder / "ball", size=SIZE, train=4, test=3), folder / "run"
-    options = f"--profile smoke --view-set {views} --out {out} --resolution {SIZE} --methods nerf qnerf --seeds 1"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.runner.run_locally", here)
-        code = main(["run", *options.split(), "--budget-steps", "40", "--workers", "1", "--quiet", "--no-serving"])
-    assert code == 0
+def train(folder: Path, scene: str = "ball") -> Path:
+    """The output folder `run`; its view set `ball` is beside it. Titles are hostile."""
+    views_folder, out = write_ball(folder / "ball", size=SIZE, train=4, test=3), folder / "run"
+    out.mkdir()
+    views = read_views(views_folder, VIEWS, folder)
+    settings = GroupSettings(
+        ("nerf", "qnerf"), for_scene(TRAIN, views), replace(SCORE, checkpoints=1), Budget(30, None)
+    )
+    for cell in train_group(views, scene, 0, settings, torch.device("cpu"), out, {}, lambda share: None):
+        assert cell.status == "done", cell.reason
+        write_cell(out, cell)
+    known = SceneRecord(
+        name=scene, title=HOSTILE, view_set="ball", width=SIZE, height=SIZE,
+        views={"train": 4, "val": 0, "test": 3}, near=views.near, far=views.far, bounds=views.bounds.tolist(),
+        psnr_ceiling=None, psnr_floor=12.5, rendered={}, left_out=[],
+    )  # fmt: skip
+    write_run(out, RunRecord(
+        profile="smoke", command="", scenes=[known], methods=METHODS, deviations=[], paper={}, seeds=[0],
+        settings={"views": asdict(VIEWS), "view_set": str(views_folder)}, provenance={}, phases={}, finished=True,
+        not_tested=[],
+    ))  # fmt: skip
     return out

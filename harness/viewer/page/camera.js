@@ -1,0 +1,74 @@
+// Where the camera stands: about a target, z up, angles in radians; and the ways in which a user moves it.
+
+const STEEPEST = 1.55
+const RADIANS_PER_PIXEL = 0.008
+const STEP = Math.PI / 36
+const ZOOM = 1.12
+const LEAST = 0.3, MOST = 60
+
+const clamp = (value, least, most) => Math.min(Math.max(value, least), most)
+
+export function turned(orbit, azimuth, elevation) {
+  const full = 2 * Math.PI
+  return {
+    ...orbit,
+    azimuth: (((orbit.azimuth + azimuth) % full) + full) % full,
+    elevation: clamp(orbit.elevation + elevation, -STEEPEST, STEEPEST),
+  }
+}
+
+export const zoomed = (orbit, factor) => ({ ...orbit, distance: clamp(orbit.distance * factor, LEAST, MOST) })
+
+export const KEYS = {
+  ArrowLeft: orbit => turned(orbit, -STEP, 0),
+  ArrowRight: orbit => turned(orbit, STEP, 0),
+  ArrowUp: orbit => turned(orbit, 0, STEP),
+  ArrowDown: orbit => turned(orbit, 0, -STEP),
+  '+': orbit => zoomed(orbit, 1 / ZOOM),
+  '=': orbit => zoomed(orbit, 1 / ZOOM),
+  '-': orbit => zoomed(orbit, ZOOM),
+}
+export const closer = KEYS['+']
+export const farther = KEYS['-']
+
+/** `move(change)` is called with a function of the orbit; `at(row, column)` where the pointer is, and `chosen` on a click. */
+export function handle(canvas, { move, at, chosen }) {
+  const pointers = new Map()
+  let moved = 0
+  const place = event => {
+    const box = canvas.getBoundingClientRect()
+    return [clamp((event.clientY - box.top) / box.height, 0, 1), clamp((event.clientX - box.left) / box.width, 0, 1)]
+  }
+  const spread = () => {
+    const [one, other] = [...pointers.values()]
+    return Math.hypot(one.x - other.x, one.y - other.y)
+  }
+  canvas.addEventListener('pointerdown', event => {
+    if (event.button) return
+    canvas.setPointerCapture(event.pointerId)
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY })
+    if (pointers.size === 1) moved = 0
+  })
+  canvas.addEventListener('pointermove', event => {
+    at(...place(event))
+    const before = pointers.get(event.pointerId)
+    if (!before) return
+    const apart = pointers.size === 2 ? spread() : 0
+    const [right, down] = [event.clientX - before.x, event.clientY - before.y]
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY })
+    moved += Math.hypot(right, down)
+    if (moved < 4) return
+    if (pointers.size === 2) move(orbit => zoomed(orbit, apart / Math.max(spread(), 1)))
+    else if (pointers.size === 1) move(orbit => turned(orbit, -RADIANS_PER_PIXEL * right, RADIANS_PER_PIXEL * down))
+  })
+  const end = event => {
+    if (!pointers.delete(event.pointerId)) return
+    if (event.type === 'pointerup' && moved < 4 && !pointers.size) chosen(...place(event))
+  }
+  canvas.addEventListener('pointerup', end)
+  canvas.addEventListener('pointercancel', end)
+  canvas.addEventListener('wheel', event => {
+    event.preventDefault()
+    move(orbit => zoomed(orbit, Math.exp(clamp(event.deltaY, -240, 240) * 0.0012)))
+  }, { passive: false })
+}
