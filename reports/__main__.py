@@ -57,7 +57,7 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
     from reports.beside import Beside
     from reports.evidence_load import find_evidence
     from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
-    from reports.serving_load import find_serving
+    from reports.serving_load import find_serving, is_whole
     from reports.speed_load import FILE, find_speed
     from reports.stability_load import find_stability
 
@@ -72,6 +72,10 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
             if evidence is not None and not evidence.finished:
                 raise NotForPublishing(
                     f"{out / EVIDENCE_FILE}: not finished; let `nox -s evidence` end, or leave out --publish"
+                )
+            if serving is not None and not is_whole(serving):
+                raise NotForPublishing(
+                    f"{out / SERVING_FILE}: not whole; run `python -m harness serving {out}`, or leave out --publish"
                 )
         alone = all(found is None for found in with_pages.values())
         if alone and out.is_dir() and not records_folder(out).is_dir():

@@ -4,6 +4,7 @@ from harness.serving_record import CacheRecord, Latency, PhiCheck
 from reports.evidence_view import plain
 from reports.judging import judge_difference
 from reports.ledger import UNTESTED, Bench, Claim, Finding, Pair, Printed, Verdict
+from reports.serving_load import is_quick
 from reports.serving_races import ORDERS, SHARE, Race, earlier, first, races
 from reports.wording import NARROW, counted, listed, significant
 
@@ -144,7 +145,7 @@ def _untested(bench: Bench, how: str) -> Finding:
 
 
 def _quick(bench: Bench) -> bool:
-    return bool(bench.serving and bench.serving.settings.get("quick"))
+    return bool(bench.serving and is_quick(bench.serving))
 
 
 def _ends(found: list[Latency]) -> float | Pair | None:

@@ -13,10 +13,11 @@ from reports.pens import key
 from reports.pictures import data_uri, read, side_for
 from reports.series_charts import panel, panels_of
 from reports.serving_curves import ALLOCATED, PENS, allocation_series, anytime_panels
+from reports.serving_load import is_quick, is_whole
 from reports.serving_races import ORDERS, Race, Times, first, races
 from reports.serving_said import allocated, answer, averaged, paid, phi_said, plainly, seen_first
 from reports.serving_wording import MAPS, brief
-from reports.wording import NARROW, count, duration, number
+from reports.wording import NARROW, count, counted, duration, number
 
 FRAMES_BYTES = 400_000
 """Of the page, for example frames."""
@@ -43,6 +44,8 @@ class Choice:
     """What is seen when its map and its method are chosen."""
 
     name: str
+    words: str
+    """What is attended to, as far as the record says it."""
     attended: list[Plot]
     whole: list[Plot]
     allocations: list[Plot]
@@ -95,16 +98,18 @@ class About:
     """What both sections about serving say of themselves."""
 
     quick: bool
+    whole: bool
     left_out: list[str]
     measured: str
 
 
 def about(record: ServingRecord) -> About:
     settings = record.settings
-    known = (("seed", "seed {}"), ("width", "{} px wide"), ("threads", "{} threads"))
-    parts = [words.format(settings[name]) for name, words in known if settings.get(name) is not None]
+    parts = [f"seed {settings['seed']}"] if "seed" in settings else []
+    parts += [f"{settings['width']} px wide"] if "width" in settings else []
+    parts += [counted(settings["threads"], "thread")] if isinstance(settings.get("threads"), int) else []
     parts += [f"measured in {duration(record.seconds)}"] if record.seconds else []
-    return About(bool(settings.get("quick")), record.left_out, ", ".join(parts))
+    return About(is_quick(record), is_whole(record), record.left_out, ", ".join(parts))
 
 
 def attention(record: ServingRecord, folder: Path) -> Attention | None:
@@ -122,7 +127,7 @@ def attention(record: ServingRecord, folder: Path) -> Attention | None:
         choice
         for tab, kind in zip(maps, kinds, strict=True)
         for by, method in zip(methods, served, strict=True)
-        if (choice := _choice(f"{tab.name}-{by.name}", found, kind, method))
+        if (choice := _choice(f"{tab.name}-{by.name}", record, found, kind, method))
     ]
     return Attention(
         answer=answer(cases),
@@ -154,12 +159,14 @@ def _map(kind: str) -> str:
     return MAPS.get(kind, kind)
 
 
-def _choice(name: str, record: AttentionRecord, kind: str, method: str) -> Choice | None:
-    curves = [one for one in record.curves if (one.attention, one.method) == (kind, method)]
-    shares = [one for one in record.allocations if (one.attention, one.method) == (kind, method)]
+def _choice(name: str, record: ServingRecord, found: AttentionRecord, kind: str, method: str) -> Choice | None:
+    curves = [one for one in found.curves if (one.attention, one.method) == (kind, method)]
+    shares = [one for one in found.allocations if (one.attention, one.method) == (kind, method)]
     if not curves and not shares:
         return None
-    return Choice(name, _curves(curves, False, name), _curves(curves, True, name), _shared(shares, name))
+    described = record.settings.get("attention")
+    words = str(described.get(kind, "")) if isinstance(described, dict) else ""
+    return Choice(name, words, _curves(curves, False, name), _curves(curves, True, name), _shared(shares, name))
 
 
 def _curves(curves: list[Anytime], whole: bool, name: str) -> list[Plot]:

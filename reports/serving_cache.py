@@ -210,7 +210,8 @@ def _use(one: PathUse) -> Use:
         rate=f"{number(100 * one.hit_rate, 1)}{NARROW}%",
         seconds=brief(one.seconds),
         without=f"{brief(one.seconds_without)}{saved}",
-        bounds=f"{bytes_said(one.memory_bytes)} in memory, {bytes_said(one.disk_bytes)} on disk",
+        bounds=f"{bytes_said(one.memory_bytes)} in memory, "
+        + (f"{bytes_said(one.disk_bytes)} on disk" if one.disk_bytes else "no disk"),
     )
 
 
@@ -220,9 +221,9 @@ def confused(found: list[Confusion]) -> str:
     if not views:
         return ""
     wrong = [one for one in found if one.stale]
-    off = [significant(one.rmse, 2) for one in sorted(wrong, key=lambda one: one.rmse)]
-    by = off[0] if len(set(off)) < 2 else f"{off[0]} to {off[-1]}" if off else ""
-    apart = f", off by {by} (RMSE of display colour)" if off else ""
+    off = [significant(one.rmse) for one in sorted(wrong, key=lambda one: one.rmse)]
+    by = " to ".join(dict.fromkeys([*off[:1], *off[-1:]]))
+    apart = f", off by {by} (RMSE of display colour)" if by else ""
     missed = sum(one.missed for one in found)
     if missed == views:
         ours = "ours missed each of them, as it has to" if views > 1 else "ours missed it, as it has to"

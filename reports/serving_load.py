@@ -34,6 +34,16 @@ def find_serving(out: Path) -> ServingRecord | None:
     )
 
 
+def is_quick(record: ServingRecord) -> bool:
+    """Whether sizes were so small that no figure means anything."""
+    return bool(record.settings.get("quick"))
+
+
+def is_whole(record: ServingRecord) -> bool:
+    """Whether everything that was asked for was looked at."""
+    return bool(record.settings.get("complete", True))
+
+
 def _contradiction(folder: Path, record: ServingRecord) -> str | None:
     """The first thing that no measurement gives, though every type is right."""
     found: list[Iterator[str]] = [_negative("seconds", record.seconds)]

@@ -153,9 +153,7 @@ def plainly(found: list[NotByRegions]) -> list[str]:
     said = []
     for method, reason in dict.fromkeys((one.method, one.reason) for one in found):
         off = [
-            f"{significant(one.rmse, 2)} on {one.scene}"
-            for one in found
-            if (one.method, one.reason) == (method, reason)
+            f"{significant(one.rmse)} on {one.scene}" for one in found if (one.method, one.reason) == (method, reason)
         ]
         said.append(
             f"{method} is not rendered by regions: {reason.rstrip('.')}. By regions its picture would be off by "

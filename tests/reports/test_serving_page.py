@@ -1,0 +1,213 @@
+"""The sections about serving: told from figures, drawn to scale, escaped, small, and silent where nothing is."""
+
+import html
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.serving_record import (
+    Anytime,
+    AttentionRecord,
+    CacheRecord,
+    FirstFrame,
+    PhiCheck,
+)
+from reports.beside import Beside
+from reports.load import read_records
+from reports.page import page
+from reports.serving_attention import attention
+from reports.serving_cache import cache
+from reports.serving_curves import INVISIBLE, anytime_panels
+from reports.serving_races import reached
+from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_serving import (
+    fake_attention,
+    fake_cache,
+    fake_curve,
+    fake_serving,
+    reaching,
+    write_fake_serving,
+)
+from tests.reports.test_page import HOSTILE, Outline
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    run = write_fake_run(tmp_path_factory.mktemp("served") / "run", ("chair",), seeds=2, pictures=False)
+    return write_fake_serving(run)
+
+
+@pytest.fixture(scope="module")
+def text(out) -> str:
+    return page(read_records(out), Beside(serving=fake_serving()))
+
+
+def plain(words: str) -> str:
+    return words.replace("\u202f", " ")
+
+
+def seen(text: str, section: str) -> str:
+    """What a reader reads of a section."""
+    body = text[text.index(f'<section id="{section}">') :]
+    body = body[: body.index("</section>")]
+    return plain(re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]*>", " ", body))))
+
+
+def test_both_sections_are_there_well_formed_and_fetch_nothing(text):
+    outline = Outline(text)
+    assert len(outline.ids) == len(set(outline.ids))
+    assert {"#cache", "#attention"} <= set(outline.links)
+    assert {link[1:] for link in outline.links if link.startswith("#")} <= set(outline.ids)
+    assert [link for link in outline.links if not link.startswith(("#", "data:"))] == []
+    assert "script" not in outline.tags
+
+
+def test_the_cache_is_told_from_its_figures(text):
+    said = seen(text, "cache")
+    for words in ("A hit in memory is 2 812 to 5 357 times faster than rendering (target 1 000: met), one on disk "
+                  "30.0 to 53.6 times (target 50: missed in 1 of 2 cases, open in 1: the spread reaches across).",
+                  "A view of 40 × 40 px takes 32.0 kB in memory and 21.4 kB on disk.",
+                  "14.0 µs 10.8 µs to 18.2 µs", "memory (level 0) 20 · memory (level 1) 20 · rendered 20", "66.7 %",
+                  "2.80 s (3.0 times as long)", "would have returned 8 stale pictures of 12, off by 0.0123 to 0.141",
+                  "ours missed each of them"):  # fmt: skip
+        assert words in said, words
+
+
+def test_attention_is_told_from_its_figures(text):
+    said = seen(text, "attention")
+    for words in ("down to 10 % of the coarse frame’s error sooner than in any other order in 5 of 6 cases of scene "
+                  "and map, on 2 of 3 scenes with every map",
+                  "Where it is not first even in what is attended: lego (gradients).",
+                  "Over the whole picture it gets down to 10 % first in 0 of 6 cases; it is behind raster order in all",
+                  "is 0.60 times as large in what is attended and 1.50 times in the whole picture",
+                  "priorities sum to 1.618, not to 1", "Of 18 maps looked at, leaving φ out changed the order in 0",
+                  "is there after 310 ms (target 0.5 s: met), all of it after 920 ms; the slowest of 5 calls.",
+                  "qnerf is not rendered by regions: its density depends on which points share a call. By regions its "
+                  "picture would be off by 0.0131 on chair", "24.6 dB", "a point of interest",
+                  "camera paths were followed with nerf alone", "2 threads"):  # fmt: skip
+        assert words in said, words
+
+
+def test_bars_are_as_long_as_their_views(text):
+    widths = [float(one) for one in re.findall(r'<i class="(?:level-\d|render)" style="width: ([\d.]+)%"', text)]
+    assert sum(widths) == pytest.approx(200, abs=0.01)
+    assert widths == pytest.approx([100 / 3] * 3 + [7.5, 15, 22.5, 55], abs=0.01)
+
+
+def test_nothing_rough_is_shown_without_a_warning(out):
+    records = read_records(out)
+    for settings, words in (({"quick": True}, "Measured too quickly."), ({"complete": False}, "Not everything was")):
+        body = page(records, Beside(serving=fake_serving(settings=settings)))
+        assert words in seen(body, "cache")
+        assert words in seen(body, "attention")
+    whole = page(records, Beside(serving=fake_serving()))
+    assert "Measured too quickly." not in whole
+    assert "Not everything was measured" not in whole
+
+
+def test_each_part_may_be_missing(out):
+    records = read_records(out)
+    bare = page(records, Beside(serving=fake_serving(attention=None)))
+    assert "The viewer’s first frame" in seen(bare, "attention")
+    assert "camera paths were followed" in seen(bare, "attention")
+    alone = page(records, Beside(serving=fake_serving(attention=None, first_frame=None, left_out=[])))
+    assert 'id="attention"' not in alone
+    assert "measured in 3 min 23 s" in seen(alone, "cache")
+    only = page(records, Beside(serving=fake_serving(cache=None)))
+    assert 'id="cache"' not in only
+    nothing = fake_serving(cache=None, attention=None, first_frame=None, left_out=["no method: no checkpoints"])
+    assert "no method: no checkpoints" in seen(page(records, Beside(serving=nothing)), "attention")
+
+
+def test_empty_records_have_sections():
+    empty = AttentionRecord(40, 40, 8, 512, [], [], [], [], PhiCheck(0.0, 0, 0, 0))
+    shown = attention(fake_serving(attention=empty, first_frame=None), Path("nowhere"))
+    assert (shown.answer, shown.sentences, shown.choices, shown.strips) == ("No order was timed.", [], [], [])
+    bare = cache(CacheRecord(40, 40, [], [], [], 0, 0), [])
+    assert (bare.answer, bare.plots, bare.confused, bare.confusions) == ("No hit was timed.", [], "", None)
+
+
+def test_what_is_invisible_stands_at_the_foot():
+    curve = fake_curve("chair", "point", "attention", 1.0)
+    (panel,) = anytime_panels([curve], False)
+    line = panel.traces[0]
+    assert (min(line.y), panel.zero_at) == (INVISIBLE, INVISIBLE)
+    assert line.x[0] == curve.seconds[0]
+    assert line.x[-1] == curve.seconds[-1]
+    marks = [trace for trace in panel.traces if trace.kind == "mark"]
+    assert [trace.x for trace in marks] == [(reached(curve.seconds, curve.rmse_attended, 0.1),)]
+    (above,) = anytime_panels([replace(curve, rmse_whole=[0.1 + 0.001 * k for k in range(26)])], True)
+    assert above.zero_at is None
+
+
+def test_a_long_curve_is_thinned_and_keeps_its_ends_and_its_fall():
+    many = 1000
+    error = [0.1 if place < 777 else 0.0 for place in range(many)]
+    curve = Anytime("chair", "nerf", "point", "raster", 1, [0.001 * k for k in range(many)],
+                    [k / many for k in range(many)], error, error)  # fmt: skip
+    line = anytime_panels([curve], True)[0].traces[0]
+    assert len(line.x) < 70
+    assert {0.0, 0.776, 0.777, 0.999} <= {round(at, 6) for at in line.x}
+
+
+def test_hostile_words_stay_words(out):
+    def spoiled(one, **also):
+        words = {name: HOSTILE for name, value in one.__dict__.items() if isinstance(value, str)}
+        kept = {name: getattr(one, name) for name in ("source", "order", "image") if hasattr(one, name)}
+        return replace(one, **{**words, **kept, **also})
+
+    served, looked = fake_cache(), fake_attention()
+    curves = [spoiled(one) for one in looked.curves[:3]]
+    bad_cache = replace(
+        served,
+        latencies=[spoiled(one) for one in served.latencies[:4]],
+        paths=[spoiled(one) for one in served.paths],
+        confusions=[replace(spoiled(one), missed=0) for one in served.confusions],
+    )
+    bad = replace(
+        looked,
+        curves=curves,
+        reaching=[reaching(one, 0.1) for one in curves],
+        allocations=[spoiled(one) for one in looked.allocations[:2]],
+        not_by_regions=[spoiled(one) for one in looked.not_by_regions],
+        frames=[spoiled(one) for one in looked.frames],
+    )
+    record = fake_serving(
+        cache=bad_cache,
+        attention=bad,
+        left_out=[HOSTILE],
+        first_frame=FirstFrame(HOSTILE, [HOSTILE], 1, 1, 0.1, 0.1, 1),
+        settings={"attention": {HOSTILE: HOSTILE}, "seed": HOSTILE, "width": HOSTILE, "threads": HOSTILE},
+    )
+    text = page(read_records(out), Beside(serving=record))
+    assert "script" not in Outline(text).tags
+    assert "alert('x')" in html.unescape(text)
+
+
+def test_kinds_of_records_are_all_shown():
+    """A new list in a record wants a place on the page, and this test a new line."""
+    assert set(CacheRecord.__dataclass_fields__) == {
+        "width", "height", "latencies", "paths", "confusions", "memory_bytes_per_view", "disk_bytes_per_view",
+        "target_memory", "target_disk",
+    }  # fmt: skip
+    assert set(AttentionRecord.__dataclass_fields__) == {
+        "width", "height", "tile", "reference_bins", "curves", "reaching", "allocations", "not_by_regions", "phi",
+        "frames",
+    }  # fmt: skip
+
+
+def test_the_sections_stay_small(out):
+    records = read_records(out)
+    maps = [fake_curve(scene, f"map {kind}", order, 1.0) for scene in ("chair", "drums", "lego") for kind in range(5)
+            for order in ("attention", "raster", "spread")]  # fmt: skip
+    long = [
+        replace(one, seconds=[0.001 * k for k in range(101)], share=[k / 100 for k in range(101)],
+                rmse_attended=[0.1 * math.exp(-0.1 * k) for k in range(101)],
+                rmse_whole=[0.1 * math.exp(-0.05 * k) for k in range(101)])
+        for one in maps
+    ]  # fmt: skip
+    record = fake_serving(attention=fake_attention(curves=long, reaching=[reaching(one, 0.1) for one in long]))
+    assert len(page(records, Beside(serving=record))) - len(page(records)) < 1_000_000
