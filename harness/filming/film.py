@@ -32,7 +32,7 @@ class Tally:
     """Place of the view cache → frames."""
     finding_seconds: float = 0.0
 
-    def line(self, method: str) -> str:
+    def line(self, method: str, use_cache: bool) -> str:
         found = sum(self.found.values())
         parts = [f"{method}: {self.there + self.rendered + found} frames"]
         if self.there:
@@ -42,7 +42,7 @@ class Tally:
         if found:
             places = " and ".join(f"{count} from {place}" for place, count in self.found.items())
             parts.append(f"{found} from the view cache in {1e3 * self.finding_seconds / found:.2f} ms each ({places})")
-        if asked := self.rendered + found:
+        if use_cache and (asked := self.rendered + found):
             parts.append(f"hit rate {found / asked:.0%}")
         return ", ".join(parts)
 
@@ -62,7 +62,7 @@ def filmed(plan: Plan, fps: int, show: "Progress") -> Iterator[str]:
         file = folder / f"{plan.wish.path}.webp"
         size = write_animation(file, sheets, fps)
         yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
-    yield from (tally.line(method) for method, tally in tallies.items())
+    yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())
     if plan.use_cache and (failure := plan.store.statistics.last_failure) is not None:
         yield f"the view cache could not be written ({failure}): frames are whole, another film renders them again"
 

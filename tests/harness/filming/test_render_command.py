@@ -1,0 +1,335 @@
+"""`python -m harness render`, end to end on a small run."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from safetensors.torch import load_file, save_file
+
+from harness.__main__ import main
+from harness.camera_paths import orbit
+from harness.evaluate import View, render_view
+from harness.filming import film, plan
+from harness.filming.frames import as_levels, exr_channels
+from harness.filming.panels import HEADER, MARGIN, size_of
+from harness.finished import FinishedRun
+from scenes.images import read_channels, read_image
+from scenes.pixels import over_white
+from scenes.view_set import read_view_set
+from tests.harness.ball import DISTANCE
+from tests.harness.shell import refused
+from tests.harness.trained_runs import SIZE
+
+CPU = torch.device("cpu")
+Said = Callable[..., str]
+
+
+@pytest.fixture
+def render(capsys: pytest.CaptureFixture[str]) -> Said:
+    """Renders, and gives what was said."""
+
+    def rendered(*arguments: str | Path) -> str:
+        capsys.readouterr()
+        assert main(["render", *map(str, arguments), "--threads", "1"]) == 0
+        said, complaints = capsys.readouterr()
+        assert complaints == ""
+        return said
+
+    return rendered
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The method of each frame that is rendered into a film."""
+    names: list[str] = []
+
+    def counting(cell: object, camera: object) -> View:
+        names.append(cell.cell.method)  # type: ignore[attr-defined]
+        return plan.rendered(cell, camera)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(film, "rendered", counting)
+    return names
+
+
+def contents(folder: Path) -> dict[str, object]:
+    """Every file to the last bit, but of an EXR, which holds the time of day, its pixels."""
+    found: dict[str, object] = {}
+    for file in folder.rglob("*"):
+        if file.suffix == ".exr":
+            channels = read_channels(file)
+            found[str(file.relative_to(folder))] = {name: values.tobytes() for name, values in channels.items()}
+        elif file.name == "frames.json":
+            told = json.loads(file.read_text(encoding="utf-8"))
+            found[str(file.relative_to(folder))] = {name: (one["key"], one[".png"]) for name, one in told.items()}
+        elif file.is_file():
+            found[str(file.relative_to(folder))] = file.read_bytes()
+    return found
+
+
+def plainly(out: Path, method: str, poses: np.ndarray, width: int = SIZE) -> list[View]:
+    run = FinishedRun.of(out)
+    cell = run.trained(run.run.scenes[0], method, 0, CPU)
+    cameras = [cell.camera(pose).resized(width).cameras(CPU) for pose in poses]
+    return [render_view(cell.learner, camera, 0, cell.chunk) for camera in cameras]
+
+
+def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
+    said = render(out, "--frames", "3", "--fps", "10")
+    folder = out / "films" / "orbit-3-frames"
+    frames = {f"000{number}.{kind}" for number in range(3) for kind in ("png", "exr")} | {"frames.json"}
+    for method in ("nerf", "qnerf"):
+        assert {file.name for file in (folder / "ball" / method).iterdir()} == frames
+        views = plainly(out, method, orbit(3, DISTANCE))
+        assert not np.array_equal(views[0].colour, views[1].colour)
+        for number, view in enumerate(views):
+            stem = folder / "ball" / method / f"000{number}"
+            png = read_image(stem.with_suffix(".png"))
+            assert np.abs(png.astype(float) - np.clip(view.colour, 0, 1)).max() <= 0.5 / 255 + 1e-7
+            stored = read_channels(stem.with_suffix(".exr"))
+            for name, values in exr_channels(view).items():
+                np.testing.assert_array_equal(stored[name], values)
+    assert {one.name for one in folder.iterdir()} == {"film.json", "ball"}
+    assert {one.name for one in (folder / "ball").iterdir()} == {"nerf", "qnerf", "side_by_side", "orbit.webp"}
+    sheets = [read_image(folder / "ball" / "side_by_side" / f"000{number}.png") for number in range(3)]
+    width, height = size_of(2, SIZE, SIZE)
+    assert {sheet.shape for sheet in sheets} == {(height, width, 3)}
+    with Image.open(folder / "ball" / "orbit.webp") as animation:
+        assert (animation.size, animation.n_frames, animation.info["loop"]) == ((width, height), 3, 0)
+        for number, sheet in enumerate(sheets):
+            animation.seek(number)
+            animation.load()
+            assert animation.info["duration"] == 100
+            np.testing.assert_array_equal(np.asarray(animation.convert("RGB")), as_levels(sheet))
+    for part in (
+        "3 frames of 16 × 16",
+        "6: 0 there, 0 in the view cache, 6 to render",
+        "estimated cost",
+        "hit rate 0%",
+    ):
+        assert part in said
+
+
+def test_panels_are_the_methods_and_on_the_test_path_the_truth(out: Path, render: Said) -> None:
+    render(out, "--path", "test", "--methods", "qnerf", "nerf_matched")
+    folder = out / "films" / "test" / "ball"
+    truth = read_view_set(FinishedRun.of(out).view_set(FinishedRun.of(out).run.scenes[0]))
+    side = 13 * SIZE
+    for number in range(3):
+        sheet = as_levels(read_image(folder / "side_by_side" / f"000{number}.png"))
+        assert sheet.shape[1] == size_of(3, SIZE, SIZE)[0]
+        panels = [sheet[HEADER : HEADER + side : 13, MARGIN + k * (side + MARGIN) :][:, :side:13] for k in range(3)]
+        pngs = [as_levels(read_image(folder / name / f"000{number}.png")) for name in ("qnerf", "nerf_matched")]
+        for panel, expected in zip(panels, [*pngs, as_levels(over_white(truth.test.rgba[number]))], strict=True):
+            np.testing.assert_array_equal(panel, expected)
+    view = plainly(out, "qnerf", truth.test.camera_to_world[1:2])[0]
+    np.testing.assert_array_equal(as_levels(read_image(folder / "qnerf" / "0001.png")), as_levels(view.colour))
+
+
+def test_a_second_run_is_from_the_cache_and_bit_for_bit_the_same(out: Path, render: Said, counted: list[str]) -> None:
+    first, second, third = (out / name for name in ("first", "second", "third"))
+    render(out, "--frames", "3", "--to", first)
+    assert counted == ["nerf"] * 3 + ["qnerf"] * 3
+    said = render(out, "--frames", "3", "--to", second)
+    assert len(counted) == 6, "nothing was rendered"
+    assert "6: 0 there, 6 in the view cache, 0 to render" in said
+    assert said.count("3 from the view cache") == said.count("hit rate 100%") == 2
+    assert contents(first) == contents(second)
+    said = render(out, "--frames", "3", "--to", third, "--no-cache")
+    assert len(counted) == 12
+    assert "from the view cache" not in said
+    assert "hit rate" not in said
+    assert contents(first) == contents(third)
+
+
+def test_without_a_cache_none_is_filled(out: Path, render: Said) -> None:
+    render(out, "--frames", "2", "--no-cache", "--methods", "nerf")
+    assert not (out / "view_cache").exists()
+
+
+def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(out: Path, render: Said, counted: list[str]) -> None:
+    ask = (out, "--frames", "3", "--no-cache", "--path", "spiral")
+    render(*ask)
+    folder = out / "films" / "spiral-3-frames"
+    before, times = contents(folder), {file: file.stat().st_mtime_ns for file in folder.rglob("000*.exr")}
+    counted.clear()
+    assert "6: 6 there" in render(*ask)
+    assert counted == []
+    (folder / "ball" / "nerf" / "0001.exr").unlink()
+    damaged = folder / "ball" / "qnerf" / "0002.png"
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    assert "6: 4 there" in render(*ask)
+    assert counted == ["nerf", "qnerf"]
+    assert contents(folder) == before
+    changed = {file.name for file, time in times.items() if file.stat().st_mtime_ns != time}
+    assert changed == {"0001.exr", "0002.exr"}
+    assert "3 there already" in render(*ask, "--methods", "nerf_matched", "nerf"), "others may join"
+
+
+def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said, counted: list[str]) -> None:
+    render(out, "--frames", "2", "--methods", "nerf")
+    checkpoint = out / "checkpoints" / "ball.nerf.0.safetensors"
+    save_file(
+        {name: value if name == "occupied" else 1.5 * value for name, value in load_file(checkpoint).items()},
+        checkpoint,
+    )
+    counted.clear()
+    assert "2: 0 there, 0 in the view cache, 2 to render" in render(out, "--frames", "2", "--methods", "nerf")
+    assert counted == ["nerf", "nerf"]
+
+
+def test_an_interrupted_film_keeps_its_frames_and_goes_on(
+    out: Path, render: Said, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls: list[object] = []
+
+    def stopping(cell: object, camera: object) -> View:
+        calls.append(camera)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return plan.rendered(cell, camera)  # type: ignore[arg-type]
+
+    ask = [str(out), "--frames", "3", "--no-cache", "--threads", "1"]
+    with monkeypatch.context() as patch:
+        patch.setattr(film, "rendered", stopping)
+        assert main(["render", *ask]) == 130
+    assert "finished frames are kept" in capsys.readouterr().err
+    folder = out / "films" / "orbit-3-frames" / "ball"
+    assert {file.name for file in (folder / "nerf").glob("*.png")} == {"0000.png", "0001.png"}
+    assert "6: 2 there, 0 in the view cache, 4 to render" in render(out, "--frames", "3", "--no-cache")
+    assert (folder / "orbit.webp").exists()
+
+
+def test_elevation_resolution_and_quiet(out: Path, render: Said) -> None:
+    ask = ("--frames", "2", "--methods", "nerf", "--elevation", "90", "--resolution", "5", "--quiet")
+    assert render(out, *ask) == ""
+    folder = out / "films" / "orbit-2-frames-5-px-90-degrees" / "ball" / "nerf"
+    assert read_image(folder / "0001.png").shape == (5, 5, 3)
+    above = plainly(out, "nerf", orbit(2, DISTANCE, np.pi / 2), width=5)[0]
+    np.testing.assert_array_equal(as_levels(read_image(folder / "0000.png")), as_levels(above.colour))
+
+
+def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Said) -> None:
+    before = contents(out)
+    said = render(out, "--dry-run", "--frames", "4")
+    assert "8: 0 there, 0 in the view cache, 8 to render" in said
+    assert contents(out) == before
+    assert not (out / "films").exists()
+
+
+# what is refused
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--scenes lego", "--scenes: unknown 'lego'; known: ball"),
+        ("--methods nerf merf", "--methods: unknown 'merf'; known: nerf nerf_matched qnerf"),
+        ("--methods nerf nerf", "named twice"),
+        ("--seed 7", "seed 7 was not trained"),
+        ("--seed -1", "--seed -1"),
+        ("--frames 0", "--frames 0: must lie between 1 and 10000"),
+        ("--frames -5", "--frames -5"),
+        ("--frames 1000000", "--frames 1000000"),
+        ("--resolution 0", "--resolution 0: must lie between 1 and 4096"),
+        ("--resolution 100000", "--resolution 100000"),
+        ("--resolution 4096 --methods nerf nerf_matched qnerf --path test", "enlarging adds nothing"),
+        ("--fps 0", "--fps 0"),
+        ("--threads 0", "--threads 0"),
+        ("--elevation 91", "--elevation 91.0"),
+        ("--elevation nan", "--elevation nan"),
+        ("--elevation 10 --path spiral", "--elevation: --path spiral"),
+        ("--path test --frames 4", "4 test views were asked for; choose 0 to 3"),
+    ],
+)
+def test_bad_options_are_said_in_one_line(
+    options: str, said: str, trained: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = contents(trained)
+    assert said in refused(capsys, trained, *options.split(), "--no-cache", command="render")
+    assert contents(trained) == before
+
+
+def test_an_unknown_path_is_bad_usage(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["render", str(trained), "--path", "figure-of-eight"])
+    assert caught.value.code == 2
+    assert "invalid choice" in capsys.readouterr().err
+
+
+def test_pictures_too_wide_for_the_animation_are_refused(
+    trained: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.filming.takes.LARGEST", 600)
+    assert "fewer --methods" in refused(
+        capsys, trained, "--methods", "nerf", "nerf_matched", "qnerf", "--no-cache", command="render"
+    )
+
+
+def test_a_run_that_is_not_there_or_not_whole_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "holds no run" in refused(capsys, out / "nowhere", command="render")
+    assert "holds no run" in refused(capsys, out / "checkpoints", command="render")
+    checkpoint = out / "checkpoints" / "ball.qnerf.0.safetensors"
+    checkpoint.write_bytes(checkpoint.read_bytes()[:50])
+    assert "ball.qnerf.0.safetensors: not a checkpoint" in refused(capsys, out, "--no-cache", command="render")
+    checkpoint.unlink()
+    assert "this checkpoint is missing" in refused(capsys, out, "--no-cache", command="render")
+    (out / "records" / "run.json").write_text("{")
+    assert "run.json" in refused(capsys, out, "--no-cache", command="render")
+    assert not (out / "films").exists()
+
+
+def test_a_folder_of_something_else_or_of_another_film_is_refused(
+    out: Path, tmp_path: Path, render: Said, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine, file = tmp_path / "mine", tmp_path / "file"
+    mine.mkdir()
+    (mine / "letter.txt").write_text("mine")
+    file.write_text("mine")
+    ask = (out, "--frames", "2", "--methods", "nerf", "--to")
+    assert "in use by something else" in refused(capsys, *ask, mine, command="render")
+    assert "is a file" in refused(capsys, *ask, file, command="render")
+    assert "cannot be written" in refused(capsys, *ask, file / "film", command="render")
+    assert "cannot be written" in refused(capsys, *ask, Path("/proc/film"), command="render")
+    render(*ask, tmp_path / "film")
+    said = refused(capsys, out, "--frames", "3", "--methods", "nerf", "--to", tmp_path / "film", command="render")
+    assert "holds another film (frames was 2, is 3)" in said
+    (tmp_path / "film" / "film.json").write_text("[]")
+    assert "not the record of a film" in refused(capsys, *ask, tmp_path / "film", command="render")
+    assert contents(mine) == {"letter.txt": b"mine"}
+
+
+def test_a_full_disk_is_said_and_what_is_finished_is_kept(
+    out: Path, render: Said, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from harness.filming import frames
+
+    def full(file: Path, channels: dict[str, np.ndarray], write: Callable[..., None] = frames.write_channels) -> None:
+        if ".0001." in file.name:
+            raise OSError(28, "No space left on device", str(file))
+        write(file, channels)
+
+    ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache")
+    with monkeypatch.context() as patch:
+        patch.setattr(frames, "write_channels", full)
+        said = refused(capsys, *ask, "--quiet", "--threads", "1", command="render")
+    assert "No space left on device; mend that and give the same command again" in said
+    assert not list((out / "films").rglob("*.part*"))
+    assert "2: 1 there" in render(*ask)
+
+
+def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
+    out: Path, render: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from harness.view_cache.store import ViewStore
+
+    render(out, "--frames", "2", "--methods", "nerf", "--to", out / "first")
+    shutil.rmtree(out / "view_cache")
+    monkeypatch.setattr(ViewStore, "store", lambda self, key, value, level=1: None)
+    said = render(out, "--frames", "2", "--methods", "nerf", "--to", out / "second")
+    assert "2 rendered" in said
+    assert contents(out / "first") == contents(out / "second")
