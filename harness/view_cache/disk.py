@@ -158,11 +158,8 @@ class DiskPictures:
 
     def bytes(self) -> int:
         """Of the pictures and keys that are there now."""
-        return sum(
-            entry.stat().st_size
-            for folder, name in ((self._objects, OBJECT), (self._keys, KEY))
-            for entry in _entries(folder, name)
-        )
+        folders = (self._objects, OBJECT), (self._keys, KEY)
+        return sum(_size(Path(entry.path)) for folder, name in folders for entry in _entries(folder, name))
 
     def _put(self, name: str, digest: str, picture: np.ndarray) -> None:
         """Raises `OSError`; no name is then taken by anything that is not whole."""

@@ -7,6 +7,7 @@ millisecond. Inflating takes as long as everything else together.
 import errno
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -60,6 +61,13 @@ def read_exr(file: Path) -> np.ndarray:
     found = file.lstat()
     if not stat.S_ISREG(found.st_mode):  # a pipe would keep us waiting for ever
         raise Damaged("not a file")
+    try:
+        return _decoded(file, found.st_size)
+    except UnicodeDecodeError as error:  # OpenImageIO passes a damaged name on in what it says
+        raise Damaged(f"no text in its header ({error.reason})") from error
+
+
+def _decoded(file: Path, size: int) -> np.ndarray:
     oiio = _openimageio()
     source = oiio.ImageInput.open(str(file))
     if source is None:
@@ -70,8 +78,8 @@ def read_exr(file: Path) -> np.ndarray:
         spec = source.spec()
         shape = (spec.height, spec.width, spec.nchannels)
         # uncompressed pixels lie in the file as they are: what claims to have more is refused before memory is taken
-        if spec.depth > 1 or not possible(shape) or 4 * spec.width * spec.height * spec.nchannels > found.st_size:
-            raise Damaged(f"{shape} in {found.st_size} bytes")
+        if spec.depth > 1 or not possible(shape) or 4 * spec.width * spec.height * spec.nchannels > size:
+            raise Damaged(f"{shape} in {size} bytes")
         if source.format_name() != "openexr" or tuple(spec.channelnames) != channel_names(spec.nchannels):
             raise Damaged("not an EXR file as it is written here")
         pixels = source.read_image(oiio.FLOAT)
@@ -81,7 +89,8 @@ def read_exr(file: Path) -> np.ndarray:
         return over_bytes(pixels.tobytes(), shape)
     finally:
         source.close()
-        source.geterror()  # what nobody asked for is printed when it is deleted
+        with suppress(UnicodeDecodeError):
+            source.geterror()  # what nobody asked for is printed when it is deleted
 
 
 def _reason(said: str) -> str:
