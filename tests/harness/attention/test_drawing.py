@@ -81,8 +81,10 @@ def test_seed_and_step_alone_decide() -> None:
     assert not torch.equal(mixed(attended, 210, 50, "lego/1", 3), first)
 
 
-def test_the_last_lot_falls_into_the_last_region() -> None:
-    found = AttendedPixels.by_gradients(images())
-    largest = 1.0 - 2.0**-53
-    assert np.searchsorted(found.until, largest, side="right") < len(found.until)
-    assert np.searchsorted(found.until, 0.0, side="right") == int(np.flatnonzero(np.diff(found.until, prepend=0.0))[0])
+@pytest.mark.parametrize("lot", [0.0, 0.5, 1.0 - 2.0**-53])
+def test_no_lot_falls_where_nothing_is_attended(lot: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even the smallest, where the first image is of one colour."""
+    rgba = images()[[1, 0, 2]]
+    monkeypatch.setattr(drawing.torch, "rand", lambda *_, **__: torch.full((3, 1), lot, dtype=torch.float64))
+    drawn = AttendedPixels.by_gradients(rgba).draw(1, torch.Generator())
+    assert slow_chances(rgba)[int(drawn)] > 0.0

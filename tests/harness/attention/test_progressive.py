@@ -248,8 +248,8 @@ def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learn
 def test_no_call_has_more_samples_than_a_plain_one(nerf: Learner) -> None:
     watched = Watched(nerf)
     bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 1)
-    render_allocated(watched, CAMERA, REGIONS, bins, CHUNK)
-    assert max(min(rays, chunk) * number for rays, chunk, number in watched.calls if number) <= CHUNK * BINS
+    render_allocated(watched, CAMERA, REGIONS, bins, 20)
+    assert max(min(rays, chunk) * number for rays, chunk, number in watched.calls if number) <= 20 * BINS
     assert len(watched.calls) == len(set(bins.tolist()))
 
 
