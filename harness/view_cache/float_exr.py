@@ -80,6 +80,8 @@ def _decoded(file: Path, size: int) -> np.ndarray:
         # uncompressed pixels lie in the file as they are: what claims to have more is refused before memory is taken
         if spec.depth > 1 or not possible(shape) or 4 * spec.width * spec.height * spec.nchannels > size:
             raise Damaged(f"{shape} in {size} bytes")
+        if (spec.tile_width, spec.tile_height) != (min(spec.width, TILE), min(spec.height, TILE)):
+            raise Damaged(f"tiles of {spec.tile_width} × {spec.tile_height}")
         if source.format_name() != "openexr" or tuple(spec.channelnames) != channel_names(spec.nchannels):
             raise Damaged("not an EXR file as it is written here")
         pixels = source.read_image(oiio.FLOAT)

@@ -56,12 +56,11 @@ def flipped_everywhere(tmp_path: Path, count: int | None, of: Callable[[Path, st
     return outcomes
 
 
-def test_a_flipped_bit_in_any_byte_of_a_picture_never_gives_another_one(tmp_path: Path) -> None:
-    outcomes = flipped_everywhere(tmp_path, None, object_of, seed=0)
+def test_a_flipped_bit_of_a_picture_never_gives_another_one(tmp_path: Path) -> None:
+    outcomes = flipped_everywhere(tmp_path, 300, object_of, seed=0)
     # a date, an aspect ratio and the like say nothing about pixels
-    assert outcomes["dropped"] > 700
-    assert outcomes["right"] < 400
-    assert sum(outcomes.values()) > 1100
+    assert outcomes["dropped"] > 180
+    assert sum(outcomes.values()) == 300
 
 
 def test_a_flipped_bit_in_any_byte_of_a_key_is_found_out(tmp_path: Path) -> None:
@@ -69,9 +68,11 @@ def test_a_flipped_bit_in_any_byte_of_a_key_is_found_out(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_many_flipped_bits(tmp_path: Path) -> None:
-    for seed in range(1, 9):
-        flipped_everywhere(tmp_path / f"{seed}", None, object_of, seed)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_flipped_bit_in_any_byte_of_a_picture_never_gives_another_one(tmp_path: Path, seed: int) -> None:
+    outcomes = flipped_everywhere(tmp_path, None, object_of, seed)
+    assert sum(outcomes.values()) == 1158
+    assert outcomes["dropped"] > 700
 
 
 @pytest.mark.parametrize("of", [object_of, key_file_of])

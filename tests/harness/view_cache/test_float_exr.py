@@ -54,6 +54,17 @@ def test_a_file_that_claims_more_pixels_than_it_has_is_refused_unread(tmp_path: 
             read_exr(file)
 
 
+@pytest.mark.parametrize("tile", [(2**30, 5), (7, 2**28), (1, 1)])
+def test_tiles_of_another_size_are_refused_before_memory_is_taken(tmp_path: Path, tile: tuple[int, int]) -> None:
+    write_exr(tmp_path / "a.exr", drawn(1))
+    data = (tmp_path / "a.exr").read_bytes()
+    here = data.index(b"tiledesc") + len(b"tiledesc") + 5
+    assert np.frombuffer(data[here : here + 8], dtype="<u4").tolist() == [7, 5]
+    (tmp_path / "a.exr").write_bytes(data[:here] + np.array(tile, dtype="<u4").tobytes() + data[here + 8 :])
+    with pytest.raises(Damaged):
+        read_exr(tmp_path / "a.exr")
+
+
 def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.exr")
     (tmp_path / "folder.exr").mkdir()

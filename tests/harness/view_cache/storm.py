@@ -1,0 +1,46 @@
+"""A process that puts pictures into a folder and gets them again until its seconds are over or it is killed.
+
+    python -m tests.harness.view_cache.storm FOLDER SEED SECONDS BOUND
+
+It ends with 1 where a picture is another one than was put under its key, and prints what it counted.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from harness.view_cache.store import ViewStore
+from tests.harness.view_cache.drawn import drawn, same_bits
+
+KEYS = 12
+
+
+def say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def main(folder: str, seed: str, seconds: str, bound: str) -> int:
+    generator = np.random.default_rng(int(seed))
+    store = ViewStore(0, Path(folder), int(bound))
+    say("ready")
+    until = time.monotonic() + float(seconds)
+    wrong = puts = gets = 0
+    while time.monotonic() < until:
+        key = int(generator.integers(KEYS))
+        if generator.random() < 0.5:
+            store.store(f"{key}", drawn(key), level=2)
+            puts += 1
+        else:
+            found = store.get(f"{key}")
+            wrong += found is not None and not same_bits(found, drawn(key))
+            gets += 1
+    statistics = store.statistics
+    say(f"{puts} {gets} {wrong} {statistics.damaged} {statistics.failed_writes} {statistics.last_failure}")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
