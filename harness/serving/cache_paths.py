@@ -16,6 +16,9 @@ from harness.view_cache.store import ViewStore
 
 LEVELS = ("render", "level 0", "level 1", "level 2")
 
+KEEP = 0.25
+"""Chance that a walk goes on the same way as before."""
+
 
 @dataclass(frozen=True)
 class Route:
@@ -41,7 +44,7 @@ def routes(situation: Situation, cell: TrainedCell, view_bytes: int) -> list[Rou
     words = f"an orbit of {count} views, twice, with room for {max(1, count // 3)} in memory"
     return [
         Route(f"an orbit of {count} views, three times", np.concatenate([twice, orbit]), ROOM, 0),
-        Route(f"a walk of {steps} steps", walk(steps, situation.seed, radius=radius), ROOM, 0),
+        Route(f"a walk of {steps} steps back and forth", walk(steps, situation.seed, radius, keep=KEEP), ROOM, 0),
         Route(f"{words} alone", twice, little, 0),
         Route(f"{words} and the others on disk", twice, little, ROOM),
     ]

@@ -1,0 +1,162 @@
+"""Latencies, paths and confusions of the view cache, on paths whose answer is known by hand and with faults planted."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.camera import Camera
+from harness.evaluate import View
+from harness.finished import TrainedCell
+from harness.metrics import mse
+from harness.serving import cache_latency, cache_study
+from harness.serving.cache_confusions import Variant, confusions, copied, one_ulp_away, pose_hash, variants
+from harness.serving.cache_latency import ROOM, WrongHit, bytes_a_view, latencies
+from harness.serving.cache_paths import Route, followed, routes
+from harness.serving.situation import Situation, plain
+from harness.trainer import Trainer
+from harness.view_cache.cached import CachedMethod
+from tests.harness.serving.conftest import Ticks
+from tests.harness.trained_runs import SIZE
+
+VIEW_BYTES = SIZE * SIZE * 5 * 4
+
+
+def test_every_level_is_timed_as_often_as_asked(situation: Situation, cell: TrainedCell, ticks: Ticks) -> None:
+    found = {one.source: one for one in latencies(situation, cell, ticks)}
+    rounds, hits = situation.sizes.rounds, situation.sizes.hits
+    assert {source: one.calls for source, one in found.items()} == {
+        "render": rounds, "level 0": rounds * hits, "level 1": rounds * hits, "level 2": rounds * hits
+    }  # fmt: skip
+    assert {one.seconds for one in found.values()} == {1.0}, "one tick each: nothing else is on the clock"
+    assert {one.ratio for source, one in found.items() if source != "render"} == {1.0}
+
+
+def test_a_hit_that_is_another_picture_is_no_hit(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def darker(self: CachedMethod, camera: Camera, use_cache: bool = True) -> View:
+        view = plain(self.learner, camera, self.chunk)
+        return replace(view, colour=np.nextafter(view.colour, np.float32(-1.0)))
+
+    monkeypatch.setattr(CachedMethod, "render", darker)
+    with pytest.raises(WrongHit, match="not the picture"):
+        latencies(situation, cell, ticks)
+
+
+def test_a_hit_of_another_level_is_not_timed(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache_latency, "ROOM", 0)  # nothing fits
+    with pytest.raises(WrongHit, match="level None, where one of level 1"):
+        latencies(situation, cell, ticks)
+
+
+def test_bytes_are_those_of_pixels_and_of_files(situation: Situation, cell: TrainedCell) -> None:
+    memory, disk = bytes_a_view(situation, cell)
+    assert memory == VIEW_BYTES
+    assert disk > VIEW_BYTES / 4, "floats are not thrown away"
+
+
+@pytest.mark.parametrize(
+    ("places", "memory", "disk", "hits"),
+    [
+        ([0, 1, 0, 1, 0], ROOM, 0, {"render": 2, "level 1": 2, "level 0": 1}),
+        # one view fits: each pushes the other out
+        ([0, 1, 0, 1, 0], VIEW_BYTES, 0, {"render": 5}),
+        ([0, 0, 1, 1], VIEW_BYTES, 0, {"render": 2, "level 1": 2}),
+        ([0, 1, 0, 1, 0], VIEW_BYTES, ROOM, {"render": 2, "level 2": 3}),
+    ],
+)
+def test_views_come_from_where_they_must(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, places: list[int], memory: int, disk: int,
+    hits: dict[str, int],
+) -> None:  # fmt: skip
+    poses = situation.orbit(cell.scene, 2)[places]
+    found = followed(situation, cell, Route("by hand", poses, memory, disk), 0, ticks)
+    assert {source: many for source, many in found.hits.items() if many} == hits
+    assert (found.views, found.seconds, found.seconds_without) == (len(places), len(places), len(places))
+    assert found.hit_rate == pytest.approx(1 - hits["render"] / len(places))
+
+
+def test_paths_are_what_their_words_say(situation: Situation, cell: TrainedCell) -> None:
+    orbit, walk, little, disk = routes(situation, cell, VIEW_BYTES)
+    count = situation.sizes.orbit
+    assert (orbit.path, len(orbit.poses)) == (f"an orbit of {count} views, three times", 3 * count)
+    np.testing.assert_array_equal(orbit.poses[:count], orbit.poses[2 * count :])
+    assert len(walk.poses) == 2 * count
+    assert little.memory_bytes == disk.memory_bytes < count * VIEW_BYTES
+    assert (little.disk_bytes, disk.disk_bytes) == (0, ROOM)
+    np.testing.assert_array_equal(little.poses, disk.poses)
+
+
+def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
+    situation: Situation, cell: TrainedCell
+) -> None:
+    found = confusions(situation, cell, variants(situation, cell))
+    *others, last = found
+    assert [one.changed.split(" ")[-1] for one in others] == ["training", "16", "midpoint", "nerf", "long"]
+    for one in others:
+        assert (one.stale, one.missed) == (one.views, one.views)
+        assert 0.0 < one.rmse < 1.0
+    assert last.changed == "a pose one unit in the last place away"
+    assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
+
+
+def test_the_error_is_that_of_the_picture_that_would_have_come(situation: Situation, cell: TrainedCell) -> None:
+    wider = Variant("focal", cell.learner, cell.chunk, lambda camera: replace(camera, focal=2.0 * camera.focal))
+    found = confusions(situation, cell, [wider])[0]
+    squares = []
+    for pose in situation.orbit(cell.scene, found.views):
+        camera = situation.camera(cell, pose)
+        asked = plain(cell.learner, replace(camera, focal=2.0 * camera.focal), cell.chunk)
+        squares.append(mse(plain(cell.learner, camera, cell.chunk).colour, asked.colour))
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(squares)))
+
+
+def test_the_same_method_again_is_neither_stale_nor_missed(situation: Situation, cell: TrainedCell) -> None:
+    assert isinstance(cell.learner, Trainer)
+    found = confusions(situation, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
+    assert (found.stale, found.missed, found.rmse) == (0, 0, 0.0)
+
+
+def test_a_planted_key_that_forgets_something_is_found(
+    situation: Situation, cell: TrainedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def of_the_pose_alone(self: CachedMethod, camera: Camera, calls: str | None = None) -> str:
+        return pose_hash(camera.camera_to_world)
+
+    monkeypatch.setattr(CachedMethod, "key", of_the_pose_alone)
+    found = confusions(situation, cell, variants(situation, cell))
+    assert [one.missed for one in found[:-1]] == [0] * (len(found) - 1)
+    assert found[-1].missed == found[-1].views
+
+
+def test_one_unit_in_the_last_place_is_the_next_number(situation: Situation, cell: TrainedCell) -> None:
+    camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
+    moved = one_ulp_away(camera).camera_to_world
+    changed = moved != camera.camera_to_world
+    assert changed.sum() == 1
+    assert np.nextafter(moved[changed], -np.inf) == camera.camera_to_world[changed]
+    assert pose_hash(moved) != pose_hash(camera.camera_to_world)
+
+
+def test_methods_that_cannot_be_rendered_are_named(situation: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
+    situation.methods = ["qnerf", "voxels_drjit"]
+    cells = cache_study.cells_of(situation)
+    assert [cell.learner.method for cell in cells] == ["qnerf"]
+    assert any("voxels_drjit" in sentence and "was not trained" in sentence for sentence in situation.left_out)
+
+
+@pytest.fixture(autouse=True)
+def learners_are_left_alone(situation: Situation) -> Iterator[None]:
+    """No study may train what others are going to render."""
+    cells = [situation.trained(situation.scenes[0], method) for method in ("nerf", "qnerf")]
+    before = [
+        {name: value.clone() for name, value in cell.learner.fields.state_dict().items()} for cell in cells if cell
+    ]
+    yield
+    for cell, weights in zip([cell for cell in cells if cell], before, strict=True):
+        for name, value in cell.learner.fields.state_dict().items():
+            assert bool((value == weights[name]).all())

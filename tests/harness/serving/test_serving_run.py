@@ -1,0 +1,264 @@
+"""The record of serving: whole, read back, never at the cost of the run, and not measured twice."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.__main__ import main
+from harness.finished import FinishedRun
+from harness.group import GroupTask, run_group
+from harness.local_executor import Event
+from harness.progress import Quiet
+from harness.records import CellRecord, DamagedRecord, read_cells
+from harness.serving import runner
+from harness.serving.runner import Asked, after_run
+from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, write_serving
+from harness.trainer import Diverged
+from reports.load import first_mismatch
+from reports.serving_load import find_serving
+from tests.harness.serving.conftest import CPU
+from tests.harness.shell import refused
+from tests.harness.trained_runs import SIZE
+
+
+class Said(Quiet):
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def line(self, text: str) -> None:
+        self.lines.append(text)
+
+
+@pytest.fixture(scope="module")
+def served(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy with its record of serving; not to be changed."""
+    out = Path(shutil.copytree(trained, tmp_path_factory.mktemp("finished") / "run"))
+    after_run(out, "cpu", out, Quiet())
+    return out
+
+
+@pytest.fixture
+def copy(served: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(served, tmp_path / "served"))
+
+
+def fail_with(error: BaseException) -> Callable[..., Any]:
+    def study(situation: Any) -> Any:
+        raise error
+
+    return study
+
+
+def with_study(monkeypatch: pytest.MonkeyPatch, field: str, study: Callable[..., Any]) -> None:
+    monkeypatch.setitem(runner.STUDIES, field, (runner.STUDIES[field][0], study))
+
+
+def test_the_record_is_whole(served: Path) -> None:
+    record = find_serving(served)
+    assert record is not None
+    assert first_mismatch(record, ServingRecord) is None
+    assert record.cache is not None
+    assert record.attention is not None
+    assert record.first_frame is not None
+    assert {one.method for one in record.cache.latencies} == {"nerf", "qnerf"}
+    assert record.first_frame.methods == ["nerf", "qnerf"]
+    assert {row.truth_whole is None for row in record.attention.allocations} == {False}
+    settings = record.settings
+    assert (settings["scenes"], settings["methods"], settings["seed"]) == (["ball"], ["nerf", "qnerf"], 0)
+    assert (settings["width"], settings["quick"], settings["complete"]) == (SIZE, True, True)
+    assert not list(served.glob(".serving-*")), "scratch files are gone"
+
+
+def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
+    record = read_serving(served / SERVING_FILE)
+    write_serving(tmp_path, record)
+    assert read_serving(tmp_path / SERVING_FILE) == record
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data.pop("cache"),
+        lambda data: data.update(schema=99),
+        lambda data: data.update(extra=1),
+        lambda data: data["cache"]["latencies"][0].pop("seconds"),
+        lambda data: data["attention"]["curves"][0].update(colour=1),
+        lambda data: data["attention"].update(phi=None),
+        lambda data: data.update(first_frame=[1]),
+    ],
+)
+def test_a_damaged_record_is_refused(copy: Path, damage: Callable[[dict[str, Any]], Any]) -> None:
+    path = copy / SERVING_FILE
+    data = json.loads(path.read_text(encoding="utf-8"))
+    damage(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(DamagedRecord, match="run `python -m harness serving` again"):
+        read_serving(path)
+
+
+def test_a_truncated_record_is_refused(copy: Path) -> None:
+    path = copy / SERVING_FILE
+    path.write_text(path.read_text(encoding="utf-8")[:1000], encoding="utf-8")
+    with pytest.raises(DamagedRecord, match=str(path)):
+        read_serving(path)
+
+
+def test_what_is_there_is_not_measured_again(copy: Path) -> None:
+    before, said = (copy / SERVING_FILE).read_bytes(), Said()
+    after_run(copy, "cpu", copy, said)
+    assert said.lines == ["serving: measured before"]
+    assert (copy / SERVING_FILE).read_bytes() == before
+
+
+@pytest.mark.parametrize("change", ["weights", "stopped", "damaged"])
+def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+    for field in runner.STUDIES:
+        with_study(monkeypatch, field, lambda situation: None)
+    path = copy / SERVING_FILE
+    if change == "weights":
+        shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
+    elif change == "stopped":
+        data = json.loads(path.read_text(encoding="utf-8"))
+        path.write_text(json.dumps({**data, "settings": {**data["settings"], "complete": False}}), encoding="utf-8")
+    else:
+        path.write_text("{", encoding="utf-8")
+    after_run(copy, "cpu", copy, Quiet())
+    assert read_serving(path).cache is None, "by studies that measure nothing"
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no memory"), OSError(28, "No space left"), Diverged(3, "colour")])
+def test_a_failing_study_costs_itself_alone(out: Path, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    with_study(monkeypatch, "attention", fail_with(error))
+    with_study(monkeypatch, "cache", lambda situation: None)
+    after_run(out, "cpu", out, Quiet())
+    record = read_serving(out / SERVING_FILE)
+    assert record.attention is None
+    assert record.first_frame is not None
+    assert any("attention-prioritised rendering: " in one and str(error) in one for one in record.left_out)
+
+
+def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_study(monkeypatch, "cache", lambda situation: None)
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(runner, "write_serving", full)
+    said = Said()
+    after_run(out, "cpu", out, said)
+    assert any("serving was not measured" in line and "No space left" in line for line in said.lines)
+
+
+def test_ctrl_c_keeps_what_was_finished(served: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = read_serving(served / SERVING_FILE).cache
+    with_study(monkeypatch, "cache", lambda situation: measured)
+    with_study(monkeypatch, "attention", fail_with(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        after_run(out, "cpu", out, Quiet())
+    record = read_serving(out / SERVING_FILE)
+    assert record.cache == measured
+    assert not record.settings["complete"]
+    assert any("stopped by KeyboardInterrupt" in one for one in record.left_out)
+
+
+def test_what_would_take_too_long_is_left_to_its_own_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "estimated_seconds", lambda situation: 1e6)
+    after_run(out, "cpu", out, Quiet())
+    record = read_serving(out / SERVING_FILE)
+    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
+    assert "harness serving" in record.left_out[0]
+
+
+def test_a_cell_that_diverged_is_named(out: Path) -> None:
+    path = out / "records/cells/ball.nerf.0.json"
+    data = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
+    after_run(out, "cpu", out, Quiet())
+    record = read_serving(out / SERVING_FILE)
+    assert record.cache is not None
+    assert {one.method for one in record.cache.latencies} == {"qnerf"}
+    assert record.attention is None
+    assert any("ball, nerf, seed 0" in one and "diverged" in one for one in record.left_out)
+
+
+def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_study(monkeypatch, "cache", fail_with(ZeroDivisionError("ours")))
+    asked = Asked(["ball"], ["nerf"], 0, SIZE, True)
+    with pytest.raises(ZeroDivisionError):
+        runner.run(FinishedRun.of(out), asked, CPU, out, Quiet())
+
+
+def test_the_command_measures_what_is_asked(
+    out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_study(monkeypatch, "attention", lambda situation: None)
+    assert main(["serving", str(out), "--quick", "--methods", "qnerf", "--width", "12"]) == 0
+    record = read_serving(out / SERVING_FILE)
+    assert record.cache is not None
+    assert record.cache.width == 12
+    assert {one.method for one in record.cache.latencies} == {"qnerf"}
+    said = capsys.readouterr().out
+    assert "about" in said.splitlines()[0], "an estimate comes first"
+    assert str(out / SERVING_FILE) in said.splitlines()[-1]
+
+
+def test_nothing_that_could_be_rendered_is_exit_code_3(out: Path) -> None:
+    for file in (out / "checkpoints").iterdir():
+        file.unlink()
+    assert main(["serving", str(out), "--quick", "--quiet"]) == 3
+    record = read_serving(out / SERVING_FILE)
+    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
+    assert sum("is missing" in one for one in record.left_out) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--width", "4"], "--width 4"),
+        (["--seed", "7"], "--seed 7"),
+        (["--scenes", "lego"], "'lego'"),
+        (["--methods", "nerv"], "'nerv'"),
+    ],
+)
+def test_mistakes_are_said_in_one_line(
+    trained: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
+    assert said in refused(capsys, trained, "--quiet", *options, command="serving")
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "holds no run" in refused(capsys, tmp_path, command="serving")
+
+
+@pytest.mark.parametrize(("options", "measured"), [([], True), (["--no-serving"], False)])
+def test_a_run_measures_it_at_its_end(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], measured: bool
+) -> None:
+    asked: list[Path] = []
+
+    def noted(out: Path, device: str, view_sets: Path, show: Any) -> None:
+        assert [cell.status for cell in read_cells(out)] == ["done"], "after everything else"
+        assert (out / "records/comparisons.json").exists()
+        asked.append(out)
+
+    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
+        for task in tasks:
+            cells: list[CellRecord] = []
+            run_group(task, lambda share: None, cells.append)
+            yield from (Event(task, cell=cell) for cell in cells)
+
+    monkeypatch.setattr("harness.runner.run_locally", here)
+    monkeypatch.setattr(runner, "after_run", noted)
+    monkeypatch.setattr("harness.device.available_cores", lambda: 1)
+    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
+    out = tmp_path / "run"
+    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out), *options]) == 0
+    assert asked == ([out] if measured else [])
+    phases = FinishedRun.of(out).run.phases
+    assert ("serve" in phases) == measured
