@@ -6,7 +6,7 @@ from reports.claims import KINDS
 from reports.evidence_view import plain
 from reports.grid import Column, Entry, Grid
 from reports.ledger import UNTESTED, VERDICTS, Claim
-from reports.wording import NOTHING, count, interval, number, signed
+from reports.wording import NOTHING, count, interval, number, signed, significant
 
 TONES = {"holds": "holds", "does not hold": "fails", "inconclusive": "", UNTESTED: "muted"}
 MARKS = {"holds": "✓", "does not hold": "✕", "inconclusive": "?", UNTESTED: "–"}
@@ -112,6 +112,8 @@ def _value(claim: Claim, value: int | float, digits: int) -> str:
         return signed(value, digits)
     if claim.kind == "others":
         return plain(value)
+    if claim.unit == "×":
+        return significant(value)
     return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
 
 

@@ -67,9 +67,8 @@ class Strip:
 @dataclass(frozen=True)
 class Attention:
     answer: str
-    sentences: list[str]
-    plain: list[str]
-    """What is not rendered by regions."""
+    sentences: list[tuple[str, str]]
+    """What about, and what was found."""
     maps: list[Tab]
     methods: list[Tab]
     choices: list[Choice]
@@ -131,8 +130,14 @@ def attention(record: ServingRecord, folder: Path) -> Attention | None:
     ]
     return Attention(
         answer=answer(cases),
-        sentences=[*paid(cases), *averaged(found), *allocated(found.allocations), *phi_said(found.phi), *_viewer(seen)],
-        plain=plainly(found.not_by_regions),
+        sentences=[
+            *(("who loses", one) for one in paid(cases)),
+            *(("meanwhile", one) for one in averaged(found)),
+            *(("samples", one) for one in allocated(found.allocations)),
+            *(("φ", one) for one in phi_said(found.phi)),
+            *(("not by regions", one) for one in plainly(found.not_by_regions)),
+            *_viewer(seen),
+        ],
         maps=maps,
         methods=methods,
         choices=choices,
@@ -148,11 +153,11 @@ def attention(record: ServingRecord, folder: Path) -> Attention | None:
 def _bare(seen: FirstFrame | None) -> Attention:
     """The viewer's first frame alone, if anything."""
     said = "No method of this run was rendered by regions."
-    return Attention(said, _viewer(seen), [], [], [], [], [], [], None, None, [], 0)
+    return Attention(said, _viewer(seen), [], [], [], [], [], None, None, [], 0)
 
 
-def _viewer(seen: FirstFrame | None) -> list[str]:
-    return [seen_first(seen)] if seen else []
+def _viewer(seen: FirstFrame | None) -> list[tuple[str, str]]:
+    return [("viewer", seen_first(seen))] if seen else []
 
 
 def _map(kind: str) -> str:

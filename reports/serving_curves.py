@@ -1,7 +1,5 @@
 """Curves of a picture while it is refined, and of its error over the number of samples, as plain data."""
 
-import math
-
 from harness.chart_record import Series
 from harness.serving_record import Allocation, Anytime, Order
 from reports import palette
@@ -25,8 +23,8 @@ ALLOCATED: dict[str, Pen] = {
 }
 INVISIBLE = 1e-4
 """Of display colour, a fortieth of a step of an 8-bit picture: below it a curve stands at the foot of its axis."""
-AT_MOST = 60
-"""Points of a line."""
+AT_MOST = 80
+"""Steps of a line."""
 SIZE = (3.4, 2.3)
 
 
@@ -86,14 +84,18 @@ def _error(one: Anytime, whole: bool) -> list[float]:
 
 
 def _drawn(seconds: list[float], error: list[float]) -> tuple[list[float], list[float]]:
-    """Evenly thinned, with both ends, and with the first point that is invisible: a line drops where it did."""
-    step = max(1, math.ceil(len(seconds) / AT_MOST))
-    kept = set(range(0, len(seconds), step)) | {len(seconds) - 1}
-    gone = next((place for place, value in enumerate(error) if value < INVISIBLE), None)
-    if gone is not None:
-        kept |= {gone, max(0, gone - 1)}
-    places = sorted(kept)
-    return [seconds[place] for place in places], [error[place] for place in places]
+    """As steps, for an error stays until the next region is done; what is done at once, to the eye, is one step."""
+    apart = (seconds[-1] - seconds[0]) / AT_MOST
+    kept = [(seconds[0], error[0])]
+    for place in range(1, len(seconds)):
+        last = place + 1 == len(seconds)
+        if last or seconds[place + 1] - kept[-1][0] > apart:
+            kept.append((seconds[place], error[place]))
+    x, y = [kept[0][0]], [kept[0][1]]
+    for at, value in kept[1:]:
+        x += [at, at]
+        y += [y[-1], value]
+    return x, y
 
 
 def allocation_series(found: list[Allocation]) -> list[Series]:

@@ -18,18 +18,17 @@ from reports.serving_wording import MAPS
 from reports.stability_publish import keys
 
 PLOT = "serving.png"
-LARGEST = 500_000
-"""Bytes of a published record; a longer one is left without its curves."""
 
 
 def write_published_serving(record: ServingRecord, methods: list[str], folder: Path) -> list[Path]:
-    """The record without its pictures, and a plot where there is something to draw; gives what was written."""
+    """The record without pictures and curves (summary.json holds those), and a plot where there is something to draw.
+
+    Gives what was written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    attention = record.attention and replace(record.attention, frames=[])
+    attention = record.attention and replace(record.attention, frames=[], curves=[])
     write_serving(folder, replace(record, attention=attention))
     written = [folder / SERVING_FILE]
-    if attention is not None and written[0].stat().st_size > LARGEST:
-        write_serving(folder, replace(record, attention=replace(attention, curves=[])))
     with matplotlib.rc_context(STYLE):
         figure = serving_figure(record, methods)
         if figure is not None:

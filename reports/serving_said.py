@@ -1,5 +1,6 @@
 """Attention-prioritised rendering in sentences, each made from figures."""
 
+import math
 from collections.abc import Sequence
 from statistics import median
 
@@ -92,26 +93,57 @@ def _partner(record: AttentionRecord, one: Anytime, order: Order) -> Anytime | N
 
 
 def allocated(found: list[Allocation]) -> list[str]:
-    """The same number of samples placed by attention, against the same for each ray."""
+    """Samples placed by attention against the same for each ray: at the same cost, and with the same number."""
+    said = []
+    cases = [(one, *at) for one in found if one.by_attention and (at := at_cost(found, one))]
+    attended = _ratios([(one.rmse_attended, even) for one, even, _ in cases])
+    whole = _ratios([(one.rmse_whole, even) for one, _, even in cases])
+    if attended and whole:
+        said.append(
+            "At as many network evaluations, samples that are shared out by attention leave an error of the integral "
+            f"that is {factor(attended)} as large in what is attended and {factor(whole)} in the whole picture, "
+            f"against the same for each ray, read off between its numbers of samples in {counted(len(cases), 'case')}."
+        )
     pairs = pairs_of(found)
     attended = _ratios([(one.rmse_attended, other.rmse_attended) for one, other in pairs])
     whole = _ratios([(one.rmse_whole, other.rmse_whole) for one, other in pairs])
-    if not attended or not whole:
-        return []
     cost = _ratios([(one.evaluations, other.evaluations) for one, other in pairs])
-    said = (
-        "With as many samples in all, shared out by attention, the error of the integral is "
-        f"{factor(attended)} as large in what is attended and {factor(whole)} in the whole picture, at {factor(cost)} "
-        "the network evaluations"
-    )
-    truths = [
-        (one.truth_attended, other.truth_attended)
-        for one, other in pairs
-        if one.truth_attended is not None and other.truth_attended is not None
+    if attended and whole:
+        truths = [
+            (one.truth_attended, other.truth_attended)
+            for one, other in pairs
+            if one.truth_attended is not None and other.truth_attended is not None
+        ]
+        against = _ratios(truths)
+        tail = f"; against the ground truth, what is attended is {factor(against)} as wrong" if against else ""
+        said.append(
+            f"With as many samples it is {factor(attended)} and {factor(whole)} as large, but at {factor(cost)} the "
+            f"network evaluations, as empty space costs none{tail}."
+        )
+    return said
+
+
+def at_cost(found: list[Allocation], one: Allocation) -> tuple[float, float] | None:
+    """Attended and whole error of the same for each ray at as many evaluations as `one` took: on a line between two
+    numbers of samples, both axes logarithmic. None where it was not measured on both sides.
+    """
+    same = [
+        other
+        for other in found
+        if not other.by_attention
+        and (one.scene, one.method, one.attention) == (other.scene, other.method, other.attention)
     ]
-    against = _ratios(truths)
-    tail = f"; against the ground truth, what is attended is {factor(against)} as wrong" if against else ""
-    return [f"{said}{tail}."]
+    below = max((it for it in same if it.evaluations <= one.evaluations), key=lambda it: it.evaluations, default=None)
+    above = min((it for it in same if it.evaluations >= one.evaluations), key=lambda it: it.evaluations, default=None)
+    if below is None or above is None:
+        return None
+    ends = ((below.rmse_attended, above.rmse_attended), (below.rmse_whole, above.rmse_whole))
+    if min(value for pair in ends for value in pair) <= 0:
+        return None
+    span = math.log(above.evaluations / below.evaluations)
+    share = math.log(one.evaluations / below.evaluations) / span if span else 0.0
+    attended, whole = (low * (high / low) ** share for low, high in ends)
+    return attended, whole
 
 
 def pairs_of(found: list[Allocation]) -> list[tuple[Allocation, Allocation]]:

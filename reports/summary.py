@@ -90,7 +90,19 @@ def _attention(record: ServingRecord) -> dict[str, Any] | None:
     if record.attention is None:
         return None
     first = asdict(record.first_frame) if record.first_frame else None
-    return {**asdict(record.attention), "first_frame": first}
+    curves = [
+        {
+            name: [_short(one) for one in value] if isinstance(value, list) else value
+            for name, value in asdict(one).items()
+        }
+        for one in record.attention.curves
+    ]
+    return {**asdict(record.attention), "curves": curves, "first_frame": first}
+
+
+def _short(value: float) -> float:
+    """Five digits are more than such a figure has, and half as long."""
+    return float(f"{value:.5g}")
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:

@@ -111,6 +111,7 @@ def test_what_speaks_against_the_evidence_is_said(whole: Records):
 def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Records):
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
     every = [effect(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
+
     def said(before: list[str], evidence: EvidenceRecord | None) -> list[str]:
         found = claims(whole, Beside(evidence=evidence))
         return not_tested(before, [claim for claim in found if claim.kind != "serving"])

@@ -46,7 +46,9 @@ def test_it_stands_in_the_report_and_in_the_summary(out):
     assert [one["hit_rate"] for one in summary["cache"]["paths"]] == pytest.approx([40 / 60, 18 / 40])
     assert summary["cache"]["latencies"][1]["source"] == "level 0"
     assert summary["attention"]["first_frame"]["seconds_coarse"] == 0.31
-    assert len(summary["attention"]["curves"]) == 18
+    curves = fake_serving().attention.curves
+    assert len(summary["attention"]["curves"]) == len(curves)
+    assert summary["attention"]["curves"][1]["rmse_whole"] == pytest.approx(curves[1].rmse_whole, rel=1e-4)
     assert not any("View cache" in one for one in summary["not_tested"])
 
 
@@ -145,24 +147,16 @@ def test_what_no_measurement_gives_is_named(out, capsys, place, value, said):
     assert len(caught.splitlines()) == 1
 
 
-def test_publishing_writes_the_record_without_pictures_and_a_plot(out, tmp_path):
+def test_publishing_writes_the_record_without_pictures_and_curves_and_a_plot(out, tmp_path):
     docs = tmp_path / "docs"
     assert main([str(out), "--quiet", "--publish", str(docs)]) == 0
     published = read_serving(docs / SERVING_FILE)
-    assert published == replace(fake_serving(), attention=fake_attention(frames=[]))
+    assert published == replace(fake_serving(), attention=fake_attention(frames=[], curves=[]))
     plot = (docs / "serving.png").read_bytes()
     assert plot.startswith(b"\x89PNG")
     assert 5_000 < len(plot) < 300_000
     summary = json.loads((docs / "summary.json").read_text(encoding="utf-8"))
     assert summary["cache"]["width"] == 40
-
-
-def test_a_long_record_is_published_without_its_curves(tmp_path, monkeypatch):
-    monkeypatch.setattr(serving_publish, "LARGEST", 1_000)
-    serving_publish.write_published_serving(fake_serving(), ["nerf"], tmp_path)
-    published = read_serving(tmp_path / SERVING_FILE).attention
-    assert published is not None
-    assert (published.curves, len(published.reaching)) == ([], 36)
 
 
 def test_what_there_is_not_is_not_drawn(tmp_path):

@@ -83,6 +83,7 @@ def test_attention_is_told_from_its_figures(text):
                   "Where it is not first even in what is attended: lego (gradients).",
                   "Over the whole picture it gets down to 10 % first in 0 of 6 cases; it is behind raster order in all",
                   "is 0.60 times as large in what is attended and 1.50 times in the whole picture",
+                  "With as many samples it is 0.60 times and 1.50 times as large, but at 1.00 times the network",
                   "priorities sum to 1.618, not to 1", "Of 18 maps looked at, leaving φ out changed the order in 0",
                   "is there after 310 ms (target 0.5 s: met), all of it after 920 ms; the slowest of 5 calls.",
                   "qnerf is not rendered by regions: its density depends on which points share a call. By regions its "
@@ -149,8 +150,10 @@ def test_a_long_curve_is_thinned_and_keeps_its_ends_and_its_fall():
     curve = Anytime("chair", "nerf", "point", "raster", 1, [0.001 * k for k in range(many)],
                     [k / many for k in range(many)], error, error)  # fmt: skip
     line = anytime_panels([curve], True)[0].traces[0]
-    assert len(line.x) < 70
-    assert {0.0, 0.776, 0.777, 0.999} <= {round(at, 6) for at in line.x}
+    assert len(line.x) < 170
+    assert (line.x[0], line.x[-1]) == (0.0, pytest.approx(0.999))
+    fall = next(at for at, value in zip(line.x, line.y, strict=True) if value == INVISIBLE)
+    assert fall == pytest.approx(0.777, abs=0.999 / 80)
 
 
 def test_hostile_words_stay_words(out):

@@ -15,7 +15,7 @@ from harness.serving_record import (
 from reports.serving_cache import answer as cache_answer
 from reports.serving_cache import confused
 from reports.serving_races import earlier, first, mean_error, races, reached
-from reports.serving_said import allocated, answer, averaged, paid, phi_said, plainly, seen_first
+from reports.serving_said import allocated, answer, at_cost, averaged, paid, phi_said, plainly, seen_first
 from reports.serving_wording import brief, bytes_said, outcome
 from tests.reports.fake_serving import (
     fake_attention,
@@ -178,15 +178,30 @@ def test_averages_over_time_are_ratios():
     assert averaged(fake_attention(curves=[])) == []
 
 
+def placed(by: bool, bins: float, evaluations: float, attended: float, whole: float = 0.1) -> Allocation:
+    return Allocation("chair", "nerf", "point", by, 1, bins, evaluations, 0.1, attended, whole, None, None)
+
+
 def test_allocation_is_compared_at_the_same_total():
-    pair = [
-        Allocation("chair", "nerf", "point", by, 1, bins, 100.0, 0.1, attended, 0.1, None, None)
-        for by, bins, attended in ((False, 8.0, 0.2), (True, 7.9, 0.1), (True, 16.0, 0.001))
-    ]
+    pair = [placed(False, 8.0, 100.0, 0.2), placed(True, 7.9, 150.0, 0.1), placed(True, 16.0, 900.0, 0.001)]
     (said,) = allocated(pair)
-    assert "is 0.50 times as large in what is attended and 1.00 times in the whole picture" in said
+    assert "With as many samples it is 0.50 times and 1.00 times as large, but at 1.50 times the network" in said
     assert "ground truth" not in said
     assert allocated(pair[:1]) == []
+
+
+def test_allocation_is_compared_at_the_same_cost():
+    """Between 100 and 400 evaluations the error of the plain one falls from 0.4 to 0.1: at 200 it is 0.2."""
+    plain_ones = [placed(False, 8.0, 100.0, 0.4), placed(False, 32.0, 400.0, 0.1)]
+    one = placed(True, 16.0, 200.0, 0.1)
+    assert at_cost([*plain_ones, one], one) == pytest.approx((0.2, 0.1))
+    first = allocated([*plain_ones, one])[0]
+    assert "is 0.50 times as large in what is attended and 1.00 times in the whole picture" in first
+    assert "in 1 case." in first
+    for evaluations in (99.0, 401.0):
+        assert at_cost(plain_ones, replace(one, evaluations=evaluations)) is None
+    assert at_cost(plain_ones, replace(one, evaluations=400.0)) == pytest.approx((0.1, 0.1))
+    assert at_cost(plain_ones, replace(one, attention="mask")) is None
 
 
 def test_phi_says_what_was_found():
