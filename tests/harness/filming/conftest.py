@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from harness.__main__ import main
+from tests.harness.filming.typed import Said
 from tests.harness.trained_runs import train_run
 
 
@@ -18,3 +20,17 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def out(trained: Path, tmp_path: Path) -> Path:
     """A copy."""
     return Path(shutil.copytree(trained, tmp_path / "run"))
+
+
+@pytest.fixture
+def render(capsys: pytest.CaptureFixture[str]) -> Said:
+    """Renders, and gives what was said."""
+
+    def rendered(*arguments: str | Path) -> str:
+        capsys.readouterr()
+        assert main(["render", *map(str, arguments), "--threads", "1"]) == 0
+        said, complaints = capsys.readouterr()
+        assert complaints == ""
+        return said
+
+    return rendered
