@@ -13,6 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import uvicorn
+    from starlette.applications import Starlette
+
     from harness.progress import Progress
 
 PORT = 8008
@@ -74,15 +77,7 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
     worker = ThreadPoolExecutor(1, "render", initializer=use_threads, initargs=(threads,))
     port = listening.getsockname()[1]
     site = application(shown, worker, hosts_of(options.host))
-    config = uvicorn.Config(
-        site,
-        log_config=None,
-        log_level="critical",
-        lifespan="off",
-        ws="none",
-        server_header=False,
-        timeout_graceful_shutdown=0,
-    )
+    config = config_of(site)
     address = f"http://{_in_address(options.host)}:{port}/"
     if options.host not in LOOPBACK:
         print(  # noqa: T201
@@ -98,6 +93,21 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
     finally:
         worker.shutdown(wait=False, cancel_futures=True)
     return 0
+
+
+def config_of(site: "Starlette") -> "uvicorn.Config":
+    """Says nothing of its own, and waits for nobody at the end."""
+    import uvicorn
+
+    return uvicorn.Config(
+        site,
+        log_config=None,
+        log_level="critical",
+        lifespan="off",
+        ws="none",
+        server_header=False,
+        timeout_graceful_shutdown=0,
+    )
 
 
 def bound(host: str, port: int) -> socket.socket:

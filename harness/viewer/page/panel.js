@@ -150,7 +150,7 @@ export class Panel {
   }
 
   draw(mode, [near, far], truth) {
-    const context = this.canvas.getContext('2d')
+    const context = this.canvas.getContext('2d', { willReadFrequently: true }) // is written by hand alone
     const image = context.createImageData(this.width, this.height)
     const compared = mode === 'error' && truth && !this.truth && truth.width === this.width && truth.height === this.height
     if (mode === 'error' && !this.truth && this.filled && !compared) this.over.textContent = 'Errors are shown at a view of the ground truth.'

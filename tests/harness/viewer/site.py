@@ -1,0 +1,89 @@
+"""The page served in this process, on a free port, by the server that users get; and requests to it."""
+
+import http.client
+import json
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import uvicorn
+
+from harness.device import use_threads
+from harness.viewer.options import bound, config_of, hosts_of
+from harness.viewer.server import application
+from harness.viewer.shown_run import ShownRun
+from harness.viewer.wire import unpacked
+
+ORBIT = {"azimuth": 0.7, "elevation": 0.4, "distance": 4.0, "target": [0, 0, 0]}
+
+
+@dataclass(frozen=True)
+class Site:
+    port: int
+    shown: ShownRun
+    worker: ThreadPoolExecutor
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def ask(
+        self, method: str, path: str, body: bytes | None = None, **headers: str
+    ) -> tuple[int, dict[str, str], bytes]:
+        """Status, headers and body; `host` and others with `_` for `-`."""
+        line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            line.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+            answer = line.getresponse()
+            return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+        finally:
+            line.close()
+
+    def json(self, path: str) -> Any:
+        status, _, body = self.ask("GET", path)
+        assert status == 200, body
+        return json.loads(body)
+
+    def render(self, **changes: Any) -> tuple[int, bytes]:
+        status, _, body = self.ask("POST", "/render", wanted(**changes), content_type="application/json")
+        return status, body
+
+    def messages(self, **changes: Any) -> list[tuple[dict[str, Any], bytes]]:
+        status, body = self.render(**changes)
+        assert status == 200, body
+        return unpacked(body)
+
+
+def wanted(**changes: Any) -> bytes:
+    """A request that is fine, but for the changes; a value of None leaves the key out."""
+    request = {
+        "client": "a test",
+        "generation": 1,
+        "scene": "ball",
+        "methods": ["nerf", "qnerf"],
+        "place": ORBIT,
+        "attention": {"kind": "foveal", "row": 0.5, "column": 0.5},
+        **changes,
+    }
+    return json.dumps({name: value for name, value in request.items() if value is not None}).encode()
+
+
+@contextmanager
+def served(shown: ShownRun) -> Iterator[Site]:
+    listening = bound("127.0.0.1", 0)
+    worker = ThreadPoolExecutor(1, initializer=use_threads, initargs=(1,))
+    server = uvicorn.Server(config_of(application(shown, worker, hosts_of("127.0.0.1"))))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    port = listening.getsockname()[1]
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield Site(port, shown, worker)
+    server.should_exit = True
+    thread.join(20)
+    assert not thread.is_alive()
+    worker.shutdown()

@@ -1,0 +1,201 @@
+"""The page in a real browser that reaches nothing but this machine."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from harness.viewer.shown_run import ShownRun
+from tests.harness.viewer.site import Site, served
+from tests.harness.viewer.small_run import HOSTILE
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        pytest.skip("no chromium found (Debian: apt-get install chromium)")
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def site(shown: ShownRun) -> Iterator[Site]:
+    with served(shown) as found:
+        yield found
+
+
+class Looking:
+    """A page, and whatever it complained of or asked another machine for."""
+
+    def __init__(self, browser: Any, site: Site, **context: Any) -> None:
+        self.page = browser.new_context(**context).new_page()
+        self.noise: list[str] = []
+        self.page.on("console", lambda message: self.noise.append(message.text))
+        self.page.on("pageerror", lambda error: self.noise.append(str(error)))
+        self.page.route("**/*", lambda route: self._let(route, site))
+        self.page.goto(site.address)
+        self.ended()
+
+    def _let(self, route: Any, site: Site) -> None:
+        if route.request.url.startswith(site.address):
+            route.continue_()
+        else:
+            self.noise.append(route.request.url)
+            route.abort()
+
+    def ended(self, generation: int = 0) -> int:
+        """Waits for the end of a render after `generation`; the number of that render."""
+        self.page.wait_for_selector("body[data-ended]", state="attached", timeout=60_000)
+        while (found := int(self.page.get_attribute("body", "data-ended"))) <= generation:
+            self.page.wait_for_timeout(30)
+        self.page.wait_for_timeout(60)  # what was drawn last is on the canvas
+        return found
+
+    def after(self, act: Any) -> None:
+        before = int(self.page.get_attribute("body", "data-ended"))
+        act()
+        self.ended(before)
+
+    def picture(self, method: str) -> list[int]:
+        return self.page.locator(f"figure[data-method={method}] canvas").evaluate(
+            "canvas => [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data]"
+        )
+
+    def figure(self, method: str, key: str) -> str:
+        return self.page.locator(f"figure[data-method={method}] dd[data-key={key}]").inner_text()
+
+    def data(self, method: str, name: str) -> str | None:
+        return self.page.locator(f"figure[data-method={method}]").get_attribute(f"data-{name}")
+
+
+def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
+    look = Looking(browser, site, viewport={"width": 1200, "height": 800})
+    page = look.page
+    for method in ("nerf", "qnerf"):
+        assert (look.data(method, "state"), look.data(method, "level")) == ("whole", "none")
+        assert len(set(look.picture(method))) > 20
+        assert "own work" in look.figure(method, "coarse")
+    assert "share a call" in page.locator("figure[data-method=qnerf] .note").inner_text()
+    assert not page.locator("figure[data-method=nerf] .note").is_visible()
+
+    # at a test view there is a score, and it is the engine's
+    told = site.messages(place={"view": 0}, client="beside", generation=1)
+    scores = {header["method"]: header["psnr"] for header, _ in told if header.get("state") == "whole"}
+    for method, score in scores.items():
+        assert float(look.data(method, "psnr") or "nan") == score
+        assert look.figure(method, "psnr") == f"{score:.2f} dB"
+    assert "test view 1 of 3" in page.locator("#place").inner_text()
+
+    # orbit by keys and by drag: another picture, without a score
+    before = look.picture("nerf")
+    look.after(lambda: page.keyboard.press("ArrowRight"))
+    turned = look.picture("nerf")
+    assert turned != before
+    assert "only at a view of the ground truth" in look.figure("nerf", "psnr")
+    box = page.locator("figure[data-method=qnerf] canvas").bounding_box()
+
+    def drag() -> None:
+        page.mouse.move(box["x"] + 60, box["y"] + 60)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 140, box["y"] + 90, steps=6)
+        page.mouse.up()
+
+    look.after(drag)
+    page.wait_for_timeout(1500)  # the last of the drag's wishes
+    assert look.picture("nerf") != turned
+    dragged = look.picture("nerf")
+    look.after(lambda: page.mouse.wheel(0, 200))
+    assert look.picture("nerf") != dragged
+
+    # back to where it began: out of the cache, the same picture
+    look.after(lambda: page.click("#reset"))
+    assert {look.data(method, "level") for method in ("nerf", "qnerf")} <= {"0", "1"}
+    assert look.figure("nerf", "state").startswith("cache level")
+    assert look.picture("nerf") == before
+    assert "served from it" in page.locator("#cache").inner_text()
+
+    # other pictures of the same view
+    shown = {"colour": look.picture("nerf")}
+    for mode in ("depth", "opacity", "error"):
+        page.locator(f"input[value={mode}]").check(force=True)
+        page.wait_for_timeout(120)
+        shown[mode] = look.picture("nerf")
+        assert page.locator("#scale").is_visible()
+    assert len({tuple(one) for one in shown.values()}) == 4
+    grey = [shown["opacity"][at : at + 3] for at in range(0, len(shown["opacity"]), 4)]
+    assert all(len(set(rgb)) == 1 for rgb in grey)
+    page.locator("input[value=colour]").check(force=True)
+    page.wait_for_timeout(120)
+    assert look.picture("nerf") == before
+
+    look.after(lambda: page.click("#next"))
+    assert "test view 2 of 3" in page.locator("#place").inner_text()
+    assert look.noise == []
+
+
+def test_markup_in_names_is_text(browser: Any, site: Site) -> None:
+    look = Looking(browser, site)
+    assert HOSTILE in look.page.locator("h1").inner_text()
+    assert HOSTILE in look.page.locator("figure[data-method=nerf] figcaption").inner_text()
+    assert look.page.locator("img").count() == 0
+    assert "taken" not in look.page.title()
+    assert look.noise == []
+
+
+def test_methods_are_loaded_when_they_are_chosen_and_one_that_cannot_be_shown_says_why(
+    browser: Any, site: Site
+) -> None:
+    look = Looking(browser, site)
+    look.after(lambda: look.page.locator("input[value=nerf_matched]").check())
+    assert look.data("nerf_matched", "state") == "failed"
+    assert "was not trained" in look.page.locator("figure[data-method=nerf_matched] .over").inner_text()
+    look.after(lambda: look.page.locator("input[value=qnerf]").uncheck())
+    assert look.page.locator("figure[data-method=qnerf]").count() == 0
+    assert look.data("nerf", "state") == "whole"
+    assert look.noise == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone_and_every_control_has_a_name(browser: Any, site: Site, scheme: str) -> None:
+    look = Looking(browser, site, viewport={"width": 390, "height": 800}, color_scheme=scheme)
+    widths = look.page.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
+    assert widths[0] <= widths[1]
+    named = look.page.evaluate(
+        "() => [...document.querySelectorAll('button, select, input, canvas[tabindex]')]"
+        ".map(one => one.ariaLabel || one.textContent.trim() || one.labels?.[0]?.textContent.trim() || one.outerHTML)"
+    )
+    assert len(named) > 15
+    assert not [name for name in named if name.startswith("<")]
+
+
+def test_without_its_view_set_the_page_works_and_says_so(browser: Any, out: Path, shown: ShownRun) -> None:
+    run = shown.run.run
+    moved = {**run.settings, "view_set": str(out / "gone")}
+    run.settings.update(moved)
+    with served(ShownRun(shown.run, out, 0, "ball", ("nerf",), torch.device("cpu"), shown.store)) as site:
+        look = Looking(browser, site)
+        assert look.data("nerf", "state") == "whole"
+        assert "is not there" in look.page.locator("figure.truth .over").inner_text()
+        assert "no ground truth" in look.figure("nerf", "psnr") or "only at" in look.figure("nerf", "psnr")
+        assert look.page.locator("#next").is_disabled()
+        before = look.picture("nerf")
+        look.after(lambda: look.page.keyboard.press("ArrowUp"))
+        assert look.picture("nerf") != before
+        assert look.noise == []
+
+
+def test_a_server_that_has_ended_is_said(browser: Any, shown: ShownRun) -> None:
+    with served(shown) as site:
+        look = Looking(browser, site)
+    look.page.keyboard.press("ArrowUp")
+    look.page.wait_for_selector("#alert:not([hidden])")
+    assert "does not answer" in look.page.locator("#alert").inner_text()

@@ -1,0 +1,342 @@
+"""Over HTTP, as a page and as somebody else asks."""
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from harness.evaluate import LARGEST_PSNR
+from harness.metrics import psnr
+from harness.records import read_cells
+from harness.viewer import engine
+from harness.viewer.server import FILES
+from harness.viewer.shown_run import ShownRun
+from harness.viewer.wire import BYTES_PER_PIXEL, unpacked
+from scenes.images import read_image
+from scenes.pixels import over_white
+from tests.harness.viewer.site import ORBIT, Site, served, wanted
+from tests.harness.viewer.small_run import SIZE
+
+
+@pytest.fixture(scope="module")
+def site(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    import shutil
+
+    out = Path(shutil.copytree(trained, tmp_path_factory.mktemp("site") / "run"))
+    shown = ShownRun.of(out, None, None, 0, out / "none", None, torch.device("cpu"))
+    with served(shown) as found:
+        yield found
+
+
+def test_every_file_of_the_page_is_there_and_may_load_nothing_from_elsewhere(site: Site) -> None:
+    for path, (_, kind) in FILES.items():
+        status, headers, body = site.ask("GET", path)
+        assert status == 200
+        assert headers["content-type"].startswith(kind)
+        assert b"://" not in body.replace(b"http://www.w3.org/2000/svg", b"")
+        policy = dict(part.split(maxsplit=1) for part in headers["content-security-policy"].split("; "))
+        assert policy["default-src"] == "'none'"
+        assert {policy[name] for name in ("script-src", "style-src", "connect-src", "img-src")} == {"'self'"}
+        assert policy["frame-ancestors"] == policy["base-uri"] == policy["form-action"] == "'none'"
+        assert headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "localhost@evil", "", "[::2]", "10.0.0.1"])
+@pytest.mark.parametrize("path", ["/", "/run.json", "/scene.json?scene=ball"])
+def test_another_host_s_name_is_refused(site: Site, host: str, path: str) -> None:
+    status, headers, body = site.ask("GET", path, host=host)
+    assert status == 400
+    assert b"ball" not in body
+    if body != b"Invalid HTTP request received.":
+        assert "content-security-policy" in headers
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:1", "127.0.0.1:80", "[::1]:8008"])
+def test_this_machine_s_own_names_are_fine(site: Site, host: str) -> None:
+    assert site.ask("GET", "/run.json", host=host)[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/nothing", 404),
+        ("GET", "/../options.py", 404),
+        ("GET", "/page/viewer.js", 404),
+        ("GET", "/render", 405),
+        ("POST", "/", 405),
+        ("PUT", "/render", 405),
+        ("DELETE", "/run.json", 405),
+        ("OPTIONS", "/render", 405),
+        ("GET", "/scene.json", 400),
+        ("GET", "/scene.json?scene=..%2F..", 400),
+        ("GET", "/truth?scene=ball", 400),
+        ("GET", "/truth?scene=ball&view=-1", 400),
+        ("GET", "/truth?scene=ball&view=3", 400),
+        ("GET", "/truth?scene=ball&view=99999999", 400),
+        ("GET", "/truth?scene=ball&view=%D9%A1", 400),
+        ("GET", "/truth?scene=nothing&view=0", 400),
+    ],
+)
+def test_there_is_nothing_else(site: Site, method: str, path: str, status: int) -> None:
+    found, headers, body = site.ask(method, path)
+    assert found == status
+    assert b"Traceback" not in body
+    assert "content-security-policy" in headers
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"scene": "<b>"}, "scene"),
+    ({"methods": ["nerf", "nothing"]}, "methods"),
+    ({"methods": []}, "methods"),
+    ({"methods": ["nerf", "nerf"]}, "methods"),
+    ({"methods": "nerf"}, "methods"),
+    ({"methods": [["nerf"]]}, "methods"),
+    ({"methods": [str(i) for i in range(9)]}, "methods"),
+    ({"place": {"view": 3}}, "view"),
+    ({"place": {"view": -1}}, "view"),
+    ({"place": {"view": True}}, "view"),
+    ({"place": {"view": 0.5}}, "view"),
+    ({"place": {**ORBIT, "azimuth": float("nan")}}, "NaN"),
+    ({"place": {**ORBIT, "distance": float("inf")}}, "Infinity"),
+    ({"place": {**ORBIT, "distance": 0}}, "distance"),
+    ({"place": {**ORBIT, "distance": -4}}, "distance"),
+    ({"place": {**ORBIT, "distance": 1e300}}, "distance"),
+    ({"place": {**ORBIT, "target": [0, 0]}}, "target"),
+    ({"place": {**ORBIT, "target": [0, 0, "0"]}}, "target"),
+    ({"place": {**ORBIT, "roll": 0}}, "place"),
+    ({"place": [1]}, "place"),
+    ({"width": 10**6}, "width"),
+    ({"width": 0}, "width"),
+    ({"width": 24.5}, "width"),
+    ({"generation": -1}, "generation"),
+    ({"generation": 2**60}, "generation"),
+    ({"client": "x" * 500}, "client"),
+    ({"client": None}, "client"),
+    ({"more": 1}, "nothing else"),
+    ({"attention": {"kind": "all", "row": 0, "column": 0}}, "attention"),
+    ({"attention": {"kind": "point", "row": 2, "column": 0}}, "point"),
+    ({"attention": {"kind": "point"}}, "attention"),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), BAD)
+def test_a_bad_request_is_refused_with_a_sentence(site: Site, changes: dict[str, Any], said: str) -> None:
+    status, body = site.render(**changes)
+    assert status == 400
+    assert said in body.decode()
+    assert len(body) < 300
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (b"", b"not JSON"),
+        (b"[1", b"not JSON"),
+        (b"\xff", b"not JSON"),
+        (b"[" * 4000, b"not JSON"),
+        (b"[]", b"the request"),
+        (b'{"a": ' + b"1" * 5000 + b"}", b"4096 bytes"),
+        (wanted().replace(b"4.0", b"1e999"), b"distance"),
+    ],
+)
+def test_what_is_not_a_request_is_refused(site: Site, body: bytes, said: bytes) -> None:
+    status, _, answer = site.ask("POST", "/render", body, content_type="application/json")
+    assert status == 400
+    assert said in answer
+
+
+def test_other_pages_may_not_ask(site: Site) -> None:
+    """Without the JSON type a browser would send it for any page, unasked."""
+    for headers in ({"content_type": "text/plain"}, {}):
+        assert site.ask("POST", "/render", wanted(), **headers)[0] == 415
+    for origin in ("http://evil.example", "null", f"http://localhost:{site.port}"):
+        assert site.ask("POST", "/render", wanted(), content_type="application/json", origin=origin)[0] == 403
+
+
+def test_a_test_view_is_scored_as_the_run_scored_it(site: Site, trained: Path) -> None:
+    recorded = {cell.method: [view.psnr for view in cell.views] for cell in read_cells(trained)}
+    for view in range(3):
+        told = site.messages(place={"view": view}, attention={"kind": "none", "row": 0, "column": 0}, generation=view)
+        last = {header["method"]: header for header, _ in told if header.get("state") == "whole"}
+        for method in ("nerf", "qnerf"):
+            assert last[method]["psnr"] == pytest.approx(recorded[method][view], abs=1e-9)
+        start = next(header for header, _ in told if header["kind"] == "start")
+        assert (start["exact"], start["nearest"], start["degrees"]) == (view, view, 0.0)
+
+
+def test_a_free_camera_has_no_score_and_knows_its_nearest_view(site: Site) -> None:
+    views = site.json("/scene.json?scene=ball")["views"]
+    place = {name: views[1][name] for name in ORBIT}
+    told = site.messages(place={**place, "azimuth": place["azimuth"] + 0.1}, generation=20)
+    start = next(header for header, _ in told if header["kind"] == "start")
+    assert (start["exact"], start["nearest"]) == (None, 1)
+    assert 1.0 < start["degrees"] < 6.0
+    frames = [header for header, _ in told if header["kind"] == "frame"]
+    assert frames
+    assert {frame["psnr"] for frame in frames} == {None}
+    assert (told[-1][0]["kind"], told[-1][0]["cache"]["failed_writes"]) == ("end", 0)
+
+
+def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site: Site) -> None:
+    place = {**ORBIT, "azimuth": 2.0}
+    pictures = []
+    for generation in (30, 31):
+        told = site.messages(place=place, methods=["nerf"], generation=generation, client="pixels")
+        shown = [(header, body) for header, body in told if header["kind"] == "frame"]
+        whole, last = np.zeros((SIZE * SIZE, 3), np.uint8), shown[-1][0]
+        for header, body in shown:
+            count = header["pixels"]
+            assert len(body) == BYTES_PER_PIXEL * count
+            colour = np.frombuffer(body[8 * count : 11 * count], "u1").reshape(-1, 3)
+            whole[np.frombuffer(body[: 4 * count], "<u4")] = colour
+        assert last["state"] == "whole"
+        assert last["level"] == (None if generation == 30 else 1)
+        pictures.append(whole)
+    assert np.array_equal(*pictures)
+    assert len(np.unique(pictures[0])) > 10
+
+
+def test_the_ground_truth_is_the_stored_image(site: Site, trained: Path) -> None:
+    status, _, body = site.ask("GET", "/truth?scene=ball&view=2")
+    [(header, pixels)] = unpacked(body)
+    assert (status, header["name"], header["has_depth"]) == (200, "test/r_2", False)
+    stored = over_white(read_image(trained.parent / "ball/test/r_2.png"))
+    count = SIZE * SIZE
+    colour = np.frombuffer(pixels[8 * count : 11 * count], "u1").reshape(SIZE, SIZE, 3)
+    assert np.abs(colour / 255.0 - stored).max() <= 0.5 / 255 + 1e-6
+    assert min(psnr(stored, stored), LARGEST_PSNR) == LARGEST_PSNR
+
+
+def test_another_size_is_rendered_and_not_scored(site: Site) -> None:
+    told = site.messages(place={"view": 0}, methods=["nerf"], width=64, generation=40)
+    start = next(header for header, _ in told if header["kind"] == "start")
+    assert (start["width"], start["height"]) == (64, 64)
+    last = [header for header, _ in told if header["kind"] == "frame"][-1]
+    assert (last["state"], last["psnr"]) == ("whole", None)
+
+
+def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Site) -> None:
+    told = site.messages(methods=["nerf_matched", "nerf"], generation=50)
+    failed = [header for header, _ in told if header["kind"] == "failed"]
+    assert [one["method"] for one in failed] == ["nerf_matched"]
+    assert "was not trained" in failed[0]["note"]
+    assert any(header.get("state") == "whole" and header["method"] == "nerf" for header, _ in told)
+    alone = site.messages(methods=["nerf_matched"], generation=51)
+    assert [header["kind"] for header, _ in alone if header["kind"] != "loading"] == ["failed", "end"]
+
+
+class Slow:
+    """Every call of rays takes a while and is counted."""
+
+    def __init__(self, site: Site, patch: pytest.MonkeyPatch) -> None:
+        self.calls = 0
+        scene = site.shown.scene("ball")
+        seat = site.worker.submit(site.shown.seat, scene, "nerf").result()
+        render = seat.learner.render
+
+        def slowly(*arguments: Any) -> Any:
+            self.calls += 1
+            time.sleep(0.15)
+            return render(*arguments)
+
+        patch.setattr(seat.learner, "render", slowly)
+        patch.setattr(engine, "refine", lambda *rest: engine_refine(*rest, rays_a_call=1))
+
+
+engine_refine = engine.refine
+
+
+@pytest.fixture
+def slow(site: Site, monkeypatch: pytest.MonkeyPatch) -> Slow:
+    return Slow(site, monkeypatch)
+
+
+def began(site: Site, slow: Slow, **changes: Any) -> socket.socket:
+    """A request that is being rendered."""
+    line, calls = socket.create_connection(("127.0.0.1", site.port), timeout=60), slow.calls
+    body = wanted(**{"methods": ["nerf"], **changes})
+    head = ["POST /render HTTP/1.1", "Host: localhost", "Content-Type: application/json", "Connection: close"]
+    line.sendall("\r\n".join([*head, f"Content-Length: {len(body)}", "", ""]).encode() + body)
+    while slow.calls == calls:
+        time.sleep(0.01)
+    return line
+
+
+def rest_of(line: socket.socket) -> bytes:
+    """All that comes, until the server closes."""
+    return b"".join(iter(lambda: line.recv(65536), b""))
+
+
+def settled(slow: Slow) -> int:
+    """Calls, once there are no more."""
+    before = -1
+    while before != slow.calls:
+        before = slow.calls
+        time.sleep(0.5)
+    return before
+
+
+def test_one_who_leaves_stops_the_rendering(site: Site, slow: Slow) -> None:
+    with began(site, slow, place={**ORBIT, "azimuth": 3.0}, generation=60):
+        pass
+    assert 1 <= settled(slow) <= 4  # of a coarse frame and nine regions
+
+
+def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, slow: Slow) -> None:
+    older, newer = {**ORBIT, "azimuth": 3.1}, {**ORBIT, "azimuth": 3.2}
+    with (
+        began(site, slow, place=older, generation=70, client="one") as line,
+        began(site, slow, place=older, generation=1, client="another") as other,
+    ):
+        site.messages(place=newer, methods=["qnerf"], generation=71, client="one")
+        given_up, whole = rest_of(line), rest_of(other)
+    assert b'"state": "coarse"' in given_up
+    assert b'"state": "whole"' not in given_up
+    assert b'"kind": "end"' not in given_up
+    assert b'"state": "whole"' in whole
+    # a request that comes late is no new wish
+    assert b'"frame"' not in site.render(place=ORBIT, generation=70, client="one")[1]
+
+
+def test_the_page_answers_while_something_is_rendered(site: Site, slow: Slow) -> None:
+    with began(site, slow, place={**ORBIT, "azimuth": 3.3}, generation=80):
+        calls = slow.calls
+        for _ in range(20):
+            assert site.ask("GET", "/run.json")[0] == 200
+        assert slow.calls <= calls + 4  # nobody waited for the rendering
+
+
+def test_several_pages_at_once_get_whole_pictures(site: Site) -> None:
+    found: list[bool] = []
+
+    def look(number: int) -> None:
+        place = {**ORBIT, "azimuth": 4.0 + 0.1 * number}
+        told = site.messages(place=place, client=f"page {number}", generation=number)
+        found.append(sum(header.get("state") == "whole" for header, _ in told) == 2)
+
+    threads = [threading.Thread(target=look, args=(number,)) for number in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert found == [True] * 4
+
+
+def test_an_error_of_ours_is_said_and_the_next_request_is_fine(
+    site: Site, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(engine, "frames", lambda *_, **__: iter([None]))
+        told = site.messages(generation=90)
+        assert told[-1][0]["kind"] == "broken"
+        assert "AttributeError" in told[-1][0]["note"]
+    assert "AttributeError" in capsys.readouterr().err
+    assert site.messages(generation=91)[-1][0]["kind"] == "end"
+    assert json.dumps(site.json("/run.json"))
