@@ -49,7 +49,7 @@ class Sizes:
 
 
 FULL = Sizes(
-    rounds=20, hits=5, orbit=20, confused=4, extra_steps=10, scenes=3, views=3, repeats=2, bins=(8, 16),
+    rounds=20, hits=5, orbit=16, confused=4, extra_steps=10, scenes=3, views=3, repeats=3, bins=(8, 16),
     reference_bins=512, first_frames=5,
 )  # fmt: skip
 QUICK = Sizes(
