@@ -37,7 +37,7 @@ def names_in(folder: Path) -> set[Path]:
 
 @pytest.mark.parametrize("limit", [0, 1, 100, 129, 131, 600, 1100])
 def test_a_disk_that_is_full_costs_no_picture(tmp_path: Path, limit: int) -> None:
-    """A drawn picture takes 1158 bytes, and its key 130."""
+    """A drawn picture takes 1143 bytes, and its key 130."""
     store = ViewStore(10**6, tmp_path, 10**6)
     store.store("before", drawn(1), level=2)
     there = names_in(tmp_path)

@@ -94,12 +94,13 @@ def test_a_long_flight_does_not_push_out_what_was_used_again() -> None:
     assert memory.evicted == 993
 
 
-@pytest.mark.parametrize(("floats", "level"), [(6, 0), (7, 1), (8, 1), (9, None)])
+@pytest.mark.parametrize(("floats", "level", "others"), [(6, 0, 1), (7, 1, 0), (8, 1, None), (9, None, 0)])
 def test_what_level_0_cannot_hold_stays_in_1_and_what_memory_cannot_hold_is_not_kept(
-    floats: int, level: int | None
+    floats: int, level: int | None, others: int | None
 ) -> None:
     memory = SegmentedMemory(4 * 8)
     memory.put("a", one(), 0)
     memory.put("big", one(), 0)
     assert memory.put("big", np.zeros((1, floats, 1), dtype=np.float32), 0) == (level is not None)
     assert memory.where("big") == level
+    assert memory.where("a") == others

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from harness.view_cache import disk
 from harness.view_cache.disk import DiskPictures, name_of
 from harness.view_cache.store import ViewStore
 from scenes.errors import InputError
@@ -129,6 +130,19 @@ def test_the_folder_stays_within_its_bound_and_the_least_recently_used_go(tmp_pa
     assert len(kept) >= 6
 
 
+def test_writers_that_never_come_to_the_ledger_do_not_fill_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As if each were killed once its names are taken."""
+    store = DiskPictures(tmp_path, 5 * ON_DISK)
+    with monkeypatch.context() as patch:
+        patch.setattr(disk, "_write_ledger", lambda *arguments: None)
+        for seed in range(12):
+            store.put(f"{seed}", drawn(seed))
+            assert sum(map(size, files_in(tmp_path))) <= 5 * ON_DISK
+    assert same_bits(store.get("11"), drawn(11))
+
+
 def test_a_picture_larger_than_the_folder_may_be_stays_in_memory(tmp_path: Path) -> None:
     store = ViewStore(10 * ONE, tmp_path, 500)
     store.store("a", drawn(1), level=2)
@@ -186,8 +200,8 @@ def test_two_stores_on_one_folder_only_ever_give_what_was_put(
             known[key] = index
             assert same_bits(other.get(f"{key}"), drawn(index)), "what was put last is there"
         assert sum(map(size, files_in(folder))) <= pictures * ON_DISK
-    for disk in (one, other):
-        assert (disk.counts.damaged, disk.counts.dangling, disk.counts.failed) == (0, 0, 0)
+    for each in (one, other):
+        assert (each.counts.damaged, each.counts.dangling, each.counts.failed) == (0, 0, 0)
 
 
 def test_the_time_of_use_is_told_apart_within_a_tick_of_the_system(tmp_path: Path) -> None:
