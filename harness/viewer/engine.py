@@ -33,6 +33,8 @@ FINEST_STRIDE, COARSEST_STRIDE = 2, 16
 REGION = 16
 """Least side of a region in pixels: smaller calls cost more than they bring."""
 REGIONS_A_SIDE = 12
+NOT_BY_REGIONS = "Refined plainly: its density depends on which points share a call."
+"""What a reader is told of `harness.attention.progressive.why_plain`."""
 
 State = Literal["coarse", "refining", "whole", "failed"]
 
@@ -220,8 +222,7 @@ class _Turn:
                 seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
 
     def _note(self) -> str:
-        why = None if self.attention.kind == "none" else why_plain(self.seat.learner)
-        return f"{why[0].upper()}{why[1:]}." if why else ""
+        return NOT_BY_REGIONS if self.attention.kind != "none" and why_plain(self.seat.learner) else ""
 
     def _by_regions(self) -> bool:
         return self.seat.pointwise and self.attention.kind != "none"

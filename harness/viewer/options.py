@@ -31,7 +31,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="to listen on (default: this machine alone)")
     add("--port", type=int, default=PORT, metavar="N", help=f"0 takes a free one (default: {PORT})")
     add("--no-browser", action="store_true", help="print the address, open nothing")
-    add("--threads", type=int, metavar="N", help="that render (default: one a core)")
+    add("--threads", type=int, metavar="N", help="that render (default: all cores but one)")
     add("--resolution", type=int, metavar="PX", help="width of the pictures (default: that of the run's views)")
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
@@ -67,7 +67,9 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
         chosen_device(options.device),
     )
     listening = bound(options.host, options.port)
-    threads = options.threads or available_cores()
+    # a core is left for the browser: threads of torch that wait for each other on a core that is busy with something
+    # else made a view of 100 × 100 pixels take seconds instead of half a second
+    threads = options.threads or max(1, available_cores() - 1)
 
     import uvicorn
 
