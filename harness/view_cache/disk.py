@@ -29,13 +29,12 @@ from pathlib import Path
 import numpy as np
 
 from harness.view_cache.float_exr import Damaged, read_exr, write_exr
+from harness.view_cache.ledger import is_abandoned, let_go, locked, read_ledger, write_ledger
 from harness.view_cache.pictures import digest_of
 from scenes.errors import InputError
 
 FILLED_AGAIN = 0.9
 """Share of the bound down to which pictures go once it is reached: not every write has to look at every file."""
-LOCK_SECONDS = 5.0
-"""After which a write gives up; the lock is held for milliseconds."""
 OBJECT = re.compile(r"([0-9a-f]{64})\.exr")
 KEY = re.compile(r"[0-9a-f]{64}")
 KEY_LINE = re.compile(rb"([0-9a-f]{64}) ([0-9a-f]{64})\n")
@@ -101,8 +100,8 @@ class DiskPictures:
             self._make_folders()
             with self._part() as probe:
                 probe.write_bytes(b"")
-            with self._locked() as ledger:
-                _write_ledger(ledger, self._made_room(0))
+            with locked(self.folder) as ledger:
+                write_ledger(ledger, self._made_room(0))
         except OSError as error:
             raise InputError(
                 f"{folder}: views cannot be kept there ({error.strerror or error}); give a folder that can be written"
@@ -169,8 +168,8 @@ class DiskPictures:
             added = new_picture.stat().st_size + KEY_BYTES
             if added > self.bound:
                 raise OSError(errno.EFBIG, f"a picture of {added} bytes in a cache of {self.bound}")
-            with self._locked() as ledger:
-                held = _read_ledger(ledger)
+            with locked(self.folder) as ledger:
+                held = read_ledger(ledger)
                 os.ftruncate(ledger, 0)  # if we are killed from here on, the next one counts for itself
                 if held is None or held + added > self.bound:
                     held = self._made_room(added)
@@ -178,7 +177,7 @@ class DiskPictures:
                 held -= _size(file) + _size(key_file)
                 _rename(new_picture, file)
                 _rename(new_key, key_file)
-                _write_ledger(ledger, held + added)
+                write_ledger(ledger, held + added)
 
     def _made_room(self, added: int) -> int:
         """Bytes held once as many pictures have gone as `added` more bytes need; under the lock."""
@@ -200,7 +199,7 @@ class DiskPictures:
         """What is there, once all that no key leads to and all that leads nowhere is gone; under the lock."""
         for entry in _entries(self._parts):
             with suppress(OSError):
-                if _is_abandoned(entry.path):
+                if is_abandoned(entry.path):
                     Path(entry.path).unlink()
                     self.counts.add("leftovers")
         pictures = {}
@@ -249,25 +248,7 @@ class DiskPictures:
         finally:
             with suppress(OSError):
                 path.unlink()
-            _let_go(handle)
-
-    @contextmanager
-    def _locked(self) -> Iterator[int]:
-        """The ledger, open and ours alone; raises `OSError` where somebody else does not let go of it."""
-        handle = os.open(self.folder / "ledger", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            until = time.monotonic() + LOCK_SECONDS
-            while True:
-                try:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                except BlockingIOError:
-                    if time.monotonic() > until:
-                        raise OSError(errno.EAGAIN, f"another process held it for {LOCK_SECONDS:g} s") from None
-                    time.sleep(0.001)
-            yield handle
-        finally:
-            _let_go(handle)
+            let_go(handle)
 
 
 def name_of(key: str) -> str:
@@ -306,25 +287,6 @@ def _entries(folder: Path, wanted: re.Pattern[str] | None = None) -> Iterator[os
             yield from (one for one in inner if wanted.fullmatch(one.name) and one.name[:2] == entry.name)
 
 
-def _is_abandoned(part: str) -> bool:
-    """Whether the process that was writing it is no more."""
-    handle = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    finally:
-        _let_go(handle)
-    return True
-
-
-def _let_go(handle: int) -> None:
-    """Unlocked by name: a process that was forked meanwhile has the handle, too, and would keep the lock."""
-    with suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_UN)
-    os.close(handle)
-
-
 def _rename(part: Path, file: Path) -> None:
     file.parent.mkdir(exist_ok=True)
     if file.is_dir() and not file.is_symlink():
@@ -353,15 +315,3 @@ def _size(file: Path) -> int:
         return file.lstat().st_size
     except OSError:
         return 0
-
-
-def _read_ledger(ledger: int) -> int | None:
-    """None where the last one was killed, or nobody has counted yet."""
-    line = os.pread(ledger, 32, 0)
-    return int(line) if re.fullmatch(rb"[0-9]{1,30}\n", line) else None
-
-
-def _write_ledger(ledger: int, held: int) -> None:
-    with suppress(OSError):  # on a full disk the next one counts for itself
-        os.ftruncate(ledger, 0)
-        os.pwrite(ledger, f"{max(held, 0)}\n".encode(), 0)

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.view_cache import disk, keys
+from harness.view_cache import keys, ledger
 from harness.view_cache.disk import DiskPictures
+from harness.view_cache.ledger import locked
 from harness.view_cache.store import ViewStore
 from tests.harness.view_cache.drawn import drawn, same_bits
 
@@ -175,11 +176,10 @@ def test_a_system_that_refuses_at_any_call_leaves_no_half_file(
 
 
 def test_a_lock_that_nobody_lets_go_costs_a_write_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(disk, "LOCK_SECONDS", 0.05)
+    monkeypatch.setattr(ledger, "LOCK_SECONDS", 0.05)
     store = ViewStore(10**6, tmp_path, 10**6)
     store.store("a", drawn(1), level=2)
-    other = DiskPictures(tmp_path, 10**6)
-    with other._locked():
+    with locked(tmp_path):
         store.store("b", drawn(2), level=2)
         assert store.where("b") == 1
         assert same_bits(store.get("a"), drawn(1))

@@ -136,7 +136,7 @@ def test_writers_that_never_come_to_the_ledger_do_not_fill_the_folder(
     """As if each were killed once its names are taken."""
     store = DiskPictures(tmp_path, 5 * ON_DISK)
     with monkeypatch.context() as patch:
-        patch.setattr(disk, "_write_ledger", lambda *arguments: None)
+        patch.setattr(disk, "write_ledger", lambda *arguments: None)
         for seed in range(12):
             store.put(f"{seed}", drawn(seed))
             assert sum(map(size, files_in(tmp_path))) <= 5 * ON_DISK
