@@ -35,6 +35,13 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         raise InputError(f"{file}: this image file is empty; get it again")
     if file.suffix.lower() == ".png":
         _check_png(file)
+    try:
+        return _decoded(file)
+    except UnicodeDecodeError as error:  # OpenImageIO passes a damaged name on in what it says
+        raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
+
+
+def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     oiio = _openimageio()
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored

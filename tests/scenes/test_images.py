@@ -107,6 +107,21 @@ def test_a_flipped_bit_is_noticed(tmp_path: Path) -> None:
         read_image(tmp_path / "a.png")
 
 
+def test_a_damaged_header_is_refused_or_read(tmp_path: Path) -> None:
+    file = tmp_path / "a.exr"
+    write_channels(file, {name: random_rgba(4, 4)[..., i] for i, name in enumerate("RGBA")})
+    whole = file.read_bytes()
+    refused = 0
+    for place in range(0, 400, 3):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x80]) + whole[place + 1 :])
+        try:
+            read_channels(file)
+        except InputError as error:
+            assert "a.exr" in str(error)  # noqa: PT017 - some flips do not matter
+            refused += 1
+    assert refused > 20
+
+
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for file in (tmp_path / "none.png", tmp_path):
         with pytest.raises(InputError, match="missing"):
