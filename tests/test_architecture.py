@@ -213,6 +213,7 @@ def run_module(*arguments: str) -> str:
         run_module("harness", "speed", "--help"),
         run_module("harness", "stability", "--help"),
         run_module("harness", "gate", "--help"),
+        run_module("harness", "view", "--help"),
         run_module("harness", "render", "--help"),
         run_module("harness", "gate", "--list"),
         run_module("harness", "stability", "--list"),

@@ -1,6 +1,7 @@
 """One small run that a page can show, and copies of it that may be written to."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 from harness.finished import FinishedRun, TrainedCell
 from harness.viewer.shown_run import ShownRun
+from tests.harness.viewer.site import Site, served
 from tests.harness.viewer.small_run import train
 
 CPU = torch.device("cpu")
@@ -16,7 +18,12 @@ CPU = torch.device("cpu")
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Not to be changed."""
-    return train(tmp_path_factory.mktemp("viewer"))
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # this is made before the switches are set for a test, and others compute beside it
+    try:
+        return train(tmp_path_factory.mktemp("viewer"))
+    finally:
+        torch.set_num_threads(threads)
 
 
 @pytest.fixture
@@ -35,3 +42,11 @@ def cells(trained: Path) -> list[TrainedCell]:
 @pytest.fixture
 def shown(out: Path) -> ShownRun:
     return ShownRun.of(out, None, None, 0, out / "none", None, CPU)
+
+
+@pytest.fixture(scope="module")
+def site(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """With a cache of its own, for the tests of one file."""
+    out = Path(shutil.copytree(trained, tmp_path_factory.mktemp("site") / "run"))
+    with served(ShownRun.of(out, None, None, 0, out / "none", None, CPU)) as found:
+        yield found

@@ -1,38 +1,23 @@
 """Over HTTP, as a page and as somebody else asks."""
 
 import json
-import socket
 import threading
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from harness.evaluate import LARGEST_PSNR
 from harness.metrics import psnr
 from harness.records import read_cells
 from harness.viewer import engine
 from harness.viewer.server import FILES
-from harness.viewer.shown_run import ShownRun
 from harness.viewer.wire import BYTES_PER_PIXEL, unpacked
 from scenes.images import read_image
 from scenes.pixels import over_white
-from tests.harness.viewer.site import ORBIT, Site, served, wanted
+from tests.harness.viewer.site import ORBIT, Site, wanted
 from tests.harness.viewer.small_run import SIZE
-
-
-@pytest.fixture(scope="module")
-def site(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    import shutil
-
-    out = Path(shutil.copytree(trained, tmp_path_factory.mktemp("site") / "run"))
-    shown = ShownRun.of(out, None, None, 0, out / "none", None, torch.device("cpu"))
-    with served(shown) as found:
-        yield found
 
 
 def test_every_file_of_the_page_is_there_and_may_load_nothing_from_elsewhere(site: Site) -> None:
@@ -230,87 +215,6 @@ def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Si
     assert any(header.get("state") == "whole" and header["method"] == "nerf" for header, _ in told)
     alone = site.messages(methods=["nerf_matched"], generation=51)
     assert [header["kind"] for header, _ in alone if header["kind"] != "loading"] == ["failed", "end"]
-
-
-class Slow:
-    """Every call of rays takes a while and is counted."""
-
-    def __init__(self, site: Site, patch: pytest.MonkeyPatch) -> None:
-        self.calls = 0
-        scene = site.shown.scene("ball")
-        seat = site.worker.submit(site.shown.seat, scene, "nerf").result()
-        render = seat.learner.render
-
-        def slowly(*arguments: Any) -> Any:
-            self.calls += 1
-            time.sleep(0.15)
-            return render(*arguments)
-
-        patch.setattr(seat.learner, "render", slowly)
-        patch.setattr(engine, "refine", lambda *rest: engine_refine(*rest, rays_a_call=1))
-
-
-engine_refine = engine.refine
-
-
-@pytest.fixture
-def slow(site: Site, monkeypatch: pytest.MonkeyPatch) -> Slow:
-    return Slow(site, monkeypatch)
-
-
-def began(site: Site, slow: Slow, **changes: Any) -> socket.socket:
-    """A request that is being rendered."""
-    line, calls = socket.create_connection(("127.0.0.1", site.port), timeout=60), slow.calls
-    body = wanted(**{"methods": ["nerf"], **changes})
-    head = ["POST /render HTTP/1.1", "Host: localhost", "Content-Type: application/json", "Connection: close"]
-    line.sendall("\r\n".join([*head, f"Content-Length: {len(body)}", "", ""]).encode() + body)
-    while slow.calls == calls:
-        time.sleep(0.01)
-    return line
-
-
-def rest_of(line: socket.socket) -> bytes:
-    """All that comes, until the server closes."""
-    return b"".join(iter(lambda: line.recv(65536), b""))
-
-
-def settled(slow: Slow) -> int:
-    """Calls, once there are no more."""
-    before = -1
-    while before != slow.calls:
-        before = slow.calls
-        time.sleep(0.5)
-    return before
-
-
-def test_one_who_leaves_stops_the_rendering(site: Site, slow: Slow) -> None:
-    with began(site, slow, place={**ORBIT, "azimuth": 3.0}, generation=60):
-        pass
-    assert 1 <= settled(slow) <= 4  # of a coarse frame and nine regions
-
-
-def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, slow: Slow) -> None:
-    older, newer = {**ORBIT, "azimuth": 3.1}, {**ORBIT, "azimuth": 3.2}
-    with (
-        began(site, slow, place=older, generation=70, client="one") as line,
-        began(site, slow, place=older, generation=1, client="another") as other,
-    ):
-        site.messages(place=newer, methods=["qnerf"], generation=71, client="one")
-        given_up, whole = rest_of(line), rest_of(other)
-    assert b'"state": "coarse"' in given_up
-    assert b'"state": "whole"' not in given_up
-    assert b'"kind": "end"' not in given_up
-    assert b'"state": "whole"' in whole
-    # a request that comes late is no new wish
-    assert b'"frame"' not in site.render(place=ORBIT, generation=70, client="one")[1]
-
-
-def test_the_page_answers_while_something_is_rendered(site: Site, slow: Slow) -> None:
-    with began(site, slow, place={**ORBIT, "azimuth": 3.3}, generation=80):
-        calls = slow.calls
-        for _ in range(20):
-            assert site.ask("GET", "/run.json")[0] == 200
-        assert slow.calls <= calls + 4  # nobody waited for the rendering
 
 
 def test_several_pages_at_once_get_whole_pictures(site: Site) -> None:
