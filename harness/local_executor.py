@@ -1,6 +1,7 @@
 """Groups of cells on this machine: one worker process a core, each with its own threads."""
 
 import multiprocessing
+import os
 import signal
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -107,5 +108,8 @@ def _work(connection: Connection) -> None:
             run_group(task, on_progress, connection.send)
         except OSError as error:
             connection.send(OSError(error.errno, error.strerror, error.filename))
-            return
+            break
         connection.send(None)
+    connection.close()
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    os._exit(0)
