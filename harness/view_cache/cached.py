@@ -76,8 +76,7 @@ class CachedMethod:
         return view_of(found[0]), found[1]
 
     def _store(self, key: str, picture: np.ndarray) -> None:
-        for level in self.levels:
-            self.store.store(key, picture, level)
+        self.store.store(key, picture, self.levels)
 
     def _method_digest(self) -> bytes:
         if not self.frozen:

@@ -7,20 +7,16 @@
 
 A name is taken by renaming a file that is whole, so that a process may be killed at any time. Several processes and
 threads may have the folder: names and the ledger change under a lock that the system releases when its holder dies;
-reading needs none, as a file that goes meanwhile is a miss. A picture is taken for what a key asks for only if the
-key's file names that key and the pixels have the digest that it names. Nothing is unpickled.
+reading needs none, as a file that goes meanwhile is a miss, and what is not whole is looked at again under the lock
+before it is dropped. A picture is taken for what a key asks for only if the key's file names that key and the pixels
+have the digest that it names. Nothing is unpickled.
 """
 
 import errno
 import fcntl
-import hashlib
 import os
-import re
 import secrets
-import shutil
-import stat
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -30,15 +26,24 @@ import numpy as np
 
 from harness.view_cache.float_exr import Damaged, read_exr, write_exr
 from harness.view_cache.ledger import is_abandoned, let_go, locked, read_ledger, write_ledger
+from harness.view_cache.names import (
+    KEY,
+    KEY_BYTES,
+    OBJECT,
+    digest_named,
+    entries,
+    leads_to,
+    name_of,
+    remove,
+    rename,
+    size_of,
+    touch,
+)
 from harness.view_cache.pictures import digest_of
 from scenes.errors import InputError
 
 FILLED_AGAIN = 0.9
 """Share of the bound down to which pictures go once it is reached: not every write has to look at every file."""
-OBJECT = re.compile(r"([0-9a-f]{64})\.exr")
-KEY = re.compile(r"[0-9a-f]{64}")
-KEY_LINE = re.compile(rb"([0-9a-f]{64}) ([0-9a-f]{64})\n")
-KEY_BYTES = 130
 
 
 @dataclass
@@ -52,11 +57,11 @@ class DiskCounts:
     dangling: int = 0
     """Keys whose picture was gone; each was dropped."""
     leftovers: int = 0
-    """Files of writers that were killed; each was removed."""
+    """Files of writers that were killed, and pictures that no key names any more; each was removed."""
     unreadable: int = 0
-    """Reads that the system refused."""
+    """Reads that the system refused, or of what is not whole and could not be dropped."""
     failed: int = 0
-    """Writes that did not come to their end."""
+    """Writes, and drops of what is no longer the value, that did not come to their end."""
     reason: str | None = None
     """Of the last of them."""
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
@@ -95,6 +100,8 @@ class DiskPictures:
         self.folder = folder
         self.bound = bound
         self.counts = DiskCounts()
+        self._overruled: set[str] = set()
+        """Names whose file says another value than was stored last, and could not be dropped."""
         self._objects, self._keys, self._parts = (folder / name for name in ("objects", "keys", "parts"))
         try:
             self._make_folders()
@@ -108,7 +115,9 @@ class DiskPictures:
             ) from error
 
     def put(self, key: str, picture: np.ndarray) -> bool:
-        """Keeps a picture (of `pictures.frozen`). False where that failed, which is counted and not raised."""
+        """Keeps a picture (of `pictures.frozen`). False where that failed, which is counted and not raised; nothing
+        else is then under the key.
+        """
         digest, name = digest_of(picture), name_of(key)
         try:
             try:
@@ -118,47 +127,94 @@ class DiskPictures:
                 self._put(name, digest, picture)
         except OSError as error:
             self.counts.fail(error.strerror or str(error))
+            self.drop_others(key, picture)
             return False
+        self._overruled.discard(name)
         return True
+
+    def drop_others(self, key: str, picture: np.ndarray) -> None:
+        """Leaves nothing under a key but, where it is there, this picture. Where the system refuses that it is counted
+        as a write that failed, and the key is a miss here until something is put under it.
+        """
+        name = name_of(key)
+        try:
+            if os.path.lexists(
+                self._key(name)
+            ):  # as a rule not: most keys are digests of all that a picture depends on
+                self._drop_unless(name, digest_of(picture))
+            self._overruled.discard(name)
+        except OSError as error:
+            self._overruled.add(name)
+            self.counts.fail(error.strerror or str(error))
 
     def get(self, key: str, use: bool = True) -> np.ndarray | None:
         """The picture, read-only and checked; None where there is none, or none that is whole, and what is not whole is
         dropped. Not raised either is what the system refuses. `use` makes it the most recently used.
         """
         name = name_of(key)
-        key_file = self._key(name)
-        try:
-            digest = _digest_named(key_file, name)
-            if digest is None:
-                return None
-            file = self._object(digest)
-            try:
-                picture = read_exr(file)
-                if digest_of(picture) != digest:
-                    raise Damaged("other pixels")
-            except Damaged:
-                _remove(file)
-                raise
-            except FileNotFoundError:
-                _remove(key_file)
-                self.counts.add("dangling")
-                return None
-        except Damaged:
-            _remove(key_file)
-            self.counts.add("damaged")
+        if name in self._overruled:
             return None
+        try:
+            try:
+                found = self._read(name)
+            except (Damaged, _Dangling):
+                # a lock that is not free at once is not waited for: this is a miss in any case
+                with locked(self.folder, 0.0):
+                    found = self._read_or_drop(name)
         except (OSError, MemoryError):
             self.counts.add("unreadable")
             return None
+        if found is None:
+            return None
+        digest, picture = found
         if use:
             with suppress(OSError):  # a folder that can only be read
-                _touch(file)
+                touch(self._object(digest))
         return picture
 
     def bytes(self) -> int:
         """Of the pictures and keys that are there now."""
         folders = (self._objects, OBJECT), (self._keys, KEY)
-        return sum(_size(Path(entry.path)) for folder, name in folders for entry in _entries(folder, name))
+        return sum(size_of(Path(entry.path)) for folder, name in folders for entry in entries(folder, name))
+
+    def _read(self, name: str) -> tuple[str, np.ndarray] | None:
+        """Digest and picture; None where there is no such key. Raises `Damaged`, `_Dangling` and `OSError`."""
+        digest = digest_named(self._key(name))
+        if digest is None:
+            return None
+        try:
+            picture = read_exr(self._object(digest))
+            if digest_of(picture) != digest:
+                raise Damaged("other pixels")
+        except Damaged as error:
+            raise _DamagedPicture(digest) from error
+        except FileNotFoundError as error:
+            raise _Dangling(digest) from error
+        return digest, picture
+
+    def _read_or_drop(self, name: str) -> tuple[str, np.ndarray] | None:
+        """Under the lock: somebody may have put it right since it was found not to be whole."""
+        try:
+            return self._read(name)
+        except _Dangling:
+            self.counts.add("dangling")
+        except Damaged as error:
+            if isinstance(error, _DamagedPicture):
+                remove(self._object(error.digest))
+            self.counts.add("damaged")
+        remove(self._key(name))
+        return None
+
+    def _drop_unless(self, name: str, digest: str) -> None:
+        """Of a key that leads to another picture; raises `OSError`."""
+        key_file = self._key(name)
+        if leads_to(key_file, digest):
+            return
+        with locked(self.folder):
+            if not leads_to(key_file, digest):
+                remove(key_file)
+                if os.path.lexists(key_file):
+                    raise OSError(errno.EACCES, "an older picture cannot be removed", str(key_file))
 
     def _put(self, name: str, digest: str, picture: np.ndarray) -> None:
         """Raises `OSError`; no name is then taken by anything that is not whole."""
@@ -174,9 +230,9 @@ class DiskPictures:
                 if held is None or held + added > self.bound:
                     held = self._made_room(added)
                 file, key_file = self._object(digest), self._key(name)
-                held -= _size(file) + _size(key_file)
-                _rename(new_picture, file)
-                _rename(new_key, key_file)
+                held -= size_of(file) + size_of(key_file)
+                rename(new_picture, file)
+                rename(new_key, key_file)
                 write_ledger(ledger, held + added)
 
     def _made_room(self, added: int) -> int:
@@ -189,40 +245,40 @@ class DiskPictures:
             if held + added <= FILLED_AGAIN * self.bound:
                 break
             for key_file in found.keys[digest]:
-                _remove(key_file)
-            _remove(self._object(digest))
+                remove(key_file)
+            remove(self._object(digest))
             self.counts.add("evicted")
             held -= size + KEY_BYTES * len(found.keys[digest])
         return held
 
     def _swept(self) -> _Found:
         """What is there, once all that no key leads to and all that leads nowhere is gone; under the lock."""
-        for entry in _entries(self._parts):
+        for entry in entries(self._parts):
             with suppress(OSError):
                 if is_abandoned(entry.path):
                     Path(entry.path).unlink()
                     self.counts.add("leftovers")
         pictures = {}
-        for entry in _entries(self._objects, OBJECT):
+        for entry in entries(self._objects, OBJECT):
             with suppress(FileNotFoundError):
                 found = entry.stat(follow_symlinks=False)
                 pictures[entry.name[:64]] = (found.st_mtime_ns, found.st_size)
         keys: dict[str, list[Path]] = {digest: [] for digest in pictures}
-        for entry in _entries(self._keys, KEY):
+        for entry in entries(self._keys, KEY):
             key_file = Path(entry.path)
             try:
-                digest = _digest_named(key_file, entry.name)
+                digest = digest_named(key_file)
             except Damaged:
-                _remove(key_file)
+                remove(key_file)
                 self.counts.add("damaged")
                 continue
             if digest in keys:
                 keys[digest].append(key_file)
             elif digest is not None:
-                _remove(key_file)
+                remove(key_file)
                 self.counts.add("dangling")
         for digest in [digest for digest, files in keys.items() if not files]:
-            _remove(self._object(digest))
+            remove(self._object(digest))
             self.counts.add("leftovers")
             del pictures[digest]
         return _Found(pictures, keys)
@@ -251,67 +307,13 @@ class DiskPictures:
             let_go(handle)
 
 
-def name_of(key: str) -> str:
-    """64 hexadecimal digits, whatever the key: it may hold what no file name can."""
-    return hashlib.sha256(key.encode("utf-8", "surrogatepass")).hexdigest()
+class _DamagedPicture(Damaged):
+    """The file of the picture that a key names is not whole."""
+
+    def __init__(self, digest: str) -> None:
+        super().__init__(digest)
+        self.digest = digest
 
 
-def _digest_named(key_file: Path, name: str) -> str | None:
-    """Digest of the picture of a key; None where there is no such key. Raises `Damaged`, and `OSError`."""
-    try:
-        if not stat.S_ISREG(key_file.lstat().st_mode):
-            raise Damaged("not a file")
-        handle = os.open(key_file, os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
-        return None
-    try:
-        line = KEY_LINE.fullmatch(os.read(handle, KEY_BYTES + 1))
-    finally:
-        os.close(handle)
-    if line is None or line[1].decode() != name:
-        raise Damaged("not the file of this key")
-    return line[2].decode()
-
-
-def _entries(folder: Path, wanted: re.Pattern[str] | None = None) -> Iterator[os.DirEntry[str]]:
-    """Files of a folder; with a pattern, those of its folders of two digits whose name begins with these and fits."""
-    try:
-        entries = list(os.scandir(folder))
-    except (FileNotFoundError, NotADirectoryError):
-        return
-    for entry in entries:
-        if wanted is None:
-            yield entry
-        elif len(entry.name) == 2:
-            inner = _entries(Path(entry.path))
-            yield from (one for one in inner if wanted.fullmatch(one.name) and one.name[:2] == entry.name)
-
-
-def _rename(part: Path, file: Path) -> None:
-    file.parent.mkdir(exist_ok=True)
-    if file.is_dir() and not file.is_symlink():
-        _remove(file)
-    part.replace(file)
-    _touch(file)
-
-
-def _touch(file: Path) -> None:
-    """By our clock: the system's own stamps are as coarse as its timer."""
-    now = time.time_ns()
-    os.utime(file, ns=(now, now))
-
-
-def _remove(file: Path) -> None:
-    """Whatever it is; what cannot be removed stays, and is found out again."""
-    try:
-        file.unlink(missing_ok=True)
-    except OSError:
-        if file.is_dir():
-            shutil.rmtree(file, ignore_errors=True)
-
-
-def _size(file: Path) -> int:
-    try:
-        return file.lstat().st_size
-    except OSError:
-        return 0
+class _Dangling(LookupError):
+    """The picture that a key names is gone."""

@@ -17,18 +17,21 @@ LOCK_SECONDS = 5.0
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[int]:
-    """The ledger of a folder, open and ours alone; raises `OSError` where somebody else does not let go of it."""
+def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
+    """The ledger of a folder, open and ours alone; raises `OSError` where somebody else does not let go of it within
+    `seconds`, `LOCK_SECONDS` where that is None.
+    """
+    patience = LOCK_SECONDS if seconds is None else seconds
     handle = os.open(folder / "ledger", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
-        until = time.monotonic() + LOCK_SECONDS
+        until = time.monotonic() + patience
         while True:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             except BlockingIOError:
                 if time.monotonic() > until:
-                    raise OSError(errno.EAGAIN, f"another process held it for {LOCK_SECONDS:g} s") from None
+                    raise OSError(errno.EAGAIN, f"another process held it for {patience:g} s") from None
                 time.sleep(0.001)
         yield handle
     finally:

@@ -39,6 +39,10 @@ class SegmentedMemory:
             self._insert(key, picture, level)
             return True
 
+    def drop(self, key: str) -> None:
+        with self._lock:
+            self._take(key)
+
     def get(self, key: str) -> tuple[np.ndarray, int] | None:
         """The picture and the level in which it was found; it is then the most recently used of level 0."""
         with self._lock:

@@ -55,8 +55,10 @@ class ViewStore:
 
     Level 0 holds in memory what was used again, level 1 in memory what was seen once, level 2 on disk what shall
     outlive the process. A hit in 1 goes up to 0; what falls out of 0 goes down to 1, and out of that from memory; a hit
-    in 2 is put into 1 as well. `memory_bytes` bounds both levels in memory together, `disk_bytes` the folder. Safe to
-    use from several threads, and the folder from several processes. Raises `InputError` where `disk` cannot be used.
+    in 2 is put into 1 as well. What is stored under a key is its value from then on, at whatever levels: no other is
+    left on disk or in the memory of this store. What another process has in memory it keeps. `memory_bytes` bounds both
+    levels in memory together, `disk_bytes` the folder. Safe to use from several threads, and the folder from several
+    processes. Raises `InputError` where `disk` cannot be used.
     """
 
     def __init__(
@@ -66,7 +68,11 @@ class ViewStore:
             raise ValueError(f"{memory_bytes} bytes of memory, {disk_bytes} on disk: cannot be negative")
         self._memory = SegmentedMemory(memory_bytes)
         self._disk = None if disk is None else DiskPictures(disk, disk_bytes)
+        self._storing = threading.Lock()
+        """One after the other, so that all levels have the value of the same one."""
         self._lock = threading.Lock()
+        self._changes = 0
+        """Values stored so far: what is read from disk meanwhile may no longer be the value."""
         self._hits = dict.fromkeys(LEVELS, 0)
         self._stored = dict.fromkeys(LEVELS, 0)
         self._misses = self._too_large = 0
@@ -75,7 +81,11 @@ class ViewStore:
         return self.where(key) is not None
 
     def where(self, key: str) -> int | None:
-        """The level at which `get` would find it now; this uses nothing, but what is damaged on disk is dropped."""
+        """The level at which `get` would find it now; this uses nothing, but what is damaged on disk is dropped.
+
+        On disk the whole picture is read and checked for that, as `get` does. What makes room for others may be gone
+        before it is asked for: `get` can be None where `in` was true.
+        """
         level = self._memory.where(_checked(key))
         if level is None and self._disk is not None and self._disk.get(key, use=False) is not None:
             return 2
@@ -87,10 +97,13 @@ class ViewStore:
 
     def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
         """The picture, and the level at which it was found."""
+        changes = self._changes
         found = self._memory.get(_checked(key))
         if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
-            self._memory.put(key, picture, 1)
             found = picture, 2
+            with self._lock:
+                if changes == self._changes:
+                    self._memory.put(key, picture, 1)
         with self._lock:
             if found is None:
                 self._misses += 1
@@ -98,25 +111,34 @@ class ViewStore:
                 self._hits[found[1]] += 1
         return found
 
-    def store(self, key: str, value: np.ndarray, level: int = 1) -> None:
-        """Keeps a copy of `value` at a level; what the disk does not take, or where there is none, goes to level 1.
+    def store(self, key: str, value: np.ndarray, level: int | tuple[int, ...] = 1) -> None:
+        """Makes a copy of `value` what is under `key`, at a level or at several; what the disk does not take, or where
+        there is none, goes to level 1. Of 0 and 1 the first has it.
 
         Raises `TypeError` and `ValueError` for a value that is no picture (`pictures.frozen`) and another level.
         """
-        if level not in LEVELS:
+        levels = {level} if isinstance(level, int) else set(level)
+        if not levels or not levels <= set(LEVELS):
             raise ValueError(f"level {level}: there are {LEVELS}")
         _checked(key)
         picture = frozen(value)
-        if level == 2:
-            if self._disk is not None and self._disk.put(key, picture):
-                self._count(2)
-                return
-            level = 1
-        if self._memory.put(key, picture, level):
-            self._count(level)
-        else:
+        with self._storing:
+            on_disk = False
+            if self._disk is not None and 2 in levels:
+                on_disk = self._disk.put(key, picture)
+            elif self._disk is not None:
+                self._disk.drop_others(key, picture)
+            in_memory = min(levels) if min(levels) < 2 else None if on_disk else 1
             with self._lock:
-                self._too_large += 1
+                self._changes += 1
+                if on_disk:
+                    self._stored[2] += 1
+                if in_memory is None:
+                    self._memory.drop(key)
+                elif self._memory.put(key, picture, in_memory):
+                    self._stored[in_memory] += 1
+                else:
+                    self._too_large += 1
 
     @property
     def statistics(self) -> StoreStatistics:
@@ -139,10 +161,6 @@ class ViewStore:
                 failed_writes=counts.failed if counts else 0,
                 last_failure=counts.reason if counts else None,
             )
-
-    def _count(self, level: int) -> None:
-        with self._lock:
-            self._stored[level] += 1
 
 
 def _checked(key: str) -> str:

@@ -9,7 +9,7 @@ def drawn(seed: int, height: int = 5, width: int = 7, channels: int = 5) -> np.n
     bits = generator.integers(0, 2**32, (height, width, channels), dtype=np.uint32)
     value = bits.view(np.float32)
     value = np.where(np.isfinite(value), value, np.float32(0.5)).astype(np.float32)
-    odd = [-0.0, 0.0, 1e-45, -1e-40, np.finfo(np.float32).max, np.finfo(np.float32).tiny]
+    odd = np.array([-0.0, 0.0, 1e-45, -1e-40, np.finfo(np.float32).max, np.finfo(np.float32).tiny], dtype=np.float32)
     flat = value.reshape(-1)
     flat[: min(len(odd), flat.size)] = odd[: flat.size]
     return value

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.view_cache.disk import DiskPictures, name_of
+from harness.view_cache.disk import DiskPictures
+from harness.view_cache.names import name_of
 from harness.view_cache.store import ViewStore
 from tests.harness.view_cache.drawn import drawn, same_bits
 

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from harness.view_cache import disk
-from harness.view_cache.disk import DiskPictures, name_of
+from harness.view_cache.disk import DiskPictures
+from harness.view_cache.names import name_of
 from harness.view_cache.store import ViewStore
 from scenes.errors import InputError
 from tests.harness.view_cache.drawn import drawn, same_bits
