@@ -1,4 +1,6 @@
-"""nox -s benchmark · evidence · stability · speed · gate · tests · tests_slow · lint; environments are made by uv."""
+"""nox -s benchmark · view · film · evidence · stability · speed · gate · tests · tests_slow · lint; uv makes their
+environments.
+"""
 
 import time
 
@@ -25,6 +27,20 @@ def benchmark(session: nox.Session) -> None:
     session.run("python", "-m", "harness", "run", *session.posargs, success_codes=[0, 3])
     if not {"--dry-run", "--help", "-h"} & set(session.posargs):
         session.run("python", "-m", "reports", out_folder(session.posargs))
+
+
+@nox.session
+def view(session: nox.Session) -> None:
+    """Look at a finished run in the browser; options as in `python -m harness view --help`."""
+    install(session)
+    session.run("python", "-m", "harness", "view", *session.posargs, success_codes=[0, 130])
+
+
+@nox.session
+def film(session: nox.Session) -> None:
+    """A camera path through a finished run; options as in `python -m harness render --help`."""
+    install(session)
+    session.run("python", "-m", "harness", "render", *session.posargs)
 
 
 @nox.session

@@ -19,7 +19,8 @@ MOST_FPS = 60
 
 def add_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("run", type=Path, metavar="OUT", help="output folder of a finished run")
+    finished = "output folder of a finished run (default: out/latest)"
+    add("run", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
     add("--path", default="orbit", choices=PATH_NAMES, help="where the camera goes (default: orbit)")
     add("--scenes", nargs="+", metavar="SCENE", help="scenes (default: all of the run)")
     add("--methods", nargs="+", metavar="METHOD", help="methods side by side (default: nerf qnerf)")

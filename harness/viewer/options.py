@@ -24,7 +24,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 def add_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("out", type=Path, metavar="OUT", help="output folder of a finished run, for instance out/latest")
+    finished = "output folder of a finished run (default: out/latest)"
+    add("out", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
     add("--scene", metavar="SCENE", help="scene to begin with (default: the first that was trained)")
     add("--methods", nargs="+", metavar="METHOD", help="to begin with (default: nerf qnerf, else the first two)")
     add("--seed", type=int, default=0, metavar="N", help="of the runs to show (default: 0)")
