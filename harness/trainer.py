@@ -138,8 +138,11 @@ class Trainer:
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given,
-        and of as many more in the second pass. Raises `Diverged` on a pixel not finite.
+        and of as many more in the second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel not
+        finite.
         """
+        if bins is not None:
+            require_bins(bins)
         starts = range(0, max(len(rays), 1), chunk)
         parts = [self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts]
         whole = Rendering(
@@ -284,6 +287,11 @@ LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16"
 512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32."""
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
 TRACE_EVERY = 20
+
+
+def require_bins(bins: int) -> None:
+    if bins < 1:
+        raise ValueError(f"{bins} bins a ray: must be at least 1")
 
 
 def _all_finite(tensors: Iterable[Tensor]) -> bool:

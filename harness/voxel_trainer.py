@@ -20,7 +20,7 @@ from harness.schedule import Budget, learning_rate
 from harness.seeds import generator_for
 from harness.settings import TrainSettings
 from harness.stopwatch import Stopwatch
-from harness.trainer import TRACE_EVERY, TRACED, Diverged
+from harness.trainer import TRACE_EVERY, TRACED, Diverged, require_bins
 
 
 class VoxelTrainer:
@@ -105,8 +105,13 @@ class VoxelTrainer:
                 series.append(noted[name])
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """All of `rays`, `chunk` at a time, at the midpoints of the bins. Raises `Diverged` on a pixel not finite."""
-        bins = bins or self.settings.voxels.bins
+        """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given.
+
+        Raises `ValueError` for less than one bin, and `Diverged` on a pixel not finite.
+        """
+        if bins is None:
+            bins = self.settings.voxels.bins
+        require_bins(bins)
         rays.require_finite()
         parts = [
             self.field.render(rays.part(start, start + chunk), bins) for start in range(0, max(len(rays), 1), chunk)
@@ -128,6 +133,7 @@ class VoxelTrainer:
             "degree": self.field.degree,
             "shape": list(self.field.shape),
             "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "background": [1.0, 1.0, 1.0],  # `VoxelField.render` knows no other
             "device": self.device.type,
         }
 

@@ -18,12 +18,13 @@ CHANNELS = 5
 
 
 class CachedMethod:
-    """Renders views, or gives back what it rendered before: the same bits, as arrays that cannot be written.
+    """Renders views, or gives back what it rendered before: the same bits, as arrays that cannot be written, also where
+    they were rendered just now; `torch.from_numpy` warns of them, `torch.tensor` copies.
 
     Weights are part of the key, and hashed at every call. With `frozen` the caller promises that nobody trains the
-    method: they are then hashed once, and again where a step, a weight that was replaced or written through torch's
-    operations, or another switch of torch shows that it was changed all the same. A write through `.data` does not
-    show; neither does one by a fused optimiser, but for its step.
+    method: they are then hashed once, and again where a step, a weight that was replaced or written through torch's or
+    Dr.Jit's operations, or another switch of torch shows that it was changed all the same. A write through `.data`, or
+    through a NumPy array that shares memory, does not show; neither does one by a fused optimiser, but for its step.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class CachedMethod:
         if known is None or not known[0].same(now):
             self._modules = _modules_of(self.learner)
             now = _Fingerprint(self.learner, self._modules)
+            now.keep_values()
             self._known = known = now, method_digest(self.learner, weights_digest(self.learner))
         return known[1]
 
@@ -95,10 +97,10 @@ def _modules_of(learner: Learner) -> list[nn.Module]:
 
 class _Fingerprint:
     """What shows within microseconds that a method may have changed: attributes of the learner that are other objects,
-    tensors that are other ones or lie elsewhere, and versions that torch counts.
+    tensors that are other ones or lie elsewhere, versions that torch counts, and variables of Dr.Jit.
     """
 
-    __slots__ = ("held", "numbers")
+    __slots__ = ("held", "kept", "numbers", "values")
 
     def __init__(self, learner: Learner, modules: list[nn.Module]) -> None:
         tensors: list[Tensor | None] = [one for module in modules for one in module._parameters.values()]
@@ -106,9 +108,23 @@ class _Fingerprint:
         tensors += [one for one in vars(learner).values() if isinstance(one, Tensor)]
         if learner.grid is not None:
             tensors.append(learner.grid.occupied)
-        self.held: list[Any] = [*tensors, *vars(learner).values()]
+        self.values: list[Any] = list(getattr(learner.field, "values", {}).values())
+        """Dr.Jit's arrays of a field of voxels."""
+        self.held: list[Any] = [*tensors, *self.values, *vars(learner).values()]
         """Objects, so that none of them can go and leave its address to another."""
-        self.numbers = [(one._version, one.data_ptr()) for one in tensors if one is not None], learner.step, switches()
+        self.kept: list[Any] = []
+        self.numbers = (
+            [(one._version, one.data_ptr()) for one in tensors if one is not None],
+            [(one.index, one.index_ad) for one in self.values],
+            learner.step,
+            switches(learner.device.type == "cuda"),
+        )
+
+    def keep_values(self) -> None:
+        """Second names for the variables of Dr.Jit: as long as there are any, whatever is written becomes another
+        variable, and no other one is given the number of this.
+        """
+        self.kept = [type(one)(one) for one in self.values]
 
     def same(self, other: "_Fingerprint") -> bool:
         return (

@@ -17,11 +17,14 @@ import torch
 
 from harness.camera import Camera
 from harness.learner import Learner
+from harness.provenance import processor
 
 ROOT = Path(__file__).parent.parent.parent
 RENDERING = (
     "baselines/**/*.py",
-    "harness/attention/*.py",
+    "harness/attention/priorities.py",
+    "harness/attention/progressive.py",
+    "harness/attention/regions.py",
     "harness/camera.py",
     "harness/evaluate.py",
     "harness/learner.py",
@@ -29,9 +32,12 @@ RENDERING = (
     "harness/seeds.py",
     "harness/settings.py",
     "harness/trainer.py",
+    "harness/view_cache/cached.py",
     "harness/voxel_trainer.py",
 )
-"""Sources that a picture comes from: another version of them may give another one."""
+"""Sources that a picture comes from: another version of them may give another one. Those of attention put rays into
+calls, and `cached` says which channel is what.
+"""
 
 
 def plain_calls(chunk: int) -> str:
@@ -62,20 +68,53 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
 
 
 def machine(learner: Learner) -> dict[str, Any]:
-    """Whose arithmetic it is: libraries choose their sums by processor, threads and precision of products."""
+    """Whose arithmetic it is: libraries choose their sums by processor, threads and precision of products.
+
+    Libraries look at the model of the processor themselves: torch's word for what it can is not all that they see.
+    """
     on_gpu = learner.device.type == "cuda"
     return {
         "torch": torch.__version__,
-        "drjit": version("drjit") if learner.method == "voxels_drjit" else None,
-        "processor": [platform.machine(), torch.backends.cpu.get_cpu_capability()],
+        "drjit": _drjit() if learner.method == "voxels_drjit" else None,
+        "processor": [platform.machine(), processor(), torch.backends.cpu.get_cpu_capability()],
         "device": torch.cuda.get_device_name(learner.device) if on_gpu else "cpu",
-        "switches": list(switches()),
+        "switches": list(switches(on_gpu)),
     }
 
 
-def switches() -> tuple[int, str, bool]:
-    """What the process can change about it at any time."""
-    return torch.get_num_threads(), torch.get_float32_matmul_precision(), torch.are_deterministic_algorithms_enabled()
+def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
+    """What the process, or for autocast the thread, can change about it at any time; read within microseconds.
+
+    Precisions are those of each library, which there always are: torch's word for all of them together raises an error
+    once one of them was set by itself.
+    """
+    libraries: Any = torch.backends
+    kind = "cuda" if on_gpu else "cpu"
+    always = (
+        torch.get_num_threads(),
+        torch.are_deterministic_algorithms_enabled(),
+        str(torch.get_default_dtype()),
+        str(torch.get_autocast_dtype(kind)) if torch.is_autocast_enabled(kind) else "no autocast",
+    )
+    if not on_gpu:
+        return *always, libraries.mkldnn.enabled, libraries.mkldnn.matmul.fp32_precision
+    products = libraries.cuda.matmul
+    return (
+        *always,
+        products.fp32_precision,
+        products.allow_fp16_reduced_precision_reduction,
+        products.allow_bf16_reduced_precision_reduction,
+        products.allow_fp16_accumulation,
+        libraries.cudnn.conv.fp32_precision,
+    )
+
+
+@cache
+def _drjit() -> list[Any]:
+    """Dr.Jit, and the compiler of its kernels on a processor."""
+    import drjit
+
+    return [version("drjit"), list(drjit.detail.llvm_version())]
 
 
 @cache

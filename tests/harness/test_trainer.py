@@ -300,3 +300,9 @@ def test_the_trace_has_series_of_one_length() -> None:
 def test_nothing_is_spent_at_the_start() -> None:
     one = trainer()
     assert (one.progress, one.clock.seconds, one.budget) == (0.0, 0.0, BUDGET)
+
+
+@pytest.mark.parametrize("bins", [0, -1])
+def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
+        trainer().render(rays_and_colours(8)[0], 8, bins)

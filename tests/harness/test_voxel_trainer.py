@@ -270,3 +270,10 @@ def test_a_run_where_drjit_cannot_be_imported_goes_on_without_it(tmp_path: Path)
     assert page.returncode == 0, page.stderr
     html = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "not available" in html
+
+
+@pytest.mark.usefixtures("available")
+@pytest.mark.parametrize("bins", [0, -1])
+def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
+        voxels().render(rays_and_colours(8)[0], 8, bins)

@@ -17,7 +17,7 @@ from harness.camera import Camera
 from harness.checkpoints import load_checkpoint, save_checkpoint, weights_digest
 from harness.learner import Learner
 from harness.trainer import Trainer
-from harness.view_cache import keys
+from harness.view_cache import cached, keys
 from harness.view_cache.cached import CachedMethod
 from harness.view_cache.keys import RENDERING, code_digest, plain_calls, view_key
 from harness.view_cache.store import ViewStore
@@ -175,6 +175,25 @@ def test_another_version_of_the_sources_or_of_torch_is_another_picture(monkeypat
     assert key(one) != before
 
 
+def test_of_attention_only_what_decides_calls_is_in_the_digest() -> None:
+    known = modules(keys.ROOT)
+    deciding = {name for name in known if name.startswith("harness.attention.") and known[name] in digested()}
+    calls = "harness.attention.progressive"
+    of_calls = {calls} | {
+        name for name in imported(calls, known[calls], set(known), top_level_only=False) if "attention" in name
+    }
+    assert deciding == of_calls
+    assert "harness.attention.drawing" not in deciding  # it draws pixels to train on
+
+
+def test_another_order_of_channels_is_another_picture() -> None:
+    assert Path(cached.__file__) in digested()
+
+
+def digested() -> set[Path]:
+    return {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
+
+
 def test_the_digest_of_the_code_is_of_every_source_that_renders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -185,7 +204,7 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
         if name in known and name not in rendering:
             rendering.add(name)
             waiting += imported(name, known[name], set(known), top_level_only=False)
-    in_digest = {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
+    in_digest = digested()
     assert keys.ROOT / "harness/evaluate.py" in in_digest
     left_out = {name for name in rendering if known[name] not in in_digest}
     # they train, keep time and say what is missing; no pixel comes from them

@@ -1,0 +1,204 @@
+"""`voxels_drjit` behind the cache, whose weights are Dr.Jit's and not torch's."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.contract import Box
+from harness.checkpoints import load_checkpoint, save_checkpoint
+from harness.evaluate import View, render_view
+from harness.learner import learner_for
+from harness.settings import VoxelSettings
+from harness.view_cache import keys
+from harness.view_cache.cached import CachedMethod
+from harness.view_cache.store import ViewStore
+from tests.harness.tiny import BUDGET, CPU, TRAIN, box, rays_and_colours
+from tests.harness.view_cache.drawn import same_bits
+from tests.harness.view_cache.test_view_keys import camera, key
+from tests.harness.voxels import drjit_or_skip
+
+CHUNK = 50
+SETTINGS = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def available() -> None:
+    drjit_or_skip()
+
+
+def untrained() -> Any:
+    return learner_for("voxels_drjit", box(), SETTINGS, BUDGET, 0, CPU)
+
+
+def trained(steps: int = 3) -> Any:
+    one = untrained()
+    for step in range(steps):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+def plain(one: Any) -> View:
+    return render_view(one, camera().cameras(CPU), 0, CHUNK)
+
+
+def same(a: View, b: View) -> bool:
+    return all(same_bits(getattr(a, name), getattr(b, name)) for name in ("colour", "opacity", "depth"))
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(tmp_path: Path, frozen: bool) -> None:
+    one = trained()
+    expected = plain(one)
+    assert np.ptp(expected.colour) > 0.0
+    cached = CachedMethod(one, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    assert same(cached.render(camera()), expected)
+    fresh = CachedMethod(one, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    for method, level in ((cached, 1), (cached, 0), (fresh, 2), (fresh, 1)):
+        found = method.lookup(camera())
+        assert found is not None
+        assert same(found[0], expected)
+        assert found[1] == level
+
+
+def one_more_step(one: Any) -> None:
+    one.train_on(*rays_and_colours(seed=9))
+
+
+def a_step_that_nobody_counted(one: Any) -> None:
+    step = one.step
+    one_more_step(one)
+    one.step = step
+
+
+def added_in_place(one: Any) -> None:
+    one.field.values["density"] += 1.0
+
+
+def added_in_place_over_and_over(one: Any) -> None:
+    """Dr.Jit gives numbers of variables that are gone to new ones."""
+    import drjit as dr
+
+    for _ in range(6):
+        one.field.values["density"] += 1.0
+        dr.eval(one.field.values)
+
+
+def scattered(one: Any) -> None:
+    import drjit as dr
+
+    dr.scatter(one.field.values["density"], 9.0, one.field.types.UInt32(0))
+
+
+def finer(one: Any) -> None:
+    one.field = one.field.refined(9)
+
+
+def restored(one: Any) -> None:
+    one.restore({name: values * 2.0 for name, values in one.field.state_dict().items()}, one.step)
+
+
+CHANGES: dict[str, Callable[[Any], None]] = {
+    "a training step": one_more_step,
+    "a training step that nobody counted": a_step_that_nobody_counted,
+    "added in place": added_in_place,
+    "added in place again and again": added_in_place_over_and_over,
+    "one voxel scattered to": scattered,
+    "a finer grid": finer,
+    "other weights restored": restored,
+}
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_is_a_miss_and_what_is_rendered_then_is_the_changed_picture(change: str, frozen: bool) -> None:
+    cached = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen)
+    cached.render(camera())
+    assert cached.lookup(camera()) is not None
+    CHANGES[change](cached.learner)
+    assert cached.lookup(camera()) is None
+    assert same(cached.render(camera()), plain(cached.learner))
+
+
+def test_a_frozen_method_is_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
+    cached = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+    tensors = type(cached.learner.field).state_dict
+
+    def counted(self: object) -> dict[str, torch.Tensor]:
+        calls.append(self)
+        return tensors(self)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(type(cached.learner.field), "state_dict", counted)
+    for _ in range(3):
+        cached.render(camera())
+    cached.render(camera(), use_cache=False)
+    assert len(calls) == 1
+
+
+FACTS: dict[str, Callable[[Any], None]] = {
+    "bins": lambda one: setattr(
+        one, "settings", replace(one.settings, voxels=replace(one.settings.voxels, bins=25))
+    ),
+    "box": lambda one: setattr(one, "box", Box(one.box.lower, one.box.upper + 1e-6)),
+    "method": lambda one: setattr(one, "method", "another"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fact", FACTS)
+def test_whatever_a_picture_depends_on_is_in_the_key(fact: str) -> None:
+    one = untrained()
+    before = key(one)
+    assert key(one) == before
+    FACTS[fact](one)
+    assert key(one) != before
+
+
+def test_dr_jit_its_compiler_and_the_background_are_in_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = untrained()
+    before = key(one)
+    assert one.rendered_by()["background"] == plain_background(one)
+    for name, other in (("_drjit", lambda: ["0.0", [1, 2, 3]]), ("processor", lambda: "another")):
+        with monkeypatch.context() as patch:
+            patch.setattr(keys, name, other)
+            assert key(one) != before
+
+
+def plain_background(one: Any) -> list[float]:
+    """What is seen past the box."""
+    rays, _ = rays_and_colours(1)
+    away = replace(rays, origins=rays.origins * 2.0, directions=-rays.directions)
+    colour: list[float] = one.render(away, 1).colour[0].tolist()
+    return colour
+
+
+ELSEWHERE = """
+import sys, torch
+from pathlib import Path
+from harness.checkpoints import load_checkpoint
+from tests.harness.view_cache.test_cached_voxels import key, untrained
+torch.set_num_threads(1)
+one = untrained()
+load_checkpoint(one, Path(sys.argv[1]), 3)
+print(key(one))
+"""
+
+
+def test_another_process_has_the_same_key(tmp_path: Path) -> None:
+    """`drjit_or_skip` has named the library of LLVM that works in the environment."""
+    one = trained()
+    save_checkpoint(one, tmp_path / "a.safetensors")
+    done = subprocess.run(
+        [sys.executable, "-c", ELSEWHERE, str(tmp_path / "a.safetensors")],
+        cwd=keys.ROOT, env=dict(os.environ), capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    again = untrained()
+    load_checkpoint(again, tmp_path / "a.safetensors", 3)
+    assert done.stdout.split() == [key(one)] == [key(again)]
