@@ -148,9 +148,9 @@ def main(arguments: list[str]) -> int:
         show.close()
         print(f"error: {error.filename}: {error.strerror}; mend that and go on with --resume", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         show.close()
-        print("interrupted: finished cells are kept; go on with --resume and --out", file=sys.stderr)
+        print(f"interrupted: {str(stop) or 'finished cells are kept; go on with --resume and --out'}", file=sys.stderr)
         return 130
     finally:
         show.close()

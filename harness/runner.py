@@ -87,8 +87,11 @@ def run(
     if serve:
         from harness.serving.runner import after_run
 
-        with _timed(phases, "serve"):
-            after_run(out, machine.device, view_sets, show)
+        try:
+            with _timed(phases, "serve"):
+                after_run(out, machine.device, view_sets, show)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)

@@ -11,15 +11,24 @@ from typing import Any, Literal
 
 from harness.records import DamagedRecord, write_json
 
-SERVING_SCHEMA = 1
+SERVING_SCHEMA = 2
 SERVING_FILE = "serving.json"
 
 Pair = tuple[float, float]
 Source = Literal["render", "level 0", "level 1", "level 2"]
 """Where a picture came from."""
-Order = Literal["attention", "raster", "spread"]
-"""In which a picture was refined: by Eq. 7's priorities, region after region from the top left, or pixels of all
-regions at once in a fixed random order."""
+Timed = Source | Literal["level 0 hashed", "level 2 cold"]
+"""What is timed. Weights are frozen, so that they are hashed once, and a file is in the operating system's memory, but
+for `hashed`, where weights are hashed at every call, and `cold`, where the system has dropped the file's data."""
+Order = Literal["attention", "raster", "spread", "plain"]
+"""In which a picture was refined after its coarse frame: by Eq. 7's priorities, region after region from the top left,
+or pixels of all regions at once in a fixed random order. `plain` has no coarse frame and calls as large as any."""
+Measure = Literal["whole", "hardest", "attended"]
+"""Where a picture's error is taken: everywhere, in the quarter of the regions in which the coarse frame is most wrong,
+or in that which is attended most, of which an order by the same attention is first by construction."""
+Way = Literal["even", "samples", "evaluations"]
+"""How samples are shared out: the same number for each ray, or by attention, as many samples in all as those or as many
+network evaluations in all, with what it cost to find out."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,7 @@ class Latency:
 
     scene: str
     method: str
-    source: Source
+    source: Timed
     seconds: float
     """Median."""
     spread: Pair
@@ -59,6 +68,8 @@ class PathUse:
     seconds: float
     seconds_without: float
     """With every view rendered."""
+    other_hit_rates: list[float] = field(default_factory=list)
+    """Of paths like it with other seeds: counted with the same cache, without a clock."""
 
     @property
     def hit_rate(self) -> float:
@@ -96,8 +107,8 @@ class CacheRecord:
 
 @dataclass(frozen=True)
 class Anytime:
-    """Error of a picture while it is being refined: after the coarse frame, and then after each region or as many
-    pixels. Means over the views.
+    """Error of a picture while it is being refined: after the coarse frame (a white one at once where there is none),
+    and then after each region or as many pixels. Means over the views.
     """
 
     scene: str
@@ -110,26 +121,38 @@ class Anytime:
     """Since the view was asked for, with the coarse frame in it, and the map where the order needs one."""
     share: list[float]
     """Of the rays at full resolution that are done."""
-    rmse_attended: list[float]
-    """Of display colour against the finished plain picture, in the quarter of the regions that is attended most."""
+    total_spread: Pair
+    """Of the last of `seconds`: the least and the most of the repeats."""
     rmse_whole: list[float]
+    """Of display colour against the finished plain picture."""
+    rmse_hardest: list[float]
+    rmse_attended: list[float]
+
+    def rmse(self, measure: Measure) -> list[float]:
+        return {"whole": self.rmse_whole, "hardest": self.rmse_hardest, "attended": self.rmse_attended}[measure]
 
 
 @dataclass(frozen=True)
 class Allocation:
-    """A picture with so many samples: the same number for each ray, or more where attention is."""
+    """A picture with its samples shared out in one way."""
 
     scene: str
     method: str
     attention: str
-    by_attention: bool
+    way: Way
+    against: int
+    """Samples a ray of the even picture that this is compared with."""
     views: int
     bins: float
-    """Samples a ray, mean over the picture; the same total with and without attention."""
+    """Samples a ray, mean over the picture."""
     evaluations: float
-    """Of the network, a view; empty space costs none, so that equal totals of samples may differ in them."""
+    """Of the network, a view, with `own`; empty space costs none, so that as many samples may differ in them."""
+    own: float
+    """Of these, spent on finding out where samples belong."""
     seconds: float
-    """A view; by attention with the coarse frame and the map in it, which sharing out equally needs none of."""
+    """A view, with finding out."""
+    seconds_spread: Pair
+    """The least and the most of the repeats."""
     rmse_attended: float
     """Of display colour against the same field integrated with `reference_bins`."""
     rmse_whole: float
@@ -140,17 +163,20 @@ class Allocation:
 
 @dataclass(frozen=True)
 class Reaching:
-    """When the attended error has fallen to a share of the coarse frame's."""
+    """When an error has fallen to a share of the coarse frame's, and stays so."""
 
     scene: str
     method: str
     attention: str
     order: Order
+    measure: Measure
     share_of_error: float
+    error: float
+    """So large it may still be."""
     seconds: float | None
     """None where it never got there."""
-    share_of_time: float | None
-    """Of the whole picture's seconds in this order."""
+    spread: Pair | None
+    """The least and the most of the repeats."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +235,9 @@ class AttentionRecord:
 
 @dataclass(frozen=True)
 class FirstFrame:
-    """How soon the viewer shows something: methods side by side, nothing in the cache."""
+    """How soon the viewer has something to show: methods side by side, loaded, nothing in the cache; computed where the
+    viewer runs, without the way to a browser.
+    """
 
     scene: str
     methods: list[str]
@@ -220,6 +248,10 @@ class FirstFrame:
     seconds_whole: float
     """Until every method is refined; the slowest of the calls."""
     calls: int
+    strides: list[int]
+    """Of the coarse frames, in the order of `methods`: the largest of the calls, as the viewer goes by its pace."""
+    psnr_coarse: list[float | None]
+    """dB of the coarse frames against the whole pictures: the worst of the calls; None where they are the same."""
     target: float = 0.5
 
 
@@ -227,13 +259,15 @@ class FirstFrame:
 class ServingRecord:
     provenance: dict[str, Any]
     settings: dict[str, Any]
-    """`scenes`, `methods`, `seed`, `width`, `threads`, `quick`."""
+    """`scenes`, `methods`, `seed`, `width`, `threads`, `quick`, `complete`, `code`, …"""
     cache: CacheRecord | None
     """None where no method of the run can be rendered here; `left_out` says why."""
     attention: AttentionRecord | None
     first_frame: FirstFrame | None = None
     left_out: list[str] = field(default_factory=list)
     """What was not measured and why, one sentence each."""
+    failed: list[str] = field(default_factory=list)
+    """Titles of the studies that ended in an error, which is a sentence in `left_out`: nothing of them is here."""
     seconds: float = 0.0
     schema: int = SERVING_SCHEMA
 
@@ -248,7 +282,7 @@ def read_serving(path: Path) -> ServingRecord:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data.get("schema") != SERVING_SCHEMA or set(data) != {one.name for one in fields(ServingRecord)}:
-            raise ValueError(f"not a serving record of schema {SERVING_SCHEMA}")
+            raise ValueError(f"not a serving record of schema {SERVING_SCHEMA}, as this version writes it")
         made = {
             "cache": data["cache"] and _cache(data["cache"]),
             "attention": data["attention"] and _attention(data["attention"]),
@@ -256,7 +290,7 @@ def read_serving(path: Path) -> ServingRecord:
         }
         return ServingRecord(**{**data, **made})
     except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise DamagedRecord(f"{path}: {error}; run `python -m harness serving` again") from error
+        raise DamagedRecord(f"{path}: {error}; run `python -m harness serving {path.parent}` again") from error
 
 
 def _cache(row: dict[str, Any]) -> CacheRecord:
@@ -269,14 +303,15 @@ def _cache(row: dict[str, Any]) -> CacheRecord:
 
 
 def _attention(row: dict[str, Any]) -> AttentionRecord:
-    lists = {
-        "curves": Anytime,
-        "reaching": Reaching,
-        "allocations": Allocation,
-        "not_by_regions": NotByRegions,
-        "frames": ExampleFrame,
+    made = {
+        "curves": [Anytime(**{**one, "total_spread": _pair(one["total_spread"])}) for one in row["curves"]],
+        "reaching": [Reaching(**{**one, "spread": _pair(one["spread"])}) for one in row["reaching"]],
+        "allocations": [
+            Allocation(**{**one, "seconds_spread": _pair(one["seconds_spread"])}) for one in row["allocations"]
+        ],
+        "not_by_regions": [NotByRegions(**one) for one in row["not_by_regions"]],
+        "frames": [ExampleFrame(**one) for one in row["frames"]],
     }
-    made = {name: [kind(**one) for one in row[name]] for name, kind in lists.items()}
     return AttentionRecord(**{**row, **made, "phi": PhiCheck(**row["phi"])})
 
 

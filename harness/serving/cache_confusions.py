@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 
+from baselines.contract import Precision
 from harness.batches import Batches
 from harness.camera import Camera
 from harness.checkpoints import tensors_of
@@ -23,6 +25,8 @@ from harness.view_cache.store import ViewStore
 
 LONGER = 1.25
 """Times the focal length."""
+INSET = 0.01
+"""Of the distance between near and far."""
 
 
 def pose_hash(camera_to_world: np.ndarray) -> str:
@@ -49,7 +53,12 @@ def confusions(situation: Situation, cell: TrainedCell, others: Iterable[Variant
     for camera in cameras:
         by_pose[pose_hash(camera.camera_to_world)] = view = plain(cell.learner, camera, cell.chunk)
         cached.keep(camera, view)
-    return [_confusion(one, cameras, by_pose, store) for one in others]
+    found: list[Confusion] = []
+    for one in others:
+        if situation.is_over(f"what a key of the pose alone would return for {one.changed}, and what comes after it"):
+            break
+        found.append(_confusion(one, cameras, by_pose, store))
+    return found
 
 
 def _confusion(one: Variant, cameras: list[Camera], by_pose: dict[str, View], store: ViewStore) -> Confusion:
@@ -61,9 +70,9 @@ def _confusion(one: Variant, cameras: list[Camera], by_pose: dict[str, View], st
         returned = by_pose.get(pose_hash(camera.camera_to_world))
         if returned is not None and not same(returned, wanted):
             stale += 1
-            squares.append(mse(returned.colour, wanted.colour))
+            squares.append(mse(of_size(returned.colour, *wanted.opacity.shape), wanted.colour))
         missed += cached.lookup(camera) is None
-    # all pictures are of one size, so that the mean of means is that of all their pixels
+    # all pictures of a variant are of one size, so that the mean of means is that of all their pixels
     return Confusion(one.changed, len(cameras), stale, float(np.sqrt(np.mean(squares))) if squares else 0.0, missed)
 
 
@@ -78,8 +87,17 @@ def variants(situation: Situation, cell: TrainedCell) -> Iterator[Variant]:
         ruled = copied(learner)
         ruled.quadrature = other
         yield Variant(f"quadrature {other} instead of {learner.quadrature}", ruled, chunk)
+        precise = learner.settings.precision
+        lesser: Precision = "float32" if precise != "float32" else "bfloat16"
+        other_products = copied(learner, replace(learner.settings, precision=lesser))
+        yield Variant(f"{lesser} products instead of {precise}", other_products, chunk)
+        black = copied(learner)
+        black.background = torch.zeros_like(learner.background)
+        yield Variant("a black background instead of white", black, chunk)
     else:
-        situation.leave_out(f"more training, samples and quadrature are not confused with {learner.method}'s own")
+        situation.leave_out(
+            f"more training, samples, quadrature, precision and background are not confused with {learner.method}'s own"
+        )
     another = next((one for one in situation.run.run.seeds if one != situation.seed), None)
     if another is not None and (trained := situation.trained(scene, learner.method, another)) is not None:
         yield Variant("weights of another seed", trained.learner, trained.chunk)
@@ -90,6 +108,10 @@ def variants(situation: Situation, cell: TrainedCell) -> Iterator[Variant]:
         f"focal length {LONGER} times as long", learner, chunk,
         lambda camera: replace(camera, focal=LONGER * camera.focal),
     )  # fmt: skip
+    yield Variant(
+        "half the width", learner, chunk, lambda camera: camera.resized(max(1, camera.width // 2))
+    )  # fmt: skip
+    yield Variant("near and far closer together", learner, chunk, narrower)
     yield from in_other_calls(cell)
     yield Variant("a pose one unit in the last place away", learner, chunk, one_ulp_away)
 
@@ -99,6 +121,19 @@ def in_other_calls(cell: TrainedCell) -> Iterator[Variant]:
     if not cell.learner.field.pointwise:
         half = max(1, cell.chunk // 2)
         yield Variant(f"{cell.learner.method} with {half} rays a call instead of {cell.chunk}", cell.learner, half)
+
+
+def narrower(camera: Camera) -> Camera:
+    """By a share of their distance from both sides: other samples, of the same matter."""
+    inset = INSET * (camera.far - camera.near)
+    return replace(camera, near=camera.near + inset, far=camera.far - inset)
+
+
+def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
+    """[h, w, …] → [height, width, …] by the nearest pixels: what would be shown of a picture of another size."""
+    rows = ((np.arange(height) + 0.5) * picture.shape[0] / height).astype(int)
+    columns = ((np.arange(width) + 0.5) * picture.shape[1] / width).astype(int)
+    return picture[rows][:, columns]
 
 
 def one_ulp_away(camera: Camera) -> Camera:

@@ -1,23 +1,20 @@
 """Camera paths through the view cache: where each view came from, and what that saved."""
 
+import typing
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from harness.camera_paths import walk
+from harness.camera_paths import spiral, walk
+from harness.evaluate import View
 from harness.finished import TrainedCell
-from harness.serving.cache_latency import ROOM, frozen
+from harness.serving.cache_latency import ROOM, came_from, frozen
 from harness.serving.situation import Situation, plain
 from harness.serving.timing import CLOCK, Clock, timed
-from harness.serving_record import PathUse
+from harness.serving_record import PathUse, Source
 from harness.view_cache.store import ViewStore
-
-LEVELS = ("render", "level 0", "level 1", "level 2")
-
-KEEP = 0.25
-"""Chance that a walk goes on the same way as before."""
 
 
 @dataclass(frozen=True)
@@ -31,43 +28,54 @@ class Route:
     memory_bytes: int
     disk_bytes: int
     """0: without a disk."""
+    others: Sequence[np.ndarray] = ()
+    """Poses of paths like it, of which the hits alone are counted."""
 
 
 def routes(situation: Situation, cell: TrainedCell, view_bytes: int) -> list[Route]:
-    """An orbit looked at three times, a walk that comes back to where it was, and an orbit larger than the memory."""
+    """An orbit looked at three times, walks that come back to where they were, an orbit larger than the memory, and the
+    spiral of the test views, which never comes back: all that a cache costs.
+    """
     count = situation.sizes.orbit
     orbit = situation.orbit(cell.scene, count)
     radius = float(np.linalg.norm(orbit[0][:3, 3]))
     steps = 2 * count
+    first, *others = (walk(steps, situation.seed + place, radius) for place in range(situation.sizes.walks))
     little = max(1, count // 3) * view_bytes
     twice = np.concatenate([orbit, orbit])
     words = f"an orbit of {count} views, twice, with room for {max(1, count // 3)} in memory"
     return [
         Route(f"an orbit of {count} views, three times", np.concatenate([twice, orbit]), ROOM, 0),
-        Route(f"a walk of {steps} steps back and forth", walk(steps, situation.seed, radius, keep=KEEP), ROOM, 0),
+        Route(f"a walk of {steps} steps", first, ROOM, 0, others),
         Route(f"{words} alone", twice, little, 0),
         Route(f"{words} and the others on disk", twice, little, ROOM),
+        Route(f"a spiral of {count} views, none twice", spiral(count, radius), ROOM, 0),
     ]
 
 
-def followed(situation: Situation, cell: TrainedCell, route: Route, number: int, clock: Clock = CLOCK) -> PathUse:
-    """Every view is asked of the cache and rendered without it, in turn, so that a busy machine hurts both alike."""
+def followed(
+    situation: Situation, cell: TrainedCell, route: Route, number: int, clock: Clock = CLOCK
+) -> PathUse | None:
+    """Every view is asked of the cache and rendered without it, in turn, so that a busy machine hurts both alike. None
+    where the time is over before the end.
+    """
     disk = situation.scratch / f"path.{number}" if route.disk_bytes else None
     store = ViewStore(route.memory_bytes, disk, route.disk_bytes)
     cached = frozen(cell, store, (1, 2) if route.disk_bytes else (1,))
     cached.key(situation.camera(cell, route.poses[0]))  # digests the weights, once
-    hits = Counter(dict.fromkeys(LEVELS, 0))
+    hits = Counter(dict.fromkeys(typing.get_args(Source), 0))
     seconds = {"with": 0.0, "without": 0.0}
     for index, pose in enumerate(route.poses):
-        camera = situation.camera(cell, pose)
-        level = store.where(cached.key(camera))
-        hits["render" if level is None else f"level {level}"] += 1
+        if situation.is_over(f"{route.path}, with {cell.learner.method}"):
+            return None
+        camera, before = situation.camera(cell, pose), store.statistics.hits
         calls: list[tuple[str, Callable[[], object]]] = [
             ("with", lambda: cached.render(camera)),  # noqa: B023
             ("without", lambda: plain(cell.learner, camera, cell.chunk)),  # noqa: B023
         ]
         for name, call in calls[:: 1 if index % 2 else -1]:
             seconds[name] += timed(call, clock)[1]
+        hits[came_from(store, before)] += 1
     return PathUse(
         scene=cell.scene.name,
         method=cell.learner.method,
@@ -78,4 +86,23 @@ def followed(situation: Situation, cell: TrainedCell, route: Route, number: int,
         disk_bytes=route.disk_bytes,
         seconds=seconds["with"],
         seconds_without=seconds["without"],
+        other_hit_rates=[hit_rate(situation, cell, poses, route.memory_bytes) for poses in route.others],
     )
+
+
+def hit_rate(situation: Situation, cell: TrainedCell, poses: np.ndarray, memory_bytes: int) -> float:
+    """Of a path through a cache in memory. What a picture shows changes nothing about its being there: a miss keeps a
+    black one.
+    """
+    cached = frozen(cell, ViewStore(memory_bytes, None, 0))
+    camera = situation.camera(cell, poses[0])
+    shape = (camera.height, camera.width)
+    picture = View(*(np.zeros(one, np.float32) for one in ((*shape, 3), shape, shape)))
+    found = 0
+    for pose in poses:
+        camera = situation.camera(cell, pose)
+        if cached.lookup(camera) is None:
+            cached.keep(camera, picture)
+        else:
+            found += 1
+    return found / len(poses)

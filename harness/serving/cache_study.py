@@ -19,6 +19,8 @@ def measured(situation: Situation) -> CacheRecord | None:
         return None
     found = []
     for cell in cells:
+        if situation.is_over(f"latencies of {cell.learner.method}"):
+            break
         situation.show.line(f"  latencies of {cell.learner.method} on {cell.scene.name}")
         found += latencies(situation, cell)
     first = cells[0]
@@ -26,7 +28,8 @@ def measured(situation: Situation) -> CacheRecord | None:
     paths = []
     for number, route in enumerate(routes(situation, first, memory)):
         situation.show.line(f"  {route.path}")
-        paths.append(followed(situation, first, route, number))
+        if (path := followed(situation, first, route, number)) is not None:
+            paths.append(path)
     if len(cells) > 1:
         situation.leave_out(f"camera paths were followed with {first.learner.method} alone: hits are any method's")
     situation.show.line("  what a key of the pose alone would return")

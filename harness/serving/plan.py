@@ -1,43 +1,45 @@
 """What is going to be measured, and about how long it takes, from one rendered view."""
 
-import time
-
+from harness.serving.allocations import evens
 from harness.serving.anytime import ORDERS
 from harness.serving.attention_maps import KINDS
-from harness.serving.attention_study import bins_of, run_bins
 from harness.serving.attention_study import cells_of as attention_cells
+from harness.serving.attention_study import run_bins
+from harness.serving.cache_latency import POSES
 from harness.serving.cache_study import cells_of as cache_cells
 from harness.serving.situation import Situation, plain
+from harness.serving.timing import CLOCK, Clock, timed
 
-PATH_VIEWS = 14
+PATH_VIEWS = 17
 """Renderings for each view of an orbit, on all paths together, with and without a cache."""
-VARIANTS = 9
+VARIANTS = 12
+"""Of what a key is asked for, and what it has seen."""
 REFINED = 1.5
 """Refining takes as many times as long as rendering: its calls are smaller, and the coarse frame is on top."""
+SHARED = 6.0
+"""As many samples and as many evaluations by attention, one picture each, take together as many times as long."""
 BESIDE = 1.3
 """Reading, writing, hashing and scoring, on top of rendering."""
 LEAST_SECONDS = 1.0
 
 
-def estimated_seconds(situation: Situation) -> float:
-    """From one view of the first cell, rendered twice: the first call also allocates."""
+def estimated_seconds(situation: Situation, clock: Clock = CLOCK) -> float:
+    """From one view of each cell of the cache's, rendered twice: the first call also allocates."""
     sizes, seconds = situation.sizes, LEAST_SECONDS
     cached, attended = cache_cells(situation), attention_cells(situation)
-    if cached:
-        cell = cached[0]
+    ones = []
+    for cell in cached:
         camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
         plain(cell.learner, camera, cell.chunk)
-        began = time.perf_counter()
-        plain(cell.learner, camera, cell.chunk)
-        one = time.perf_counter() - began
-        views = len(cached) * (sizes.rounds + REFINED * sizes.first_frames)
-        views += PATH_VIEWS * sizes.orbit + VARIANTS * sizes.confused
+        ones.append(timed(lambda: plain(cell.learner, camera, cell.chunk), clock)[1])  # noqa: B023
+    if ones:
+        views: float = POSES + PATH_VIEWS * sizes.orbit + VARIANTS * sizes.confused
         if attended:
-            bins, own = bins_of(situation, attended[0]), run_bins(attended[0])
+            own = run_bins(attended[0])
             refined = REFINED * sizes.repeats * (len(KINDS) + len(ORDERS) - 1)
-            shared = (len(KINDS) + 1) * sum(bins) / own + sizes.reference_bins / own
-            views += len(attended) * sizes.views * (1 + refined + shared)
-        seconds += BESIDE * one * views
+            shared = (1 + sizes.shared) * (sum(evens(own)) / own + SHARED * len(KINDS)) + sizes.reference_bins / own
+            views += len(attended) * (sizes.views * (1 + refined) + shared)
+        seconds += BESIDE * (ones[0] * views + sum(ones) * (sizes.rounds + REFINED * sizes.first_frames))
     return seconds
 
 

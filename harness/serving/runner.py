@@ -6,29 +6,38 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from harness.checkpoints import checkpoint_path
-from harness.device import available_cores, keep_freed_memory, use_threads
+from harness.device import keep_freed_memory, use_threads
 from harness.finished import FinishedRun
 from harness.progress import Progress
 from harness.provenance import provenance
-from harness.records import DamagedRecord
+from harness.records import DamagedRecord, records_folder
 from harness.serving import attention_study, cache_study, first_frame
 from harness.serving.attention_maps import KINDS
 from harness.serving.plan import estimated_seconds, plan_lines
 from harness.serving.situation import Situation
 from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, write_serving
 from harness.trainer import Diverged
+from harness.view_cache.keys import ROOT, code_digest
 from scenes.errors import InputError
 
 WIDTH = 100
 """Of the pictures at the end of a run, or its views' where they are smaller."""
+THREADS = 1
+"""Of torch. Several wait for each other wherever the machine does something else, and rendering then takes many times
+as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit has one in any case."""
 MOST_SECONDS, MOST_SHARE = 240.0, 0.05
 """What a run may spend on it at its end: so many seconds, or so much of its own time where that is more."""
+MEASURING = ("harness/serving/*.py", "harness/view_cache/*.py")
+"""Sources that figures come from, besides those that render."""
+SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
+"""Of where a record was made: on another machine, or with other versions, figures are other ones."""
 
 STUDIES: dict[str, tuple[str, Callable[[Situation], Any]]] = {
     "cache": ("view cache", cache_study.measured),
@@ -47,6 +56,7 @@ class Asked:
     seed: int
     width: int
     quick: bool
+    threads: int = THREADS
 
 
 def run(
@@ -60,37 +70,45 @@ def run(
 ) -> ServingRecord:
     """Measures and writes. What cannot be rendered is a sentence in `left_out`; with `survive` any other failure, too.
 
-    Nothing is measured where it would take more than `most_seconds`. Whatever ends it, studies that were finished are
-    written.
+    Nothing is measured where it would take more than `most_seconds`, and nothing is begun once they are over. Whatever
+    ends it, studies that were finished are written, but not over a whole record of the same weights.
     """
     began = time.monotonic()
-    # sizes of `quick` gain nothing from threads, which wait for each other on a machine that does something else
-    threads = 1 if asked.quick else available_cores()
-    use_threads(threads)
+    use_threads(asked.threads)
     keep_freed_memory()
-    settings = settings_of(finished, asked, threads, device)
+    settings = settings_of(finished, asked, device)
     record = ServingRecord(provenance(device), settings, None, None)
-    with tempfile.TemporaryDirectory(prefix=".serving-", dir=finished.out) as scratch:
-        situation = _situation(finished, asked, device, view_sets, Path(scratch), show)
+    with tempfile.TemporaryDirectory(prefix=".serving-", dir=finished.out, ignore_cleanup_errors=True) as scratch:
+        deadline = None if most_seconds is None else began + most_seconds
+        situation = _situation(finished, asked, device, view_sets, Path(scratch), show, deadline)
+        failed: list[str] = []
 
         def kept(complete: bool = False, **studies: Any) -> ServingRecord:
-            seconds, said = time.monotonic() - began, list(situation.left_out)
-            return replace(
-                record, settings={**settings, "complete": complete}, left_out=said, seconds=seconds, **studies
-            )
+            now, seconds = {**settings, "complete": complete}, time.monotonic() - began
+            left_out = list(situation.left_out)
+            return replace(record, settings=now, seconds=seconds, left_out=left_out, failed=list(failed), **studies)
 
         try:
             planned = _estimate(situation, most_seconds, survive)
             for field, (title, study) in STUDIES.items() if planned else ():
+                if situation.is_over(title):
+                    continue
                 show.line(f"serving: {title}")
-                record = kept(**{field: _studied(title, study, situation, survive)})
-                write_serving(finished.out, record)
+                found = _studied(title, study, situation, survive, failed)
+                record = kept(**{field: found})
+                if found is not None:
+                    _write(finished.out, record, situation.scratch)
         except BaseException as stop:
             situation.leave_out(f"not everything was measured: stopped by {type(stop).__name__}")
-            write_serving(finished.out, kept())
+            try:
+                _write(finished.out, kept(), situation.scratch)
+            except (OSError, ValueError) as error:
+                # what stopped it is what has to be known
+                show.line(f"serving: its record could not be written: {reason_of(error)}")
             raise
-        record = kept(complete=planned)
-        write_serving(finished.out, record)
+        record = kept(complete=planned and not failed and not situation.is_late)
+        if not _write(finished.out, record, situation.scratch):
+            show.line(f"serving: {finished.out / SERVING_FILE} is kept, as it says more")
     return record
 
 
@@ -108,8 +126,7 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
             width=min(WIDTH, *(one.width for one in finished.run.scenes)),
             quick=settings.get("profile") == "smoke",
         )
-        threads = 1 if asked.quick else available_cores()
-        if is_measured(out, settings_of(finished, asked, threads, torch.device(device))):
+        if is_measured(out, settings_of(finished, asked, torch.device(device)), provenance(torch.device(device))):
             show.line("serving: measured before")
             return
         most = max(MOST_SECONDS, MOST_SHARE * finished.run.phases.get("total", 0.0))
@@ -119,25 +136,28 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
         show.line(f"serving was not measured: {reason_of(error)}")
 
 
-def is_measured(out: Path, settings: dict[str, Any]) -> bool:
-    """Whether there is a whole record of just this."""
-    try:
-        return read_serving(out / SERVING_FILE).settings == json.loads(json.dumps({**settings, "complete": True}))
-    except DamagedRecord:
-        return False
+def is_measured(out: Path, settings: dict[str, Any], origin: dict[str, Any]) -> bool:
+    """Whether there is a whole record of just this, made by the same code on the same machine."""
+    there = _earlier(out)
+    return (
+        there is not None
+        and there.settings == json.loads(json.dumps({**settings, "complete": True}))
+        and all(there.provenance.get(name) == origin[name] for name in SAME)
+    )
 
 
-def settings_of(finished: FinishedRun, asked: Asked, threads: int, device: torch.device) -> dict[str, Any]:
-    """Everything that the figures depend on, as JSON."""
+def settings_of(finished: FinishedRun, asked: Asked, device: torch.device) -> dict[str, Any]:
+    """Everything that the figures depend on but the machine, as JSON."""
     return {
         "scenes": asked.scenes,
         "methods": asked.methods,
         "seed": asked.seed,
         "width": asked.width,
-        "threads": threads,
+        "threads": asked.threads,
         "quick": asked.quick,
         "device": device.type,
         "attention": KINDS,
+        "code": _code(),
         "weights": {
             f"{scene}.{method}": digest
             for scene in asked.scenes
@@ -157,13 +177,51 @@ EXPECTED = (InputError, DamagedRecord, Diverged)
 """What a run may hold that cannot be rendered; all else is an error of ours."""
 
 
-def _studied(title: str, study: Callable[[Situation], Any], situation: Situation, survive: bool) -> Any:
+def _studied(
+    title: str, study: Callable[[Situation], Any], situation: Situation, survive: bool, failed: list[str]
+) -> Any:
     try:
         return study(situation)
     except Exception as error:
         if not (survive or isinstance(error, EXPECTED)):
             raise
+        failed.append(title)
         situation.leave_out(f"{title}: {reason_of(error)}")
+        return None
+
+
+def _write(out: Path, record: ServingRecord, scratch: Path) -> bool:
+    """The record and its pictures, which lie under `scratch`; neither where what is there can be read and says more.
+    Whether they were written.
+    """
+    there = _earlier(out)
+    if there is not None and not _replaces(record, there):
+        return False
+    pictures, target = records_folder(scratch), records_folder(out)
+    for frame in record.attention.frames if record.attention else ():
+        if (pictures / frame.image).is_file():  # else put there with an earlier study's record
+            (target / frame.image).parent.mkdir(parents=True, exist_ok=True)
+            (pictures / frame.image).replace(target / frame.image)
+    write_serving(out, record)
+    return True
+
+
+def _replaces(record: ServingRecord, there: ServingRecord) -> bool:
+    """Not if nothing was measured; else if it is whole, or that was not, or was of other weights."""
+    if record.cache is None and record.attention is None and record.first_frame is None:
+        return False
+    if record.settings["complete"]:
+        return True
+    weights, before = record.settings["weights"], there.settings.get("weights", {})
+    same = all(before[name] == digest for name, digest in weights.items() if name in before)
+    return not (there.settings.get("complete") and same)
+
+
+def _earlier(out: Path) -> ServingRecord | None:
+    """What is there and can be read."""
+    try:
+        return read_serving(out / SERVING_FILE)
+    except DamagedRecord:
         return None
 
 
@@ -188,7 +246,13 @@ def _estimate(situation: Situation, most_seconds: float | None, survive: bool) -
 
 
 def _situation(
-    finished: FinishedRun, asked: Asked, device: torch.device, view_sets: Path, scratch: Path, show: Progress
+    finished: FinishedRun,
+    asked: Asked,
+    device: torch.device,
+    view_sets: Path,
+    scratch: Path,
+    show: Progress,
+    deadline: float | None,
 ) -> Situation:
     return Situation(
         run=finished,
@@ -201,7 +265,17 @@ def _situation(
         scratch=scratch,
         quick=asked.quick,
         show=show,
+        deadline=deadline,
     )
+
+
+@cache
+def _code() -> str:
+    """Of the sources that render and measure, as they are when first asked for."""
+    found = hashlib.blake2b(code_digest().encode(), digest_size=16)
+    for file in sorted(file for pattern in MEASURING for file in ROOT.glob(pattern)):
+        found.update(f"{file.name}\n".encode() + file.read_bytes())
+    return found.hexdigest()
 
 
 def _digest(path: Path) -> str | None:

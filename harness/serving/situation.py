@@ -1,7 +1,9 @@
 """What the studies of serving are given: the run, its cells ready to render, poses, ground truth, how much to do."""
 
 import math
-from dataclasses import dataclass, field, replace
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +12,11 @@ import torch
 from harness.camera import Camera
 from harness.camera_paths import orbit
 from harness.evaluate import View, render_view
-from harness.finished import FinishedRun, TrainedCell, from_plain
-from harness.ground_truth import read_views
+from harness.finished import FinishedRun, TrainedCell
 from harness.learner import Learner
 from harness.metrics import mse
 from harness.progress import Progress
 from harness.records import DamagedRecord, SceneRecord
-from harness.settings import ViewSettings
 from scenes.errors import InputError
 from scenes.pixels import over_white
 from scenes.view_set import ViewSet
@@ -32,6 +32,8 @@ class Sizes:
     """Calls of every level in a round."""
     orbit: int
     """Views of a camera path."""
+    walks: int
+    """Seeds of a walk whose hits are counted."""
     confused: int
     """Views for which a key of the pose alone is asked."""
     extra_steps: int
@@ -42,18 +44,18 @@ class Sizes:
     """Of each of these."""
     repeats: int
     """Of every refinement, for a median of its seconds."""
-    bins: tuple[int, ...]
-    """Samples a ray that are shared out; the run's own are added."""
+    shared: int
+    """Repeats of every picture with its samples shared out, of one view a scene."""
     reference_bins: int
     first_frames: int
 
 
 FULL = Sizes(
-    rounds=20, hits=5, orbit=16, confused=4, extra_steps=10, scenes=3, views=3, repeats=3, bins=(8, 16),
+    rounds=20, hits=5, orbit=12, walks=20, confused=3, extra_steps=10, scenes=3, views=3, repeats=3, shared=2,
     reference_bins=512, first_frames=5,
 )  # fmt: skip
 QUICK = Sizes(
-    rounds=3, hits=2, orbit=4, confused=2, extra_steps=2, scenes=1, views=1, repeats=1, bins=(8,),
+    rounds=3, hits=2, orbit=4, walks=3, confused=2, extra_steps=2, scenes=1, views=1, repeats=1, shared=1,
     reference_bins=64, first_frames=1,
 )  # fmt: skip
 """At which no figure means anything, to try the studies themselves."""
@@ -71,9 +73,14 @@ class Situation:
     device: torch.device
     view_sets: Path
     scratch: Path
-    """A folder on a disk, which is thrown away."""
+    """A folder on a disk, which is thrown away; pictures for the report lie under it as they will under the run."""
     quick: bool
     show: Progress
+    deadline: float | None = None
+    """By `clock`; nothing is begun afterwards."""
+    clock: Callable[[], float] = time.monotonic
+    is_late: bool = False
+    """Whether something was left out for the deadline."""
     left_out: list[str] = field(default_factory=list)
     """What cannot be measured and why, one sentence each, no sentence twice."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
@@ -88,6 +95,14 @@ class Situation:
         if sentence not in self.left_out:
             self.left_out.append(sentence)
             self.show.line(f"  left out: {sentence}")
+
+    def is_over(self, rest: str) -> bool:
+        """Whether the time is up: then `rest`, which comes next, is named as left out."""
+        if self.deadline is None or self.clock() < self.deadline:
+            return False
+        self.leave_out(f"{rest}: not measured, as the time for it was over")
+        self.is_late = True
+        return True
 
     def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
         """None, with a sentence in `left_out`, for a cell that cannot be rendered here. Nobody may train it."""
@@ -125,9 +140,7 @@ class Situation:
             self.leave_out(f"{missing}: its views are {scene.width} pixels wide, {self.width} are measured")
             return None
         try:
-            settings = from_plain(ViewSettings, self.run.run.settings["views"], self.run.out)
-            settings = replace(settings, resolution=self.width, train=min(settings.train, TRAIN_VIEWS))
-            found = read_views(self.run.view_set(scene, self.view_sets), settings, self.scratch)
+            found = self.run.views(scene, self.view_sets, self.width, train=TRAIN_VIEWS, scratch=self.scratch)
         except InputError as reason:
             self.leave_out(f"{missing}: {reason}")
             return None

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from harness.serving_record import Latency, Pair, Source
+from harness.serving_record import Latency, Pair, Timed
 
 One = TypeVar("One")
 Clock = Callable[[], float]
@@ -25,7 +25,7 @@ def timed(call: Callable[[], One], clock: Clock = CLOCK) -> tuple[One, float]:
 
 
 def latency(
-    scene: str, method: str, source: Source, seconds: Sequence[float], rendering: Sequence[float] | None = None
+    scene: str, method: str, source: Timed, seconds: Sequence[float], rendering: Sequence[float] | None = None
 ) -> Latency:
     """Median and spread of calls and, against those of `rendering`, how many times as long rendering takes.
 

@@ -1,33 +1,40 @@
 """Latencies, paths and confusions of the view cache, on paths whose answer is known by hand and with faults planted."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.camera import Camera
+from harness.camera_paths import walk
 from harness.evaluate import View
 from harness.finished import TrainedCell
 from harness.metrics import mse
 from harness.serving import cache_latency, cache_study
-from harness.serving.cache_confusions import Variant, confusions, copied, one_ulp_away, pose_hash, variants
-from harness.serving.cache_latency import ROOM, WrongHit, bytes_a_view, latencies
-from harness.serving.cache_paths import Route, followed, routes
+from harness.serving.cache_confusions import Variant, confusions, copied, of_size, one_ulp_away, pose_hash, variants
+from harness.serving.cache_latency import ROOM, WrongHit, bytes_a_view, latencies, same
+from harness.serving.cache_paths import Route, followed, hit_rate, routes
 from harness.serving.situation import Situation, plain
 from harness.trainer import Trainer
+from harness.view_cache import cached as cached_module
+from harness.view_cache import disk
 from harness.view_cache.cached import CachedMethod
 from tests.harness.serving.conftest import Ticks
 from tests.harness.trained_runs import SIZE
 
 VIEW_BYTES = SIZE * SIZE * 5 * 4
+KINDS_OF_HITS = ["level 0", "level 1", "level 2", "level 0 hashed", "level 2 cold"]
 
 
 def test_every_level_is_timed_as_often_as_asked(situation: Situation, cell: TrainedCell, ticks: Ticks) -> None:
     found = {one.source: one for one in latencies(situation, cell, ticks)}
     rounds, hits = situation.sizes.rounds, situation.sizes.hits
     assert {source: one.calls for source, one in found.items()} == {
-        "render": rounds, "level 0": rounds * hits, "level 1": rounds * hits, "level 2": rounds * hits
+        "render": rounds, **dict.fromkeys(KINDS_OF_HITS, rounds * hits)
     }  # fmt: skip
     assert {one.seconds for one in found.values()} == {1.0}, "one tick each: nothing else is on the clock"
     assert {one.ratio for source, one in found.items() if source != "render"} == {1.0}
@@ -49,14 +56,70 @@ def test_a_hit_of_another_level_is_not_timed(
     situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cache_latency, "ROOM", 0)  # nothing fits
-    with pytest.raises(WrongHit, match="level None, where one of level 1"):
+    with pytest.raises(WrongHit, match="came from render, where level 1 is timed"):
         latencies(situation, cell, ticks)
+
+
+def test_nothing_reads_a_file_before_it_is_timed(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But for the views that a path has to find."""
+    reads: list[float] = []
+    read = disk.read_exr
+
+    def noted(file: Path) -> np.ndarray:
+        reads.append(ticks.now)
+        return read(file)
+
+    monkeypatch.setattr(disk, "read_exr", noted)
+    latencies(situation, cell, ticks)
+    assert len(reads) == 2 * situation.sizes.rounds * situation.sizes.hits, "one a hit, warm or cold"
+    poses = situation.orbit(cell.scene, 2)[[0, 1, 0]]
+    followed(situation, cell, Route("by hand", poses, VIEW_BYTES, ROOM), 0, ticks)
+    assert len(reads) == 2 * situation.sizes.rounds * situation.sizes.hits + 1
+
+
+def test_weights_are_hashed_at_the_calls_that_say_so(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hashed: list[int] = []
+    digest = cached_module.weights_digest
+
+    def noted(learner: Any) -> str:
+        hashed.append(len(began))
+        return digest(learner)
+
+    began: list[float] = []
+
+    def clock() -> float:
+        began.append(ticks())
+        return began[-1]
+
+    monkeypatch.setattr(cached_module, "weights_digest", noted)
+    latencies(situation, cell, clock)
+    inside = [count for count in hashed if count % 2]
+    assert len(inside) == situation.sizes.rounds * situation.sizes.hits, "of level 0 hashed alone"
+
+
+def test_where_files_cannot_be_dropped_nothing_is_said_to_be_cold(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(os, "posix_fadvise")
+    assert "level 2 cold" not in {one.source for one in latencies(situation, cell, ticks)}
+    assert any("cannot be dropped" in sentence for sentence in situation.left_out)
+
+
+def test_minus_zero_is_another_picture() -> None:
+    shapes = (2, 2, 3), (2, 2), (2, 2)
+    one, other = (View(*(np.full(shape, zero, np.float32) for shape in shapes)) for zero in (0.0, -0.0))
+    assert same(one, one)
+    assert not same(one, other)
 
 
 def test_bytes_are_those_of_pixels_and_of_files(situation: Situation, cell: TrainedCell) -> None:
     memory, disk = bytes_a_view(situation, cell)
     assert memory == VIEW_BYTES
-    assert disk > VIEW_BYTES / 4, "floats are not thrown away"
+    assert disk >= VIEW_BYTES, "floats are kept whole, and not compressed"
 
 
 @pytest.mark.parametrize(
@@ -75,20 +138,57 @@ def test_views_come_from_where_they_must(
 ) -> None:  # fmt: skip
     poses = situation.orbit(cell.scene, 2)[places]
     found = followed(situation, cell, Route("by hand", poses, memory, disk), 0, ticks)
+    assert found is not None
     assert {source: many for source, many in found.hits.items() if many} == hits
     assert (found.views, found.seconds, found.seconds_without) == (len(places), len(places), len(places))
     assert found.hit_rate == pytest.approx(1 - hits["render"] / len(places))
 
 
 def test_paths_are_what_their_words_say(situation: Situation, cell: TrainedCell) -> None:
-    orbit, walk, little, disk = routes(situation, cell, VIEW_BYTES)
+    orbit, walked, little, on_disk, spiral = routes(situation, cell, VIEW_BYTES)
     count = situation.sizes.orbit
     assert (orbit.path, len(orbit.poses)) == (f"an orbit of {count} views, three times", 3 * count)
     np.testing.assert_array_equal(orbit.poses[:count], orbit.poses[2 * count :])
-    assert len(walk.poses) == 2 * count
-    assert little.memory_bytes == disk.memory_bytes < count * VIEW_BYTES
-    assert (little.disk_bytes, disk.disk_bytes) == (0, ROOM)
-    np.testing.assert_array_equal(little.poses, disk.poses)
+    assert len(walked.poses) == 2 * count
+    radius = float(np.linalg.norm(orbit.poses[0][:3, 3]))
+    every = [walked.poses, *walked.others]
+    assert len(every) == situation.sizes.walks
+    for seed, poses in enumerate(every):
+        np.testing.assert_array_equal(poses, walk(2 * count, seed, radius))
+    assert len({pose.tobytes() for pose in spiral.poses}) == count, "none twice"
+    assert little.memory_bytes == on_disk.memory_bytes < count * VIEW_BYTES
+    assert (little.disk_bytes, on_disk.disk_bytes) == (0, ROOM)
+    np.testing.assert_array_equal(little.poses, on_disk.poses)
+
+
+@pytest.mark.parametrize(
+    ("places", "memory", "rate"), [([0, 1, 0, 1, 0], ROOM, 0.6), ([0, 1, 0, 1, 0], VIEW_BYTES, 0.0), ([0], ROOM, 0.0)]
+)
+def test_hits_are_counted_without_rendering(
+    situation: Situation, cell: TrainedCell, ticks: Ticks, places: list[int], memory: int, rate: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    poses = situation.orbit(cell.scene, 2)[places]
+    found = followed(situation, cell, Route("by hand", poses, memory, 0, [poses]), 0, ticks)
+    assert found is not None
+    assert found.other_hit_rates == [found.hit_rate] == [pytest.approx(rate)]
+    monkeypatch.setattr("harness.serving.cache_paths.plain", None)
+    assert hit_rate(situation, cell, poses, memory) == pytest.approx(rate)
+
+
+def test_what_is_late_is_left_out_and_named(situation: Situation, cell: TrainedCell, ticks: Ticks) -> None:
+    situation.deadline, situation.clock = 3.0, ticks
+    route = Route("by hand", situation.orbit(cell.scene, 4), ROOM, 0)
+    assert followed(situation, cell, route, 0, Ticks()) is None
+    assert situation.left_out == ["by hand, with nerf: not measured, as the time for it was over"]
+    assert situation.is_late
+    ticks.now = 0.0
+    first, *_ = latencies(situation, cell, Ticks())
+    assert first.calls == 3, "the first two looks at the clock were in time"
+    situation.left_out.clear()
+    situation.deadline = ticks.now + 3
+    assert len(confusions(situation, cell, variants(situation, cell))) == 2
+    assert situation.left_out[-1].startswith("what a key of the pose alone would return for quadrature")
 
 
 def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
@@ -96,12 +196,21 @@ def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
 ) -> None:
     found = confusions(situation, cell, variants(situation, cell))
     *others, last = found
-    assert [one.changed.split(" ")[-1] for one in others] == ["training", "16", "midpoint", "nerf", "long"]
+    assert [one.changed.split(" ")[-1] for one in others] == [
+        "training", "16", "midpoint", "float32", "white", "nerf", "long", "width", "together",
+    ]  # fmt: skip
     for one in others:
         assert (one.stale, one.missed) == (one.views, one.views)
         assert 0.0 < one.rmse < 1.0
     assert last.changed == "a pose one unit in the last place away"
     assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
+
+
+def test_a_picture_of_another_size_is_shown_by_its_nearest_pixels() -> None:
+    picture = np.arange(16.0).reshape(4, 4)
+    assert of_size(picture, 2, 2).tolist() == [[5.0, 7.0], [13.0, 15.0]]
+    assert of_size(picture, 8, 8)[::2, 1::2].tolist() == picture.tolist()
+    assert of_size(picture, 4, 4).tolist() == picture.tolist()
 
 
 def test_the_error_is_that_of_the_picture_that_would_have_come(situation: Situation, cell: TrainedCell) -> None:
@@ -129,7 +238,10 @@ def test_a_planted_key_that_forgets_something_is_found(
 
     monkeypatch.setattr(CachedMethod, "key", of_the_pose_alone)
     found = confusions(situation, cell, variants(situation, cell))
-    assert [one.missed for one in found[:-1]] == [0] * (len(found) - 1)
+    resized = [one.changed == "half the width" for one in found[:-1]]
+    wanted = [one.views if other_size else 0 for one, other_size in zip(found, resized, strict=False)]
+    assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
+    assert sum(resized) == 1
     assert found[-1].missed == found[-1].views
 
 

@@ -3,6 +3,8 @@
 import json
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +16,18 @@ from harness.group import GroupTask, run_group
 from harness.local_executor import Event
 from harness.progress import Quiet
 from harness.records import CellRecord, DamagedRecord, read_cells
-from harness.serving import runner
+from harness.serving import plan, runner
 from harness.serving.runner import Asked, after_run
+from harness.serving.situation import Situation
 from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, write_serving
-from harness.trainer import Diverged
+from harness.trainer import Diverged, Trainer
 from reports.load import first_mismatch
 from reports.serving_load import find_serving
-from tests.harness.serving.conftest import CPU
+from tests.harness.serving.conftest import CPU, Ticks
 from tests.harness.shell import refused
 from tests.harness.trained_runs import SIZE
+
+OTHER_ORIGINS: dict[str, dict[str, Any]] = {"machine": {"processor": "another"}, "torch": {"packages": {"torch": "0"}}}
 
 
 class Said(Quiet):
@@ -86,6 +91,7 @@ def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
     [
         lambda data: data.pop("cache"),
         lambda data: data.update(schema=99),
+        lambda data: data.update(schema=1),
         lambda data: data.update(extra=1),
         lambda data: data["cache"]["latencies"][0].pop("seconds"),
         lambda data: data["attention"]["curves"][0].update(colour=1),
@@ -98,7 +104,7 @@ def test_a_damaged_record_is_refused(copy: Path, damage: Callable[[dict[str, Any
     data = json.loads(path.read_text(encoding="utf-8"))
     damage(data)
     path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match="run `python -m harness serving` again"):
+    with pytest.raises(DamagedRecord, match=f"run `python -m harness serving {copy}` again"):
         read_serving(path)
 
 
@@ -116,12 +122,19 @@ def test_what_is_there_is_not_measured_again(copy: Path) -> None:
     assert (copy / SERVING_FILE).read_bytes() == before
 
 
-@pytest.mark.parametrize("change", ["weights", "stopped", "damaged"])
+@pytest.mark.parametrize("change", ["weights", "stopped", "damaged", "code", "machine", "torch"])
 def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+    path = copy / SERVING_FILE
+    before = read_serving(path)
     for field in runner.STUDIES:
         with_study(monkeypatch, field, lambda situation: None)
-    path = copy / SERVING_FILE
-    if change == "weights":
+    with_study(monkeypatch, "first_frame", lambda situation: before.first_frame)
+    if change == "code":
+        monkeypatch.setattr(runner, "_code", lambda: "other sources")
+    elif change in ("machine", "torch"):
+        origin = {**before.provenance, **OTHER_ORIGINS[change]}
+        write_serving(copy, replace(before, provenance=origin))
+    elif change == "weights":
         shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
     elif change == "stopped":
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -133,7 +146,9 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no memory"), OSError(28, "No space left"), Diverged(3, "colour")])
-def test_a_failing_study_costs_itself_alone(out: Path, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+def test_a_failing_study_costs_itself_alone_and_is_tried_again(
+    out: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
     with_study(monkeypatch, "attention", fail_with(error))
     with_study(monkeypatch, "cache", lambda situation: None)
     after_run(out, "cpu", out, Quiet())
@@ -141,6 +156,111 @@ def test_a_failing_study_costs_itself_alone(out: Path, monkeypatch: pytest.Monke
     assert record.attention is None
     assert record.first_frame is not None
     assert any("attention-prioritised rendering: " in one and str(error) in one for one in record.left_out)
+    assert record.failed == ["attention-prioritised rendering"]
+    assert not record.settings["complete"]
+    with_study(monkeypatch, "attention", lambda situation: None)
+    after_run(out, "cpu", out, Quiet())
+    again = read_serving(out / SERVING_FILE)
+    assert (again.failed, again.settings["complete"]) == ([], True)
+
+
+def test_a_study_that_failed_is_exit_code_3(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_study(monkeypatch, "cache", fail_with(Diverged(3, "colour")))
+    with_study(monkeypatch, "attention", lambda situation: None)
+    assert main(["serving", str(out), "--quick", "--quiet"]) == 3
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("ours")])
+def test_a_full_disk_does_not_hide_what_stopped_it(
+    out: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    for field in runner.STUDIES:
+        with_study(monkeypatch, field, fail_with(stop))
+    monkeypatch.setattr(runner, "write_serving", full)
+    asked, said = Asked(["ball"], ["nerf"], 0, SIZE, True), Said()
+    with pytest.raises(type(stop)):
+        runner.run(FinishedRun.of(out), asked, CPU, out, said)
+    assert any("could not be written" in line and "No space left" in line for line in said.lines)
+
+
+def everything_in(out: Path) -> dict[str, bytes]:
+    files = [out / SERVING_FILE, *(out / "records/images/serving").iterdir()]
+    return {file.name: file.read_bytes() for file in files}
+
+
+@pytest.mark.parametrize("ended", ["too long", "first study", "third study", "nothing to render", "late"])
+def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pytest.MonkeyPatch, ended: str) -> None:
+    monkeypatch.setattr(runner, "_code", lambda: "measured again")
+    before = everything_in(copy)
+    assert len(before) > 3
+    if ended == "too long":
+        monkeypatch.setattr(runner, "estimated_seconds", lambda situation: 1e6)
+    elif ended == "first study":
+        with_study(monkeypatch, "cache", fail_with(KeyboardInterrupt()))
+    elif ended == "third study":
+        with_study(monkeypatch, "cache", lambda situation: None)
+        with_study(monkeypatch, "first_frame", fail_with(KeyboardInterrupt()))
+    elif ended == "nothing to render":
+        for file in (copy / "checkpoints").iterdir():
+            file.unlink()
+    else:
+        monkeypatch.setattr(runner, "estimated_seconds", lambda situation: -1.0)
+        monkeypatch.setattr(runner, "MOST_SECONDS", 0.0)
+    said = Said()
+    with suppress(KeyboardInterrupt):
+        after_run(copy, "cpu", copy, said)
+    assert said.lines != ["serving: measured before"]
+    assert everything_in(copy) == before
+    assert not list(copy.glob(".serving-*"))
+
+
+def test_what_is_left_of_a_stopped_run_replaces_other_weights(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
+    cache = read_serving(copy / SERVING_FILE).cache
+    with_study(monkeypatch, "cache", lambda situation: cache)
+    with_study(monkeypatch, "attention", fail_with(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        after_run(copy, "cpu", copy, Quiet())
+    record = read_serving(copy / SERVING_FILE)
+    assert (record.cache, record.attention) == (cache, None)
+
+
+def test_once_the_time_is_over_nothing_is_begun(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def takes_all(situation: Any) -> None:
+        situation.deadline = situation.clock()
+
+    with_study(monkeypatch, "cache", takes_all)
+    after_run(out, "cpu", out, Quiet())
+    record = read_serving(out / SERVING_FILE)
+    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
+    assert not record.settings["complete"]
+    assert [one.split(":")[0] for one in record.left_out] == [
+        "attention-prioritised rendering", "first frame of the viewer"
+    ]  # fmt: skip
+
+
+def test_the_estimate_is_near_to_what_is_rendered(
+    situation: Situation, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    situation.methods = ["nerf"]
+    with monkeypatch.context() as patch:
+        patch.setattr(plan, "attention_cells", lambda situation: [])
+        seconds = plan.estimated_seconds(situation, ticks)
+    views: list[int] = []
+    render = Trainer.render
+
+    def counted(self: Trainer, rays: Any, *rest: Any) -> Any:
+        views.append(len(rays.origins))
+        return render(self, rays, *rest)
+
+    monkeypatch.setattr(Trainer, "render", counted)
+    for field in ("cache", "first_frame"):
+        assert runner.STUDIES[field][1](situation) is not None
+    rendered = sum(views) / (SIZE * SIZE)
+    assert seconds == pytest.approx(plan.LEAST_SECONDS + plan.BESIDE * rendered, rel=0.2)
 
 
 def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,6 +341,7 @@ def test_nothing_that_could_be_rendered_is_exit_code_3(out: Path) -> None:
     ("options", "said"),
     [
         (["--width", "4"], "--width 4"),
+        (["--threads", "0"], "--threads 0"),
         (["--seed", "7"], "--seed 7"),
         (["--scenes", "lego"], "'lego'"),
         (["--methods", "nerv"], "'nerv'"),
@@ -262,3 +383,24 @@ def test_a_run_measures_it_at_its_end(
     assert asked == ([out] if measured else [])
     phases = FinishedRun.of(out).run.phases
     assert ("serve" in phases) == measured
+
+
+def test_ctrl_c_at_the_end_says_that_the_run_is_complete(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def no_tasks(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
+        yield from ()
+
+    monkeypatch.setattr("harness.runner.run_locally", no_tasks)
+    monkeypatch.setattr(runner, "after_run", stopped)
+    monkeypatch.setattr("harness.device.available_cores", lambda: 1)
+    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
+    out = tmp_path / "run"
+    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out)]) == 130
+    said = capsys.readouterr().err
+    assert said == f"interrupted: the run is complete; `python -m reports {out}` makes its report\n"
+    assert FinishedRun.of(out).run.finished
+
+
+def stopped(*_: Any) -> None:
+    raise KeyboardInterrupt
