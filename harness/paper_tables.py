@@ -43,11 +43,12 @@ SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
 
 SERVING: tuple[tuple[str, tuple[str, ...], str, str, str], ...] = (
     ("section8.1-retrieval", ("§8.1",), "Cached views are retrieved instantly", "retrieval", "×"),
-    ("listing5-key", ("Listing 5",), "A cached view is found by the hash of its pose", "pose key", "views"),
+    ("listing5-key", ("Listing 5",), "The hash of its pose tells which picture a view is", "pose key", "kinds"),
     ("section8.2-priority", ("§8.2", "Eq. 7"), "Rendering is prioritised by attention", "attended first", "×"),
-    ("eq7-phi", ("Eq. 7",), "The factor φ of P_render takes part in the priorities", "factor of priorities", "maps"),
+    ("eq7-phi", ("Eq. 7",), "Factor φ changes what is rendered first or how finely", "factor of priorities", "maps"),
 )
-"""What §8 says, all of it in words: id, places, statement, rule, unit of what is measured."""
+"""What §8 says in words, and our reading of Listing 5's key and of Eq. 7's φ, of which it says nothing: id, places,
+statement, rule, unit of what is measured."""
 
 ORIGINAL_NERF: dict[str, float] = {
     "chair": 33.00,
