@@ -5,7 +5,8 @@ import re
 
 from baselines.catalog import CATALOG
 from harness.paper import LEDGER, printed
-from harness.paper_tables import TABLE1, TABLE2, TABLE3, TABLE4
+from harness.paper_tables import SERVING, TABLE1, TABLE2, TABLE3, TABLE4
+from reports.claims_serving import STATED
 
 TEXT_TABLE2 = """
 | Chair          | 33.0        | 34.4        | +1.4        |
@@ -114,6 +115,11 @@ def test_ids_are_unique_and_methods_are_there_to_be_run():
     named = {one.of[role] for one in LEDGER for role in ("method", "against") if role in one.of}
     assert named <= set(CATALOG)
     assert len({(one.statement, one.rule) for one in LEDGER}) == len(LEDGER), "two entries say the same"
+
+
+def test_what_section_8_is_read_as_is_known_to_the_report():
+    """It cannot look here, and has to know which entries older ledgers lack."""
+    assert tuple(name for name, *_ in SERVING) == STATED
 
 
 def test_a_record_can_keep_it():
