@@ -57,6 +57,14 @@ def _set_thresholds(mmap: int, trim: int) -> None:
         mallopt(trim_threshold, trim)
 
 
+def rendering_threads() -> int:
+    """Unless a user says otherwise, of what renders while somebody looks on. A core is left for the browser: threads of
+    torch that wait for each other on a core that is busy with something else made a view of 100 × 100 pixels take
+    seconds instead of half a second.
+    """
+    return max(1, available_cores() - 1)
+
+
 def available_cores() -> int:
     """Cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):

@@ -16,12 +16,14 @@ from harness.camera_paths import mean_distance
 from harness.checkpoints import checkpoint_path, load_checkpoint
 from harness.learner import Learner, learner_for
 from harness.lockstep import needs_view_direction_of, stream_of
+from harness.needed import with_needs
 from harness.plan import known_names
 from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cell, read_run, records_folder
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings
 from scenes.errors import InputError
 from scenes.transforms import read_transforms, transforms_file
+from scenes.view_set import ViewSet, read_view_set
 from scenes.viewpoints import RADIUS
 
 VIEW_SETS = Path("out/view_sets")
@@ -63,10 +65,10 @@ class FinishedRun:
             raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
         return FinishedRun(out, read_run(out))
 
-    def scenes(self, asked: list[str] | None) -> list[SceneRecord]:
-        """Those of `asked`, or all; raises `InputError` for a name that the run does not have."""
+    def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
+        """Those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not have."""
         known = {scene.name: scene for scene in self.run.scenes}
-        return [known[name] for name in known_names("--scenes", asked or list(known), list(known))]
+        return [known[name] for name in known_names(option, asked or list(known), list(known))]
 
     def methods(self, asked: list[str] | None) -> list[str]:
         """Those of `asked`, or all; raises `InputError` for a name that the run does not have."""
@@ -112,6 +114,39 @@ class FinishedRun:
             tried = " or ".join(str(place) for place in places)
             raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
         return found
+
+    def views(
+        self,
+        scene: SceneRecord,
+        cache: Path = VIEW_SETS,
+        width: int | None = None,
+        train: int = 0,
+        geometry: bool = True,
+        scratch: Path | None = None,
+    ) -> ViewSet:
+        """The test views that the run was scored on, at `width` pixels or the run's own, and `train` of the training
+        views, evenly spread; with what the run's settings force in or out, and without depth and normals where no
+        `geometry` is asked for. Decoded images go to `scratch`, a folder on a disk.
+
+        Raises `InputError` for whatever is wrong with the view set, and for another rendering than the methods were
+        trained on.
+        """
+        folder, asked = self.view_set(scene, cache), self.run.settings.get("views", {})
+        found = read_view_set(
+            folder,
+            resolution=width or scene.width,
+            splits=("train", "test") if train else ("test",),
+            train_count=min(train, scene.views["train"]),
+            test_count=scene.views["test"],
+            geometry=("test",) if geometry else (),
+            scratch=scratch,
+        )
+        if found.rendered.get("digest") != scene.rendered.get("digest"):
+            raise InputError(
+                f"{folder}: another rendering than the one that {scene.name} was trained on; name its cache with "
+                "--view-sets"
+            )
+        return with_needs(found, tuple(asked.get("need", ())), tuple(asked.get("no_need", ())))
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
         """How far from the origin its cameras stand, in scene units: known of our own scenes, of others the mean over

@@ -33,7 +33,11 @@ def add_options(command: argparse.ArgumentParser) -> None:
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache, for --path test")
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     add(
-        "--threads", type=int, metavar="N", help="of rendering (default: all cores); a part of what a cached view is of"
+        "--threads",
+        type=int,
+        metavar="N",
+        help="that render (default: all cores but one, as in `view`); views that were cached with another number are "
+        "rendered anew, as they may differ in their last bits",
     )
     add("--no-cache", action="store_true", help="render every missing frame; neither read nor fill the view cache")
     add("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
@@ -46,7 +50,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
 
     _check(options)
 
-    from harness.device import available_cores, chosen_device, keep_freed_memory, use_threads
+    from harness.device import chosen_device, keep_freed_memory, rendering_threads, use_threads
     from harness.filming.film import filmed
     from harness.filming.folder import claim
     from harness.filming.plan import planned
@@ -54,7 +58,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     from harness.finished import FinishedRun
 
     device = chosen_device(options.device)
-    use_threads(options.threads or available_cores())
+    use_threads(options.threads or rendering_threads())
     keep_freed_memory()
     run = FinishedRun.of(options.run)
     wish = Wish(

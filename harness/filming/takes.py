@@ -13,7 +13,7 @@ from harness.finished import FinishedRun, TrainedCell
 from harness.records import SceneRecord
 from scenes.errors import InputError
 from scenes.pixels import over_white
-from scenes.view_set import ViewSet, read_view_set
+from scenes.view_set import ViewSet
 from scenes.viewpoints import evenly_spread
 
 FRAMES = 60
@@ -92,11 +92,7 @@ def _path(run: FinishedRun, cell: TrainedCell, wish: Wish, view_sets: Path) -> T
 
 def _test_views(run: FinishedRun, scene: SceneRecord, wish: Wish, view_sets: Path) -> Take:
     """Those that the run was scored on, or some of them."""
-    folder = run.view_set(scene, view_sets)
-    width = wish.resolution or scene.width
-    views = read_view_set(folder, width, splits=("test",), test_count=scene.views["test"], geometry=())
-    if views.rendered.get("digest") != scene.rendered.get("digest"):
-        raise InputError(f"{folder}: not the view set that {scene.name} was trained on; name its cache, --view-sets")
+    views = run.views(scene, view_sets, wish.resolution, geometry=False)
     poses = views.test.camera_to_world
     shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")
     cameras = [Camera(poses[one], views.width, views.height, views.focal, views.near, views.far) for one in shown]
