@@ -1,11 +1,16 @@
 """What a viewer attends to, as attention of every region."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from harness.attention.maps import around_point, foveal, from_gradients
+from harness.attention.maps import MAPS, Sight
 from harness.attention.regions import Regions
+from scenes.errors import InputError
+from scenes.images import read_image
+from scenes.pixels import area_weights
 
 RADIUS = 0.2
 """Of the disc about a point, of the picture's longer side."""
@@ -14,14 +19,19 @@ ATTENTIONS: dict[str, str] = {
     "foveal": "fovea at the point of interest",
     "point": "disc about the pointer",
     "gradients": "gradients of the coarse frame",
+    "error": "estimated error of the coarse frame",
+    "mask": "bright pixels of the mask",
     "none": "none (plain)",
 }
-"""Kind → what a reader is shown."""
+"""Map of `harness.attention.maps.MAPS` → what a reader is shown."""
+LARGEST_MASK = 1024
+"""Pixels a side that are kept of one."""
 
 
 @dataclass(frozen=True)
 class Attention:
-    """What is attended: `foveal` and `point` about a point, `gradients` where the coarse frame has them, or nothing.
+    """What is attended: `foveal` and `point` about a point, `gradients` and `error` where the coarse frame has them,
+    `mask` where a user marked it, or nothing.
 
     Raises `ValueError` for another kind, and for a point that is not in the picture.
     """
@@ -39,13 +49,47 @@ class Attention:
             raise ValueError(f"point of interest ({self.row}, {self.column}): both lie between 0 and 1")
 
 
-def attention_map(attention: Attention, regions: Regions, focal: float, image: np.ndarray) -> np.ndarray:
-    """float64 [regions]; `image` [h, w, 3] is the coarse frame, `focal` in pixels."""
+def attention_map(
+    attention: Attention,
+    regions: Regions,
+    focal: float,
+    image: np.ndarray,
+    error: Callable[[], np.ndarray],
+    mask: np.ndarray | None,
+) -> np.ndarray:
+    """float64 [regions]; `image` [h, w, 3] is the coarse frame, `error` makes an estimate of its error [h, w], `mask`
+    is of any size, `focal` in pixels.
+    """
     row, column = attention.row * regions.height, attention.column * regions.width
-    if attention.kind == "foveal":
-        return foveal(regions, row, column, focal)
-    if attention.kind == "point":
-        return around_point(regions, row, column, RADIUS * max(regions.height, regions.width))
-    if attention.kind == "gradients":
-        return from_gradients(regions, image)
-    return np.ones(regions.count)
+    if attention.kind == "none" or (attention.kind == "mask" and mask is None):
+        return np.ones(regions.count)
+    radius = RADIUS * max(regions.height, regions.width)
+    marked = {} if mask is None else {"mask": lambda: spread(mask, regions.height, regions.width)}
+    return MAPS[attention.kind](Sight(regions, row, column, radius, focal, image=lambda: image, error=error, **marked))
+
+
+def read_mask(file: Path) -> np.ndarray:
+    """float64 [h, w], 0 … 1: how bright an image is, over black where it is transparent.
+
+    Raises `InputError` for what is no image, and for one that marks nothing.
+    """
+    try:
+        image = read_image(file).astype(np.float64)
+    except InputError as mistake:
+        raise InputError(f"--mask {mistake}") from mistake
+    grey = image.shape[-1] in (1, 2)
+    bright = image[..., : 1 if grey else 3].mean(axis=-1)
+    if image.shape[-1] in (2, 4):
+        bright = bright * image[..., -1]
+    if not np.isfinite(bright).all() or bright.min() < 0.0:
+        raise InputError(f"--mask {file}: holds brightness that is not finite or below 0; save it as PNG")
+    if bright.max() == 0.0:
+        raise InputError(f"--mask {file}: is black all over; paint bright what is to be attended")
+    return spread(bright, min(bright.shape[0], LARGEST_MASK), min(bright.shape[1], LARGEST_MASK))
+
+
+def spread(mask: np.ndarray, height: int, width: int) -> np.ndarray:
+    """A mask [h, w] stretched over a picture: each pixel is the mean of what it covers."""
+    rows = area_weights(mask.shape[0], height, mask.shape[0] / height)
+    columns = area_weights(mask.shape[1], width, mask.shape[1] / width)
+    return np.asarray(rows @ mask @ columns.T)

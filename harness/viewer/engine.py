@@ -7,14 +7,14 @@ them has stopped the rendering.
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from harness.attention.priorities import is_equal
-from harness.attention.progressive import Canvas, coarse, refine, why_plain
+from harness.attention.progressive import Canvas, coarse, estimated_error, refine, why_plain
 from harness.attention.regions import Regions
 from harness.camera import Camera
 from harness.evaluate import LARGEST_PSNR, View
@@ -77,6 +77,12 @@ class Seat:
     def pointwise(self) -> bool:
         return self.learner.field.pointwise
 
+    @property
+    def bins(self) -> int:
+        """Samples a ray."""
+        how = self.learner.rendered_by()
+        return int(how.get("sampling", how)["bins"])
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -99,9 +105,9 @@ class Frame:
     work: float
     """Of these, spent on this method."""
     rays: int = 0
-    """Rendered so far, with those of the coarse frame."""
+    """Rendered so far, with those of the coarse frame and of an estimate of its error."""
     evaluations: int = 0
-    """Of the network so far, without those of the coarse frame."""
+    """Of the network so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
     """Of a coarse frame."""
     level: int | None = None
@@ -124,18 +130,20 @@ def frames(
     truth: np.ndarray | None = None,
     use_cache: bool = True,
     asked_at: float | None = None,
+    mask: np.ndarray | None = None,
 ) -> Iterator[Frame]:
     """Of each method either one whole picture out of the cache, or a coarse one, the refined parts of it, and a last
-    frame that holds the whole picture. `truth` [h, w, 3] is compared with. `asked_at`: of `time.perf_counter`.
+    frame that holds the whole picture.
 
-    What comes from the cache comes first. Then it is the turn of the method that has had the least time, for one call
-    of rays. Rendering goes on only when the next frame is asked for. A method whose picture is not finite ends with
-    the state `failed`.
+    `truth` [h, w, 3] is compared with. `asked_at`: of `time.perf_counter`. `mask` [h, w], of any size, is what such an
+    attention is on. What comes from the cache comes first. Then it is the turn of the method that has had the least
+    time, for one call of rays. Rendering goes on only when the next frame is asked for. A method whose picture is not
+    finite ends with the state `failed`.
     """
     start = time.perf_counter() if asked_at is None else asked_at
     waiting = []
     for seat in seats:
-        turn = _Turn(seat, camera, attention, truth, use_cache, start)
+        turn = _Turn(seat, camera, attention, truth, use_cache, start, mask)
         found = turn.from_cache()
         if found is not None:
             yield found
@@ -160,6 +168,7 @@ class _Turn:
     truth: np.ndarray | None
     use_cache: bool
     start: float
+    mask: np.ndarray | None
     work: float = 0.0
     regions: Regions = field(init=False)
 
@@ -192,7 +201,7 @@ class _Turn:
         seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
         stride = seat.pace.stride(size)
         began = time.perf_counter()
-        first, rays = coarse(seat.learner, camera, stride, seat.chunk)
+        first, rays, _ = coarse(seat.learner, camera, stride, seat.chunk)
         passed = time.perf_counter() - began
         seat.pace.learn(rays, passed)
         self.work += passed
@@ -201,8 +210,16 @@ class _Turn:
             "coarse", *_all(first), share=0.0, rays=rays, stride=stride, psnr=self._psnr(first), note=note
         )
         began = time.perf_counter()
-        attended = attention_map(self.attention, self.regions, camera.focal, first.colour)
-        canvas, evaluations = Canvas(camera.height, camera.width), 0
+        evaluations = 0
+
+        def error() -> np.ndarray:
+            nonlocal rays, evaluations
+            found = estimated_error(seat.learner, camera, first, stride, seat.chunk, seat.bins)
+            rays, evaluations = rays + found.rays, evaluations + found.network_evaluations
+            return found.error
+
+        attended = self._attended(first, error)
+        canvas = Canvas(camera.height, camera.width)
         for done in refine(seat.learner, camera, self.regions, attended, seat.chunk):
             canvas.put(done)
             rays, evaluations = rays + len(done.pixels), evaluations + done.network_evaluations
@@ -220,6 +237,12 @@ class _Turn:
         finally:  # also for one who has seen enough
             if self.use_cache:
                 seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
+
+    def _attended(self, first: View, error: Callable[[], np.ndarray]) -> np.ndarray:
+        """Nothing is spent on it where it changes nothing."""
+        if not self._by_regions():
+            return np.ones(self.regions.count)
+        return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error, self.mask)
 
     def _note(self) -> str:
         return NOT_BY_REGIONS if self.attention.kind != "none" and why_plain(self.seat.learner) else ""
@@ -252,21 +275,22 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def first_frame(
     cells: Sequence[TrainedCell], camera: Camera, attention: Attention | None = None, warm_up: bool = True
-) -> tuple[float, float]:
-    """Seconds from asking for a view, with nothing in the cache, until there is a coarse frame of every method, and
-    until every method is refined. `warm_up` renders a coarse frame first, as the viewer does when it loads a method.
-
-    Raises `harness.trainer.Diverged` where a picture is not finite: that is no time.
+) -> list[Frame]:
+    """All frames of a view with nothing in the cache (`seconds_of` them). `warm_up` renders a coarse frame first, as
+    the viewer does when it loads a method.
     """
     seats = [Seat.of(cell, ViewStore(0, None, 0)) for cell in cells]
     if warm_up:
         for seat in seats:
             warmed(seat, camera)
-    return seconds_of(frames(seats, camera, attention or Attention(), use_cache=False), len(seats))
+    return list(frames(seats, camera, attention or Attention(), use_cache=False))
 
 
-def seconds_of(shown: Iterator[Frame], methods: int) -> tuple[float, float]:
-    """When there was something of all methods, and when everything was whole."""
+def seconds_of(shown: Iterable[Frame], methods: int) -> tuple[float, float]:
+    """When there was something of all methods, and when everything was whole, seconds since the view was asked for.
+
+    Raises `harness.trainer.Diverged` where a picture is not finite: that is no time.
+    """
     seen: dict[str, float] = {}
     last = 0.0
     for frame in shown:
@@ -283,5 +307,5 @@ def warmed(seat: Seat, camera: Camera) -> None:
     """Lets a method allocate what it needs, and learns its pace."""
     for _ in range(2):
         began = time.perf_counter()
-        _, rays = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
+        _, rays, _ = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
         seat.pace.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)

@@ -35,6 +35,12 @@ def add_options(command: argparse.ArgumentParser) -> None:
     add("--threads", type=int, metavar="N", help="that render (default: all cores but one)")
     add("--resolution", type=int, metavar="PX", help="width of the pictures (default: that of the run's views)")
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add(
+        "--mask",
+        type=Path,
+        metavar="FILE",
+        help="image, stretched over the picture: its bright pixels can be attended",
+    )
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
 
@@ -47,8 +53,9 @@ def run_view(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def _run_view(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.device import available_cores, chosen_device, use_threads
+    from harness.device import chosen_device, rendering_threads, use_threads
     from harness.viewer.asked import LARGEST_WIDTH
+    from harness.viewer.attended import read_mask
     from harness.viewer.shown_run import ShownRun
     from scenes.errors import InputError
 
@@ -66,15 +73,12 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
         options.view_sets,
         options.resolution,
         chosen_device(options.device),
+        None if options.mask is None else read_mask(options.mask),
     )
     listening = bound(options.host, options.port)
-    # a core is left for the browser: threads of torch that wait for each other on a core that is busy with something
-    # else made a view of 100 × 100 pixels take seconds instead of half a second
-    threads = options.threads or max(1, available_cores() - 1)
+    threads = options.threads or rendering_threads()
 
-    import uvicorn
-
-    from harness.viewer.server import application
+    from harness.viewer.server import Announced, application
 
     # torch's number of threads is one of each thread's own settings
     worker = ThreadPoolExecutor(1, "render", initializer=use_threads, initargs=(threads,))
@@ -88,11 +92,14 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
             "rendered; there is no password",
             file=sys.stderr,
         )
-    show.line(f"{options.out} on {address} (Ctrl-C ends it)")
-    if not options.no_browser and _has_screen():
-        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    def announce() -> None:
+        show.line(f"{options.out} on {address} (Ctrl-C ends it)")
+        if not options.no_browser and _has_screen():
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
     try:
-        uvicorn.Server(config).run(sockets=[listening])
+        Announced(config, announce).run(sockets=[listening])
     finally:
         worker.shutdown(wait=False, cancel_futures=True)
     return 0

@@ -1,4 +1,4 @@
-"""Cameras that circle a point, z up, and which known view is the nearest. Angles in radians, lengths in scene units."""
+"""Cameras that circle a point, z up. Angles in radians, lengths in scene units."""
 
 import math
 from dataclasses import dataclass, replace
@@ -53,20 +53,6 @@ def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
     x, y, z = (eye - distance * backward).tolist()
     flat = math.hypot(backward[0], backward[1])
     return Orbit((x, y, z), math.atan2(backward[1], backward[0]), math.atan2(float(backward[2]), flat), distance)
-
-
-def nearest_view(poses: np.ndarray, camera_to_world: np.ndarray, centre: np.ndarray) -> tuple[int, float]:
-    """Which of the cameras [n, 4, 4] is seen from `centre` [3] in the direction nearest to that of a pose, and the
-    angle between the two in radians. Raises `ValueError` where there are none.
-    """
-    if not len(poses):
-        raise ValueError("no view to be the nearest")
-    directions = poses[:, :3, 3] - centre
-    wanted = camera_to_world[:3, 3] - centre
-    lengths = np.linalg.norm(directions, axis=-1) * np.linalg.norm(wanted)
-    cosines = (directions @ wanted) / np.where(lengths > 0.0, lengths, 1.0)
-    index = int(np.argmax(cosines))
-    return index, float(np.arccos(np.clip(cosines[index], -1.0, 1.0)))
 
 
 def covering(camera: Camera, bounds: np.ndarray) -> Camera:

@@ -1,6 +1,7 @@
 """The page over HTTP: who may ask, what is answered, and how a render is streamed and given up."""
 
 import asyncio
+import socket
 import sys
 import traceback
 from collections import OrderedDict
@@ -11,7 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+import uvicorn
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
@@ -30,6 +33,8 @@ FILES = {
     "/viewer.js": ("viewer.js", "text/javascript"),
     "/camera.js": ("camera.js", "text/javascript"),
     "/panel.js": ("panel.js", "text/javascript"),
+    "/asking.js": ("asking.js", "text/javascript"),
+    "/words.js": ("words.js", "text/javascript"),
     "/stream.js": ("stream.js", "text/javascript"),
     "/icon.svg": ("icon.svg", "image/svg+xml"),
 }
@@ -45,6 +50,10 @@ HEADERS = {
 }
 MOST_CLIENTS = 64
 """Pages whose newest request is remembered."""
+MOST_STREAMS = 8
+"""Views in the making: each holds its pictures in memory."""
+BODY_SECONDS = 10.0
+"""In which a request has to be here."""
 
 Made = TypeVar("Made")
 
@@ -57,13 +66,22 @@ class Desk:
     worker: ThreadPoolExecutor
     newest: OrderedDict[str, int] = field(default_factory=OrderedDict)
     """Page → the generation of its newest request."""
+    streams: int = 0
+    """That are open."""
 
     async def done(self, work: Callable[..., Made], *arguments: Any) -> Made:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
     def enter(self, asked: Asked) -> None:
-        """Whatever the page asked for before is given up after the call of rays that it is at."""
-        self.newest[asked.client] = max(asked.generation, self.newest.pop(asked.client, -1))
+        """Whatever the page asked for before is given up after the call of rays that it is at.
+
+        Raises `Refused` for what is not newer than that.
+        """
+        known = self.newest.get(asked.client, -1)
+        if asked.generation <= known:
+            raise Refused(409, f"generation {asked.generation}: this page has asked for number {known} already")
+        self.newest[asked.client] = asked.generation
+        self.newest.move_to_end(asked.client)
         while len(self.newest) > MOST_CLIENTS:
             self.newest.popitem(last=False)
 
@@ -73,7 +91,10 @@ class Desk:
     async def stream(self, asked: Asked, gone: Callable[[], Any]) -> AsyncIterator[bytes]:
         messages = self.shown.messages(asked)
         try:
-            while self.wanted(asked) and not await gone():
+            while not await gone():
+                if not self.wanted(asked):
+                    yield message("given up")
+                    break
                 piece = await self.done(_next_piece, messages)
                 if piece is None:
                     break
@@ -81,6 +102,40 @@ class Desk:
         finally:
             with suppress(RuntimeError):  # the worker has ended with the program
                 self.worker.submit(messages.close)
+
+
+class Refused(Exception):
+    """A request that is not done: the status and why, in a sentence."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+class Streamed(StreamingResponse):
+    """Leaves its place to another one however it ends, even if nobody has taken the first piece."""
+
+    def __init__(self, desk: Desk, pieces: AsyncIterator[bytes]) -> None:
+        super().__init__(pieces, media_type="application/octet-stream")
+        self.desk = desk
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self.desk.streams -= 1
+
+
+class Announced(uvicorn.Server):
+    """Tells when it answers, and an interrupt ends it in order."""
+
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
+        super().__init__(config)
+        self.announce = announce
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.announce()
 
 
 def _next_piece(messages: Iterator[bytes]) -> bytes | None:
@@ -109,13 +164,17 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
     async def render(request: Request) -> Response:
         if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
             return PlainTextResponse("send JSON, with its content type", 415)
-        origin = request.headers.get("origin")
-        if origin is not None and origin != f"http://{request.headers.get('host')}":
-            return PlainTextResponse("another page may not ask for views", 403)
-        asked = parsed(await _body(request))
-        await desk.done(shown.checked, asked)
-        desk.enter(asked)
-        return StreamingResponse(desk.stream(asked, request.is_disconnected), media_type="application/octet-stream")
+        if desk.streams >= MOST_STREAMS:
+            raise Refused(503, f"{MOST_STREAMS} views are being rendered already: ask again in a moment")
+        desk.streams += 1
+        try:
+            asked = parsed(await _body(request))
+            await desk.done(shown.checked, asked)
+            desk.enter(asked)
+        except BaseException:
+            desk.streams -= 1
+            raise
+        return Streamed(desk, desk.stream(asked, request.is_disconnected))
 
     routes = [
         *(Route(path, _file(*what), methods=["GET"]) for path, what in FILES.items()),
@@ -124,13 +183,22 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
         Route("/truth", truth, methods=["GET"]),
         Route("/render", render, methods=["POST"]),
     ]
-    refusals = {BadRequest: _refused, Exception: _broken}
-    middleware = [Middleware(SafeHeaders), Middleware(TrustedHostMiddleware, allowed_hosts=hosts, www_redirect=False)]
+    refusals = {BadRequest: _bad, Refused: _refused, Exception: _broken}
+    middleware = [
+        Middleware(SafeHeaders),
+        Middleware(TrustedHostMiddleware, allowed_hosts=hosts, www_redirect=False),
+        Middleware(OwnPagesAlone),
+    ]
     return Starlette(routes=routes, middleware=middleware, exception_handlers=refusals)
 
 
-async def _refused(request: Request, mistake: Exception) -> Response:
+async def _bad(request: Request, mistake: Exception) -> Response:
     return PlainTextResponse(str(mistake), 400)
+
+
+async def _refused(request: Request, reason: Exception) -> Response:
+    assert isinstance(reason, Refused)
+    return PlainTextResponse(str(reason), reason.status)
 
 
 async def _broken(request: Request, error: Exception) -> Response:
@@ -139,12 +207,16 @@ async def _broken(request: Request, error: Exception) -> Response:
 
 
 async def _body(request: Request) -> bytes:
-    """No more than is allowed is ever kept."""
+    """No more than is allowed is ever kept, nor waited for longer."""
     found = b""
-    async for part in request.stream():
-        found += part
-        if len(found) > LARGEST_BODY:
-            raise BadRequest(f"the request has more than {LARGEST_BODY} bytes")
+    try:
+        async with asyncio.timeout(BODY_SECONDS):
+            async for part in request.stream():
+                found += part
+                if len(found) > LARGEST_BODY:
+                    raise BadRequest(f"the request has more than {LARGEST_BODY} bytes")
+    except TimeoutError as error:
+        raise Refused(408, f"the request was not here after {BODY_SECONDS:g} seconds") from error
     return found
 
 
@@ -155,6 +227,21 @@ def _file(name: str, kind: str) -> Callable[[Request], Any]:
         return Response(content, media_type=kind)
 
     return answer
+
+
+class OwnPagesAlone:
+    """Refuses what a browser says that another site's page asks for: looking at its own pages costs work here too."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        own = f"http://{headers.get('host')}"
+        if headers.get("origin", own) != own or headers.get("sec-fetch-site") == "cross-site":
+            await PlainTextResponse("another site's page may not ask", 403)(scope, receive, send)
+        else:
+            await self.app(scope, receive, send)
 
 
 class SafeHeaders:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections import Counter
+from collections import Counter, OrderedDict
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +14,11 @@ import torch
 from harness.camera import Camera
 from harness.finished import FinishedRun
 from harness.records import DamagedRecord, SceneRecord, cell_path, read_cell
-from harness.view_cache.store import ViewStore
+from harness.view_cache.store import StoreStatistics, ViewStore
 from harness.viewer import engine
 from harness.viewer.asked import LARGEST_WIDTH, Asked, BadRequest
 from harness.viewer.attended import ATTENTIONS
-from harness.viewer.orbit import Orbit, covering, nearest_view, orbit_of
+from harness.viewer.orbit import Orbit, covering, orbit_of
 from harness.viewer.truth import Truth, read_truth
 from harness.viewer.wire import frame_message, message, picture_message
 from scenes.errors import InputError
@@ -28,6 +28,10 @@ DISK_BYTES = 2 << 30
 ELEVATION = math.radians(30.0)
 """Of the first view where there is no test view to begin with."""
 DEFAULT_METHODS = ("nerf", "qnerf")
+TRUTHS = 2
+"""Scenes whose decoded test views are kept."""
+COUNTED_FOR = 5.0
+"""Seconds after which the files of the cache are looked at again."""
 
 
 @dataclass
@@ -45,12 +49,17 @@ class ShownRun:
     """Why nothing is kept on disk; empty where it is."""
     width: int | None = None
     """Pixels; None: each scene's own."""
+    mask: np.ndarray | None = None
+    """[h, w] of a user, of any size."""
     seats: dict[tuple[str, str], engine.Seat] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Of the views of each scene, somewhere."""
-    truths: dict[str, Truth] = field(default_factory=dict)
+    truths: OrderedDict[str, Truth] = field(default_factory=OrderedDict)
+    """Of the scenes looked at last."""
     sources: Counter[str] = field(default_factory=Counter)
     """Where whole pictures came from: `level 0` … `level 2` of the cache, or `rendered`."""
+    counted: tuple[float, StoreStatistics] | None = None
+    """What the cache held, and when."""
 
     @staticmethod
     def of(
@@ -61,10 +70,11 @@ class ShownRun:
         view_sets: Path,
         width: int | None,
         device: torch.device,
+        mask: np.ndarray | None = None,
     ) -> "ShownRun":
         """Raises `InputError` for names that the run does not have, and where it left nothing to show."""
         run = FinishedRun.of(out)
-        scenes = [one.name for one in run.scenes([scene] if scene else None)]
+        scenes = [one.name for one in run.scenes([scene] if scene else None, "--scene")]
         asked = run.methods(list(methods) if methods else None)
         if methods is None:
             asked = list(DEFAULT_METHODS) if set(DEFAULT_METHODS) <= set(asked) else asked[:2]
@@ -77,7 +87,7 @@ class ShownRun:
                 "nothing to show; choose other --methods, --scene or --seed, or train them again"
             )
         store, memory_alone = _store(out / "view_cache")
-        return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
+        return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width, mask)
 
     def listing(self) -> dict[str, Any]:
         """What can be chosen."""
@@ -87,7 +97,7 @@ class ShownRun:
             "seed": self.seed,
             "scenes": [{"name": one.name, "title": one.title} for one in self.run.run.scenes],
             "methods": [{"name": name, "about": about} for name, about in self.run.run.methods.items()],
-            "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items()],
+            "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items() if self._attends(name)],
             "first": {"scene": self.first_scene, "methods": self.first_methods},
             "largest_width": LARGEST_WIDTH,
         }
@@ -99,6 +109,7 @@ class ShownRun:
         centre = np.mean(scene.bounds, axis=0)
         width = self.width or scene.width
         return {
+            "centre": centre.tolist(),
             "name": scene.name,
             "title": scene.title,
             "width": width,
@@ -136,9 +147,17 @@ class ShownRun:
         raise BadRequest("scene: the run has no such scene")
 
     def truth(self, scene: SceneRecord) -> Truth:
-        if scene.name not in self.truths:
-            self.truths[scene.name] = read_truth(self.run, scene, self.view_sets, self.width or scene.width)
-        return self.truths[scene.name]
+        found = self.truths.pop(scene.name, None)
+        if found is None:
+            while len(self.truths) >= TRUTHS:
+                self.truths.popitem(last=False)
+            scratch = None if self.memory_alone else self.run.out
+            found = read_truth(self.run, scene, self.view_sets, self.width or scene.width, scratch)
+        self.truths[scene.name] = found
+        return found
+
+    def _attends(self, kind: str) -> bool:
+        return kind != "mask" or self.mask is not None
 
     def seat(self, scene: SceneRecord, method: str) -> engine.Seat:
         """Raises `InputError` where the cell cannot be shown."""
@@ -156,6 +175,8 @@ class ShownRun:
         unknown = [name for name in asked.methods if name not in self.run.run.methods]
         if unknown:
             raise BadRequest("methods: the run has no such method")
+        if not self._attends(asked.attention.kind):
+            raise BadRequest("attention: there is no mask; start the viewer with --mask FILE")
         if isinstance(asked.place, int) and asked.place >= len(self.truth(scene)):
             raise BadRequest(f"view: there are {len(self.truth(scene))} test views")
 
@@ -171,7 +192,7 @@ class ShownRun:
     def messages(self, asked: Asked) -> Generator[bytes, None, None]:
         """All that a page is sent for what it asked, one piece of work after another; `checked` before."""
         scene = self.scene(asked.scene)
-        truth, centre = self.truth(scene), np.mean(scene.bounds, axis=0)
+        truth = self.truth(scene)
         exact = asked.place if isinstance(asked.place, int) else None
         pose = truth.poses[exact] if exact is not None else asked.place.pose()  # type: ignore[union-attr]
         seats = []
@@ -187,21 +208,19 @@ class ShownRun:
             return
         began = time.perf_counter()
         camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
-        facts: dict[str, Any] = {"generation": asked.generation, "width": camera.width, "height": camera.height}
-        if len(truth):
-            index, angle = nearest_view(truth.poses, pose, centre)
-            index, angle = (index, angle) if exact is None else (exact, 0.0)
-            facts |= {"nearest": index, "degrees": math.degrees(angle)}
-        yield message("start", **facts, exact=exact)
+        yield message("start", width=camera.width, height=camera.height, exact=exact)
         picture = truth.colour(exact) if exact is not None else None
-        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
+        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began, mask=self.mask):
             if frame.state == "whole":
                 self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
             yield frame_message(frame)
         yield message("end", cache=self.cache_listing())
 
     def cache_listing(self) -> dict[str, Any]:
-        found = self.store.statistics
+        now = time.monotonic()
+        if self.counted is None or now > self.counted[0] + COUNTED_FOR:
+            self.counted = now, self.store.statistics
+        found = self.counted[1]
         return {
             "sources": dict(self.sources),
             "memory_bytes": found.bytes[0] + found.bytes[1],

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from harness.finished import FinishedRun
-from harness.needed import with_needs
 from harness.records import SceneRecord
 from scenes.errors import InputError
 from scenes.pixels import over_white
-from scenes.view_set import Split, read_view_set
+from scenes.view_set import Split
 
 
 @dataclass(frozen=True)
@@ -46,22 +45,12 @@ def no_truth(why: str) -> Truth:
     return Truth((), np.zeros((0, 4, 4)), None, why)
 
 
-def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int) -> Truth:
-    """Of a finished run's scene, at `width` pixels or the views' own width where that is smaller. Never raises for what
-    is wrong with the view set.
+def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int, scratch: Path | None) -> Truth:
+    """Of a finished run's scene, at `width` pixels or the views' own width where that is smaller; decoded images go to
+    `scratch`. Never raises for what is wrong with the view set.
     """
-    views = run.run.settings.get("views", {})
     try:
-        folder = run.view_set(scene, view_sets)
-        found = read_view_set(
-            folder, resolution=min(width, scene.width), splits=("test",), test_count=views.get("test"), scratch=None
-        )
-        found = with_needs(found, tuple(views.get("need", ())), tuple(views.get("no_need", ())))
+        found = run.views(scene, view_sets, min(width, scene.width), scratch=scratch)
     except (InputError, OSError) as error:
         return no_truth(f"No ground truth: {error}")
-    trained, read = scene.rendered.get("digest"), found.rendered.get("digest")
-    if trained != read:
-        return no_truth(
-            f"No ground truth: {folder} is another rendering than the one that the methods were trained on."
-        )
     return Truth(found.test.names, found.test.camera_to_world, found.test)

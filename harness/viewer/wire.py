@@ -17,7 +17,6 @@ import numpy as np
 
 from harness.viewer.engine import Frame
 
-BYTES_PER_PIXEL = 12
 ARRAYS = ("pixels", "colour", "opacity", "depth")
 HIT = 0.5
 """Opacity from which a pixel has a depth that is shown."""
@@ -60,16 +59,3 @@ def _bytes(values: np.ndarray) -> np.ndarray:
 def _packed(header: dict[str, Any], payload: bytes) -> bytes:
     text = json.dumps(header, allow_nan=False, ensure_ascii=False).encode()
     return struct.pack("<I", len(text)) + text + payload
-
-
-def unpacked(stream: bytes) -> list[tuple[dict[str, Any], bytes]]:
-    """The whole messages of a stream, for whoever reads it in Python."""
-    found, at = [], 0
-    while at + 4 <= len(stream):
-        length = struct.unpack_from("<I", stream, at)[0]
-        header = json.loads(stream[at + 4 : at + 4 + length])
-        start, at = at + 4 + length, at + 4 + length + BYTES_PER_PIXEL * header["pixels"]
-        if at > len(stream):
-            break
-        found.append((header, stream[start:at]))
-    return found

@@ -1,10 +1,12 @@
-// Where the camera stands: about a target, z up, angles in radians; and the ways in which a user moves it.
+// Where the camera stands: about a target, z up, angles in radians; the ways in which a user moves it, and the known
+// view that is nearest.
 
 const STEEPEST = 1.55
 const RADIANS_PER_PIXEL = 0.008
 const STEP = Math.PI / 36
 const ZOOM = 1.12
-const LEAST = 0.3, MOST = 60
+const REACH = 16 // times nearer and farther than the cameras that are known
+const NEAREST = 1e-3, FARTHEST = 1000 // scene units, which the server renders
 
 const clamp = (value, least, most) => Math.min(Math.max(value, least), most)
 
@@ -17,7 +19,34 @@ export function turned(orbit, azimuth, elevation) {
   }
 }
 
-export const zoomed = (orbit, factor) => ({ ...orbit, distance: clamp(orbit.distance * factor, LEAST, MOST) })
+export const zoomed = (orbit, factor) => ({ ...orbit, distance: orbit.distance * factor })
+
+/** Between which distances one may zoom, from the orbits that a scene comes with. */
+export function reach(orbits) {
+  const distances = orbits.map(orbit => orbit.distance)
+  return [Math.max(Math.min(...distances) / REACH, NEAREST), Math.min(Math.max(...distances) * REACH, FARTHEST)]
+}
+
+export const within = (orbit, [least, most]) => ({ ...orbit, distance: clamp(orbit.distance, least, most) })
+
+/** From where the camera looks, as a vector from `centre`. */
+function direction({ azimuth, elevation, distance, target }, centre) {
+  const flat = distance * Math.cos(elevation)
+  const arm = [flat * Math.cos(azimuth), flat * Math.sin(azimuth), distance * Math.sin(elevation)]
+  return arm.map((value, i) => value + target[i] - centre[i])
+}
+
+/** Which of the views is seen from `centre` in the direction nearest to that of `orbit`, and the angle between them; null without views. */
+export function nearest(views, orbit, centre) {
+  const [x, y, z] = direction(orbit, centre)
+  let found = null
+  views.forEach((view, index) => {
+    const [u, v, w] = direction(view, centre)
+    const degrees = Math.atan2(Math.hypot(y * w - z * v, z * u - x * w, x * v - y * u), x * u + y * v + z * w) * 180 / Math.PI
+    if (!found || degrees < found.degrees) found = { index, degrees }
+  })
+  return found
+}
 
 export const KEYS = {
   ArrowLeft: orbit => turned(orbit, -STEP, 0),

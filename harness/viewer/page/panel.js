@@ -38,7 +38,7 @@ export class Panel {
     caption.append(made('strong', name), this.about)
     this.canvas = made('canvas')
     this.canvas.tabIndex = 0
-    this.canvas.setAttribute('role', 'img')
+    this.canvas.setAttribute('role', 'application')
     this.bar = made('div', '', 'bar')
     this.over = made('div', '', 'over')
     this.poi = made('div', '', 'poi')
@@ -135,6 +135,13 @@ export class Panel {
     const kept = ['mean', 'views', 'ceiling', 'floor']
     for (const key of Object.keys(this.figures)) if (!kept.includes(key)) this.say(key, key === 'state' ? 'not shown' : '–')
     this.remark('')
+  }
+
+  /** No more of it will come. */
+  stop(why) {
+    if (!['loading', 'coarse', 'refining'].includes(this.root.dataset.state)) return
+    this.state('stopped')
+    this.say('state', 'given up', why)
   }
 
   /** Depths that were hit: the least and the largest. */

@@ -30,34 +30,45 @@ export function split(bytes) {
   return [found, bytes.subarray(at)]
 }
 
-async function refusal(response) {
-  const text = await response.text()
-  return new Error(text.slice(0, 300) || `the server answers ${response.status}`)
+/** What a reader should be told as it is. */
+export class Told extends Error {}
+/** The same question may be answered in a moment. */
+export class Busy extends Told {}
+
+/** What the network does; a TypeError of `fetch` or of a body is its way to say that there is none. */
+async function reached(promise) {
+  try {
+    return await promise
+  } catch (error) {
+    throw error instanceof TypeError ? new Told('The server does not answer: it has ended, or was stopped.') : error
+  }
+}
+
+async function answer(address, options) {
+  const response = await reached(fetch(address, options))
+  if (response.ok) return response
+  const text = await reached(response.text())
+  throw new (response.status === 503 ? Busy : Told)(text.slice(0, 300) || `The server answers ${response.status}.`)
 }
 
 export async function json(address) {
-  const response = await fetch(address)
-  if (!response.ok) throw await refusal(response)
-  return response.json()
+  return reached((await answer(address)).json())
 }
 
 export async function picture(address) {
-  const response = await fetch(address)
-  if (!response.ok) throw await refusal(response)
-  const [found] = split(new Uint8Array(await response.arrayBuffer()))
+  const [found] = split(new Uint8Array(await reached((await answer(address)).arrayBuffer())))
   return found[0]
 }
 
 /** Calls `onMessage` for each message of a render as it arrives; ends early where the signal is aborted. */
 export async function render(request, signal, onMessage) {
-  const response = await fetch('/render', {
+  const response = await answer('/render', {
     method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(request), signal,
   })
-  if (!response.ok) throw await refusal(response)
   const reader = response.body.getReader()
   let kept = new Uint8Array(0)
   for (;;) {
-    const { done, value } = await reader.read()
+    const { done, value } = await reached(reader.read())
     if (done) return
     const joined = new Uint8Array(kept.length + value.length)
     joined.set(kept)

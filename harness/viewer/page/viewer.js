@@ -1,15 +1,17 @@
 // The page: what is chosen, what is asked of the server, and where its answers go.
 
-import { closer, farther, handle, KEYS } from './camera.js'
+import { Asking } from './asking.js'
+import { closer, farther, handle, KEYS, nearest, reach, within } from './camera.js'
 import { decibels, LARGEST_ERROR, made, Panel, ramp, RAMPS } from './panel.js'
-import { json, picture, render } from './stream.js'
+import { json, picture, Told } from './stream.js'
+import { ofCache, ofPlace } from './words.js'
 
 const $ = id => document.getElementById(id)
 const TRUTHS_KEPT = 60
 
 const page = {
   listing: null, scene: null, methods: [], view: null, orbit: null, width: null, mode: 'colour',
-  attention: 'foveal', point: { row: 0.5, column: 0.5 }, pointer: null, nearest: null,
+  attention: 'foveal', point: { row: 0.5, column: 0.5 }, pointer: null, near: null,
 }
 const panels = new Map()
 const truth = new Panel('ground truth', '', true)
@@ -27,7 +29,7 @@ function draw() {
     const ranges = all.map(panel => panel.depths())
     const near = Math.min(...ranges.map(range => range[0])), far = Math.max(...ranges.map(range => range[1]))
     const known = Number.isFinite(near) && Number.isFinite(far)
-    const exact = page.view !== null && truth.filled && truth.shown === page.view ? truth : null
+    const exact = page.view !== null && truth.filled && truth.key && truth.view === page.view ? truth : null
     for (const panel of all) panel.draw(page.mode, known ? [near, far] : [0, 1], exact)
     const scale = { depth: known ? [`${near.toFixed(2)} near`, `${far.toFixed(2)} far, scene units`] : null, opacity: ['0', '1'], error: ['0', `${LARGEST_ERROR} or more`] }[page.mode]
     $('scale').hidden = !scale
@@ -40,44 +42,15 @@ function draw() {
   })
 }
 
-function alert(text) {
+function complain(text) {
   $('alert').textContent = text
   $('alert').hidden = !text
 }
 
-// ---- asking: one render at a time, the newest wish wins, and each gets at least its coarse frames
-
-const asking = { wanted: false, running: false, coarse: new Set(), controller: null }
-
-function ask({ now = false } = {}) {
-  asking.wanted = true
-  if (asking.running) {
-    if (now || !asking.coarse.size) asking.controller.abort()
-    return
-  }
-  pump()
-}
-
-async function pump() {
-  asking.running = true
-  while (asking.wanted) {
-    asking.wanted = false
-    asking.controller = new AbortController()
-    asking.coarse = new Set(page.methods)
-    try {
-      if (page.methods.length) await render(request(), asking.controller.signal, receive)
-      else await showTruth(page.view ?? page.nearest)
-    } catch (error) {
-      if (error.name !== 'AbortError') {
-        alert(error instanceof TypeError ? 'The server does not answer: it has ended, or was stopped.' : error.message)
-        break
-      }
-    }
-  }
-  asking.running = false
-}
+// ---- asking
 
 function request() {
+  if (!page.methods.length) return null
   for (const panel of panels.values()) delete panel.root.dataset.level
   const { row, column } = (page.attention === 'point' && page.pointer) || page.point
   return {
@@ -90,101 +63,94 @@ function request() {
 function receive({ header, pixels }) {
   const panel = panels.get(header.method)
   if (header.kind === 'frame' && panel) {
-    alert('')
+    complain('')
     if (pixels) panel.put(pixels)
     panel.read(header, scored())
-    if (header.state !== 'refining') coarseOf(header.method)
+    if (header.state !== 'refining') asking.seen(header.method)
   } else if (header.kind === 'loading' && panel) {
     panel.say('state', 'loading …')
     panel.state('loading')
   } else if (header.kind === 'failed' && panel) {
     panel.fail(header.note)
-    coarseOf(header.method)
+    asking.seen(header.method)
   } else if (header.kind === 'start') {
     for (const one of panels.values()) one.size(header.width, header.height)
-    if (!panels.size || header.nearest === undefined) truth.size(header.width, header.height)
-    page.nearest = header.nearest ?? null
-    page.degrees = header.degrees ?? null
-    whereWords()
-    showTruth(page.nearest)
+    if (!page.near) truth.size(header.width, header.height)
   } else if (header.kind === 'end') {
-    cacheWords(header.cache)
+    $('cache').textContent = ofCache(header.cache)
     $('said').textContent = page.methods.map(name => `${name}: ${panels.get(name).figures.state.textContent}, PSNR ${panels.get(name).figures.psnr.textContent}`).join('; ')
-    document.body.dataset.ended = header.generation ?? generation
-  } else if (header.kind === 'broken') alert(header.note)
+    document.body.dataset.ended = generation
+  } else if (header.kind === 'given up') stopped('as many other pages ask; move to ask again')
+  else if (header.kind === 'broken') {
+    complain(header.note)
+    stopped()
+  }
   draw()
 }
 
-function coarseOf(method) {
-  asking.coarse.delete(method)
-  if (!asking.coarse.size && asking.wanted) asking.controller.abort()
+function stopped(why = '') {
+  for (const panel of panels.values()) panel.stop(why)
 }
 
+/** What is not the server's word or the network's is a mistake of this page, and is said to be one. */
+function failed(error) {
+  stopped()
+  if (!(error instanceof Told)) console.error(error)
+  complain(error instanceof Told ? error.message : `This page made a mistake: ${error.message}`)
+}
+
+const asking = new Asking(request, receive, failed)
 const scored = () => page.view === null ? 'only at a view of the ground truth' : page.scene.missing ? 'no ground truth' : 'only at the views’ own size'
 
 // ---- ground truth
 
-async function showTruth(view) {
-  if (view === null || page.scene.missing) {
+async function showTruth() {
+  const scene = page.scene.name, view = page.near?.index
+  if (!page.near) {
+    truth.key = null
     truth.fail(page.scene.missing || 'No view of the ground truth.')
     truth.say('state', 'none')
     return draw()
   }
-  const scene = page.scene.name, key = `${scene} ${view}`
+  const key = `${scene} ${view}`
   try {
     if (!truths.has(key)) {
       truths.set(key, picture(`/truth?scene=${encodeURIComponent(scene)}&view=${view}`))
       if (truths.size > TRUTHS_KEPT) truths.delete(truths.keys().next().value)
     }
     const { header, pixels } = await truths.get(key)
-    if (page.scene.name !== scene || (page.view ?? page.nearest) !== view) return
-    truth.size(header.width, header.height)
-    truth.put(pixels)
-    truth.shown = view
+    if (page.scene.name !== scene || page.near?.index !== view) return
+    if (truth.key !== key) {
+      truth.size(header.width, header.height)
+      truth.put(pixels)
+    }
+    Object.assign(truth, { key, view })
     truth.state('whole')
-    truth.say('state', header.name, page.view === view ? 'exactly here' : `nearest, ${page.degrees.toFixed(1)}° away`)
+    truth.say('state', header.name, page.view === view ? 'exactly here' : `nearest, ${page.near.degrees.toFixed(1)}° away`)
     truth.remark(page.mode === 'depth' && !header.has_depth ? 'This view set has no depth.' : '')
   } catch (error) {
     truths.delete(key)
+    truth.key = null
     truth.fail(error.message)
   }
   draw()
 }
 
-// ---- words
-
-function whereWords() {
-  const { scene, view, nearest, orbit } = page, place = $('place')
-  const degrees = angle => `${(angle * 180 / Math.PI).toFixed(1)}°`
-  const azimuth = ((orbit.azimuth + Math.PI) % (2 * Math.PI)) - Math.PI
-  const pose = `azimuth ${degrees(azimuth)}, elevation ${degrees(orbit.elevation)}, distance ${orbit.distance.toFixed(2)}`
-  place.textContent = ''
-  if (view !== null) place.append('At ', made('b', `test view ${view + 1} of ${scene.views.length}`), ` · ${pose}`)
-  else if (nearest !== null && page.degrees !== null) place.append('Free', ` · nearest: test view ${nearest + 1} of ${scene.views.length}, ${page.degrees.toFixed(1)}° away · ${pose}`)
-  else place.append('Free', ` · ${pose}`)
-  for (const id of ['previous', 'next', 'nearest']) $(id).disabled = !scene.views.length
-}
-
-function cacheWords(cache) {
-  const cached = ['level 0', 'level 1', 'level 2'].map(level => cache.sources[level] ?? 0)
-  const hits = cached.reduce((sum, value) => sum + value, 0), all = hits + (cache.sources.rendered ?? 0)
-  const size = bytes => `${(bytes / 2 ** 20).toFixed(1)} MiB`
-  const parts = [`View cache: ${hits} of ${all} pictures (${all ? Math.round(100 * hits / all) : 0} %) served from it`]
-  if (hits) parts.push(`memory ${cached[0] + cached[1]}, disk ${cached[2]}`)
-  parts.push(`holds ${size(cache.memory_bytes)} in memory${cache.memory_alone ? '' : `, ${size(cache.disk_bytes)} on disk`}`)
-  if (cache.memory_alone) parts.push(`nothing is kept on disk: ${cache.memory_alone}`)
-  if (cache.failed_writes) parts.push(`${cache.failed_writes} writes failed: ${cache.last_failure}`)
-  if (cache.damaged) parts.push(`${cache.damaged} damaged files dropped`)
-  $('cache').textContent = parts.join(' · ')
-}
-
 // ---- moving
 
+function moved() {
+  const { scene, view, orbit } = page
+  page.near = view === null ? nearest(scene.views, orbit, scene.centre) : { index: view, degrees: 0 }
+  $('place').replaceChildren(...ofPlace(page))
+  for (const id of ['previous', 'next', 'nearest']) $(id).disabled = !scene.views.length
+  showTruth()
+  asking.ask()
+}
+
 function move(change) {
-  page.orbit = change(page.orbit)
+  page.orbit = within(change(page.orbit), page.reach)
   page.view = null
-  whereWords()
-  ask()
+  moved()
 }
 
 function goTo(view) {
@@ -192,22 +158,19 @@ function goTo(view) {
   if (view !== null) {
     const { azimuth, elevation, distance, target } = page.scene.views[view]
     page.orbit = { azimuth, elevation, distance, target }
-    page.nearest = view
-    page.degrees = 0
   } else page.orbit = page.scene.start
-  whereWords()
-  ask()
+  moved()
 }
 
 function step(by) {
   const count = page.scene.views.length
-  if (count) goTo((((page.view ?? page.nearest ?? 0) + by) % count + count) % count)
+  if (count) goTo((page.near.index + by + count) % count)
 }
 
 const actions = {
   previous: () => step(-1),
   next: () => step(1),
-  nearest: () => page.nearest !== null && goTo(page.nearest),
+  nearest: () => page.near && goTo(page.near.index),
   reset: () => goTo(page.scene.views.length ? 0 : null),
   closer: () => move(closer),
   farther: () => move(farther),
@@ -229,7 +192,7 @@ function movable(panel) {
     chosen: (row, column) => {
       page.point = page.pointer = { row, column }
       mark()
-      ask({ now: true })
+      asking.ask({ now: true })
     },
   })
 }
@@ -253,16 +216,24 @@ function showPanels() {
     panels.get(name).figures.mean.title = trained
   }
   const ordered = page.listing.methods.map(method => method.name).filter(name => panels.has(name))
+  const focused = $('panels').contains(document.activeElement) ? document.activeElement : null
   $('panels').replaceChildren(...ordered.map(name => panels.get(name).root), truth.root)
+  if (focused) (focused.isConnected ? focused : $('panels').querySelector('canvas')).focus({ preventScroll: true })
   $('panels').classList.toggle('two', panels.size < 2)
   label()
   mark()
 }
 
+let chosen = 0
+
 async function choose(name) {
-  asking.controller?.abort()
+  const number = ++chosen
+  asking.drop()
   const scene = await json(`/scene.json?scene=${encodeURIComponent(name)}`)
+  if (number !== chosen) return
+  asking.drop() // what was asked of the former scene while this one was on its way
   page.scene = scene
+  page.reach = reach([scene.start, ...scene.views])
   $('title').textContent = scene.title && scene.title !== scene.name ? `${scene.name} – ${scene.title}` : scene.name
   document.title = `${scene.name} · ${page.listing.run}`
   for (const panel of panels.values()) panel.fail('')
@@ -271,16 +242,15 @@ async function choose(name) {
     box.parentElement.classList.toggle('off', !cell.shown)
     box.parentElement.title = cell.shown ? '' : `${box.value} on ${scene.name}: ${cell.why}`
   }
-  const own = scene.width, chosen = page.width
+  const own = scene.width, before = page.width
   const sizes = [Math.max(8, Math.round(own / 2)), own, 2 * own, 4 * own].filter(width => width <= page.listing.largest_width)
   $('size').replaceChildren(...sizes.map(width => {
     const option = made('option', `${width} px${width === own ? ', own' : ''}`)
     option.value = width
     return option
   }))
-  page.width = sizes.includes(chosen) ? chosen : own
+  page.width = sizes.includes(before) ? before : own
   $('size').value = page.width
-  page.nearest = page.degrees = null
   truth.say('views', scene.views.length || '–')
   truth.say('ceiling', scene.psnr_ceiling == null ? '–' : decibels(scene.psnr_ceiling), 'by its own noise')
   truth.say('floor', scene.psnr_floor == null ? '–' : decibels(scene.psnr_floor), 'nearest training view')
@@ -309,27 +279,33 @@ function fill() {
   }
   $('methods').append(picks)
   $('scene').value = listing.first.scene
+  const narrow = matchMedia('(max-width: 36rem)'), fold = () => { $('choices').open = !narrow.matches }
+  narrow.addEventListener('change', fold)
+  fold()
 }
 
 function listen() {
   for (const [id, action] of Object.entries(actions)) $(id).addEventListener('click', action)
-  $('scene').addEventListener('change', () => choose($('scene').value).catch(error => alert(error.message)))
-  $('attention').addEventListener('change', () => { page.attention = $('attention').value; mark(); ask({ now: true }) })
-  $('size').addEventListener('change', () => { page.width = Number($('size').value); ask({ now: true }) })
+  $('scene').addEventListener('change', () => choose($('scene').value).catch(error => {
+    $('scene').value = page.scene.name
+    failed(error)
+  }))
+  $('attention').addEventListener('change', () => { page.attention = $('attention').value; mark(); asking.ask({ now: true }) })
+  $('size').addEventListener('change', () => { page.width = Number($('size').value); asking.ask({ now: true }) })
   $('mode').addEventListener('change', event => {
     page.mode = event.target.value
     label()
-    showTruth(page.view ?? page.nearest)
+    showTruth()
     draw()
   })
   $('methods').addEventListener('change', () => {
     page.methods = [...$('methods').querySelectorAll('input:checked')].map(box => box.value)
     showPanels()
-    ask({ now: true })
+    asking.ask({ now: true })
   })
   const keys = { n: actions.nearest, '[': actions.previous, ']': actions.next, r: actions.reset }
-  addEventListener('keydown', event => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest('select, input[type=radio]')) return
+  $('panels').addEventListener('keydown', event => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return
     if (KEYS[event.key]) move(KEYS[event.key])
     else if (keys[event.key]) keys[event.key]()
     else return
@@ -344,6 +320,7 @@ try {
   movable(truth)
   await choose(page.listing.first.scene)
   listen()
+  if (document.activeElement === document.body) $('panels').querySelector('canvas').focus({ preventScroll: true })
 } catch (error) {
-  alert(error.message)
+  failed(error)
 }

@@ -1,7 +1,9 @@
 """The page served in this process, on a free port, by the server that users get; and requests to it."""
 
 import http.client
+import itertools
 import json
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -16,9 +18,23 @@ from harness.device import use_threads
 from harness.viewer.options import bound, config_of, hosts_of
 from harness.viewer.server import application
 from harness.viewer.shown_run import ShownRun
-from harness.viewer.wire import unpacked
 
+BYTES_PER_PIXEL = 12
+generations = itertools.count(1)
 ORBIT = {"azimuth": 0.7, "elevation": 0.4, "distance": 4.0, "target": [0, 0, 0]}
+
+
+def unpacked(stream: bytes) -> list[tuple[dict[str, Any], bytes]]:
+    """The whole messages of a stream."""
+    found, at = [], 0
+    while at + 4 <= len(stream):
+        length = struct.unpack_from("<I", stream, at)[0]
+        header = json.loads(stream[at + 4 : at + 4 + length])
+        start, at = at + 4 + length, at + 4 + length + BYTES_PER_PIXEL * header["pixels"]
+        if at > len(stream):
+            break
+        found.append((header, stream[start:at]))
+    return found
 
 
 @dataclass(frozen=True)
@@ -59,10 +75,10 @@ class Site:
 
 
 def wanted(**changes: Any) -> bytes:
-    """A request that is fine, but for the changes; a value of None leaves the key out."""
+    """A request that is fine and newer than all before, but for the changes; a value of None leaves the key out."""
     request = {
         "client": "a test",
-        "generation": 1,
+        "generation": next(generations),
         "scene": "ball",
         "methods": ["nerf", "qnerf"],
         "place": ORBIT,

@@ -1,14 +1,16 @@
 """A run that a page can show: two methods, trained for a moment on the ball, in this process."""
 
+import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
 
+from harness.checkpoints import checkpoint_path
 from harness.ground_truth import read_views
 from harness.lockstep import GroupSettings, train_group
 from harness.needed import for_scene
-from harness.records import RunRecord, SceneRecord, write_cell, write_run
+from harness.records import RunRecord, SceneRecord, cell_path, read_cell, read_run, write_cell, write_run
 from harness.schedule import Budget
 from harness.settings import ViewSettings
 from tests.harness.ball import write_ball
@@ -43,3 +45,12 @@ def train(folder: Path, scene: str = "ball") -> Path:
         not_tested=[],
     ))  # fmt: skip
     return out
+
+
+def add_second_scene(out: Path) -> None:
+    """Another name for the same weights and views, of which qnerf's are left out."""
+    run, name = read_run(out), "second"
+    scene = run.scenes[0]
+    shutil.copy(checkpoint_path(out, scene.name, "nerf", 0), checkpoint_path(out, name, "nerf", 0))
+    write_cell(out, replace(read_cell(cell_path(out, scene.name, "nerf", 0)), scene=name))
+    write_run(out, replace(run, scenes=[scene, replace(scene, name=name)]))

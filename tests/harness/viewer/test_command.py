@@ -21,7 +21,8 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        (["--scene", "nothing"], "nothing"),
+        (["--scene", "nothing"], "--scene: unknown 'nothing'"),
+        (["--mask", "nothing.png"], "--mask nothing.png: this image is missing"),
         (["--methods", "nothing"], "nothing"),
         (["--methods", "nerf_matched"], "no checkpoint of nerf_matched with seed 0 on ball"),
         (["--seed", "1"], "--seed 1: the run has 0"),
@@ -69,6 +70,17 @@ def test_only_names_of_this_machine_are_answered_to() -> None:
     everywhere = hosts_of("0.0.0.0")
     assert socket.gethostname().lower() in everywhere
     assert not [name for name in everywhere if "*" in name or not name]
+
+
+@pytest.mark.slow
+def test_an_interrupt_as_soon_as_the_address_is_there_ends_it_in_order(out: Path) -> None:
+    command = [sys.executable, "-m", "harness", "view", str(out), "--port", "0", "--no-browser"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "http://" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (0, "")
 
 
 @pytest.mark.slow

@@ -2,11 +2,13 @@
 
 import socket
 import time
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
-from harness.viewer import engine
+from harness.viewer import engine, server
+from harness.viewer.server import MOST_STREAMS
 from tests.harness.viewer.site import ORBIT, Site, wanted
 
 
@@ -78,9 +80,33 @@ def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, slow
     assert b'"state": "coarse"' in given_up
     assert b'"state": "whole"' not in given_up
     assert b'"kind": "end"' not in given_up
+    assert b'"kind": "given up"' in given_up
     assert b'"state": "whole"' in whole
     # a request that comes late is no new wish
-    assert b'"frame"' not in site.render(place=ORBIT, generation=70, client="one")[1]
+    assert site.render(place=ORBIT, generation=70, client="one")[0] == 409
+
+
+def test_no_more_views_are_begun_than_memory_is_for(site: Site, slow: Slow) -> None:
+    place = {**ORBIT, "azimuth": 3.4}
+    with ExitStack() as open_ones:
+        for number in range(MOST_STREAMS):
+            open_ones.enter_context(began(site, slow, place=place, client=f"page {number}"))
+        status, said = site.render(client="one more")
+        assert (status, f"{MOST_STREAMS} views are being rendered" in said.decode()) == (503, True)
+        assert site.ask("GET", "/run.json")[0] == 200
+    settled(slow)  # who has left makes room
+    for _ in range(MOST_STREAMS + 1):
+        assert site.messages(methods=["qnerf"])[-1][0]["kind"] == "end"
+        assert site.render(scene="nothing")[0] == 400
+
+
+def test_a_page_that_is_forgotten_is_told(site: Site, slow: Slow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "MOST_CLIENTS", 1)
+    with began(site, slow, place={**ORBIT, "azimuth": 3.5}, client="forgotten") as line:
+        assert site.render(methods=["qnerf"], client="another")[0] == 200
+        told = rest_of(line)
+    assert b'"kind": "given up"' in told
+    assert b'"kind": "end"' not in told
 
 
 def test_the_page_answers_while_something_is_rendered(site: Site, slow: Slow) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from harness.camera import Camera
 from harness.camera_paths import look_at
-from harness.viewer.orbit import STEEPEST, Orbit, covering, nearest_view, orbit_of
+from harness.viewer.orbit import STEEPEST, Orbit, covering, orbit_of
 from tests.harness.ball import pose
 
 CENTRE = np.array([0.3, -0.2, 0.1])
@@ -57,18 +57,6 @@ def test_a_camera_that_is_nowhere_is_refused(facts: tuple[float, float, float]) 
         Orbit((0.0, 0.0, 0.0), *facts)
     with pytest.raises(ValueError, match="finite"):
         Orbit((0.0, math.nan, 0.0), 0.0, 0.0, 1.0)
-
-
-def test_the_nearest_view_is_the_one_at_the_smallest_angle() -> None:
-    poses = np.array([pose(azimuth, 0.5) for azimuth in (0.0, 1.0, 2.0)])
-    for scale in (1.0, 3.0):  # however far away
-        asked = Orbit((0.0, 0.0, 0.0), 1.2, 0.5, 4.0311 * scale).pose()
-        index, angle = nearest_view(poses, asked, np.zeros(3))
-        expected = math.acos(math.cos(0.5) ** 2 * math.cos(0.2) + math.sin(0.5) ** 2)
-        assert (index, angle) == (1, pytest.approx(expected))
-    assert nearest_view(poses, poses[2], np.zeros(3)) == (2, pytest.approx(0.0, abs=1e-7))
-    with pytest.raises(ValueError, match="no view"):
-        nearest_view(poses[:0], poses[0], np.zeros(3))
 
 
 @pytest.mark.parametrize("distance", [0.2, 1.0, 4.0, 7.0, 50.0])

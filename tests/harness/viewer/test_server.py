@@ -1,7 +1,10 @@
 """Over HTTP, as a page and as somebody else asks."""
 
 import json
+import socket
 import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +14,13 @@ import pytest
 from harness.evaluate import LARGEST_PSNR
 from harness.metrics import psnr
 from harness.records import read_cells
-from harness.viewer import engine
+from harness.view_cache.store import ViewStore
+from harness.viewer import engine, server
 from harness.viewer.server import FILES
-from harness.viewer.wire import BYTES_PER_PIXEL, unpacked
+from harness.viewer.shown_run import COUNTED_FOR, ShownRun
 from scenes.images import read_image
 from scenes.pixels import over_white
-from tests.harness.viewer.site import ORBIT, Site, wanted
+from tests.harness.viewer.site import BYTES_PER_PIXEL, ORBIT, Site, unpacked, wanted
 from tests.harness.viewer.small_run import SIZE
 
 
@@ -143,26 +147,84 @@ def test_other_pages_may_not_ask(site: Site) -> None:
         assert site.ask("POST", "/render", wanted(), **headers)[0] == 415
     for origin in ("http://evil.example", "null", f"http://localhost:{site.port}"):
         assert site.ask("POST", "/render", wanted(), content_type="application/json", origin=origin)[0] == 403
+        assert site.ask("GET", "/truth?scene=ball&view=0", origin=origin)[0] == 403
+    for path in ("/", "/run.json", "/scene.json?scene=ball", "/truth?scene=ball&view=0"):
+        assert site.ask("GET", path, sec_fetch_site="cross-site")[0] == 403
+        assert site.ask("GET", path, sec_fetch_site="same-origin", origin=site.address.rstrip("/"))[0] == 200
+    assert site.ask("GET", "/", sec_fetch_site="none")[0] == 200
+
+
+def test_a_request_that_never_comes_is_not_waited_for(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "BODY_SECONDS", 0.2)
+    head = "POST /render HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n{"
+    with socket.create_connection(("127.0.0.1", site.port), timeout=60) as line:
+        line.sendall(head.encode())
+        assert b" 408 " in line.recv(65536).partition(b"\r\n")[0]
+    assert site.messages()[-1][0]["kind"] == "end"
+
+
+def test_a_number_that_was_asked_for_is_not_rendered_again(site: Site) -> None:
+    body = wanted(methods=["nerf"])
+    assert site.ask("POST", "/render", body, content_type="application/json")[0] == 200
+    status, _, said = site.ask("POST", "/render", body, content_type="application/json")
+    assert (status, b"has asked for number" in said) == (409, True)
+
+
+def test_a_mask_is_attended_where_there_is_one(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {"methods": ["nerf"], "attention": {"kind": "mask", "row": 0, "column": 0}}
+    assert "mask" not in [one["name"] for one in site.json("/run.json")["attentions"]]
+    assert "--mask FILE" in site.render(**asked)[1].decode()
+    mask = np.zeros((3, 3))
+    mask[1, 2] = 1.0
+    monkeypatch.setattr(site.shown, "mask", mask)
+    assert "mask" in [one["name"] for one in site.json("/run.json")["attentions"]]
+    told = site.messages(**asked, place={**ORBIT, "azimuth": 2.5})
+    parts = [body[: 4 * header["pixels"]] for header, body in told if header.get("state") == "refining"]
+    row, column = divmod(int(np.frombuffer(parts[0], "<u4")[0]), SIZE)
+    assert (row // 16, column // 16) == (1, 2)  # the region that most of the mark is in
+
+
+def test_ground_truths_are_kept_of_the_last_two_scenes(shown: ShownRun) -> None:
+    names = ["ball", "second", "third"]
+    scenes = [replace(shown.run.run.scenes[0], name=name) for name in names]
+    first = shown.truth(scenes[0])
+    assert len(first) == 3
+    assert shown.truth(scenes[1]) is not first
+    assert shown.truth(scenes[0]) is first
+    shown.truth(scenes[2])
+    assert list(shown.truths) == ["ball", "third"]
+
+
+def test_the_cache_s_files_are_counted_now_and_then(shown: ShownRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    statistics = ViewStore.statistics.fget
+    assert statistics is not None
+    monkeypatch.setattr(ViewStore, "statistics", property(lambda store: (asked.append(1), statistics(store))[1]))
+    for _ in range(3):
+        assert shown.cache_listing()["disk_bytes"] >= 0
+    assert len(asked) == 1
+    shown.counted = (time.monotonic() - 2 * COUNTED_FOR, shown.store.statistics)
+    shown.cache_listing()
+    assert len(asked) == 3  # the one above, and a new one
 
 
 def test_a_test_view_is_scored_as_the_run_scored_it(site: Site, trained: Path) -> None:
     recorded = {cell.method: [view.psnr for view in cell.views] for cell in read_cells(trained)}
     for view in range(3):
-        told = site.messages(place={"view": view}, attention={"kind": "none", "row": 0, "column": 0}, generation=view)
+        told = site.messages(place={"view": view}, attention={"kind": "none", "row": 0, "column": 0})
         last = {header["method"]: header for header, _ in told if header.get("state") == "whole"}
         for method in ("nerf", "qnerf"):
             assert last[method]["psnr"] == pytest.approx(recorded[method][view], abs=1e-9)
         start = next(header for header, _ in told if header["kind"] == "start")
-        assert (start["exact"], start["nearest"], start["degrees"]) == (view, view, 0.0)
+        assert (start["exact"], start["width"], start["height"]) == (view, SIZE, SIZE)
 
 
-def test_a_free_camera_has_no_score_and_knows_its_nearest_view(site: Site) -> None:
+def test_a_free_camera_has_no_score(site: Site) -> None:
     views = site.json("/scene.json?scene=ball")["views"]
     place = {name: views[1][name] for name in ORBIT}
-    told = site.messages(place={**place, "azimuth": place["azimuth"] + 0.1}, generation=20)
+    told = site.messages(place={**place, "azimuth": place["azimuth"] + 0.1})
     start = next(header for header, _ in told if header["kind"] == "start")
-    assert (start["exact"], start["nearest"]) == (None, 1)
-    assert 1.0 < start["degrees"] < 6.0
+    assert start["exact"] is None
     frames = [header for header, _ in told if header["kind"] == "frame"]
     assert frames
     assert {frame["psnr"] for frame in frames} == {None}
@@ -172,8 +234,8 @@ def test_a_free_camera_has_no_score_and_knows_its_nearest_view(site: Site) -> No
 def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site: Site) -> None:
     place = {**ORBIT, "azimuth": 2.0}
     pictures = []
-    for generation in (30, 31):
-        told = site.messages(place=place, methods=["nerf"], generation=generation, client="pixels")
+    for level in (None, 1):
+        told = site.messages(place=place, methods=["nerf"])
         shown = [(header, body) for header, body in told if header["kind"] == "frame"]
         whole, last = np.zeros((SIZE * SIZE, 3), np.uint8), shown[-1][0]
         for header, body in shown:
@@ -182,7 +244,7 @@ def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site:
             colour = np.frombuffer(body[8 * count : 11 * count], "u1").reshape(-1, 3)
             whole[np.frombuffer(body[: 4 * count], "<u4")] = colour
         assert last["state"] == "whole"
-        assert last["level"] == (None if generation == 30 else 1)
+        assert last["level"] == level
         pictures.append(whole)
     assert np.array_equal(*pictures)
     assert len(np.unique(pictures[0])) > 10
@@ -200,7 +262,7 @@ def test_the_ground_truth_is_the_stored_image(site: Site, trained: Path) -> None
 
 
 def test_another_size_is_rendered_and_not_scored(site: Site) -> None:
-    told = site.messages(place={"view": 0}, methods=["nerf"], width=64, generation=40)
+    told = site.messages(place={"view": 0}, methods=["nerf"], width=64)
     start = next(header for header, _ in told if header["kind"] == "start")
     assert (start["width"], start["height"]) == (64, 64)
     last = [header for header, _ in told if header["kind"] == "frame"][-1]
@@ -208,12 +270,12 @@ def test_another_size_is_rendered_and_not_scored(site: Site) -> None:
 
 
 def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Site) -> None:
-    told = site.messages(methods=["nerf_matched", "nerf"], generation=50)
+    told = site.messages(methods=["nerf_matched", "nerf"])
     failed = [header for header, _ in told if header["kind"] == "failed"]
     assert [one["method"] for one in failed] == ["nerf_matched"]
     assert "was not trained" in failed[0]["note"]
     assert any(header.get("state") == "whole" and header["method"] == "nerf" for header, _ in told)
-    alone = site.messages(methods=["nerf_matched"], generation=51)
+    alone = site.messages(methods=["nerf_matched"])
     assert [header["kind"] for header, _ in alone if header["kind"] != "loading"] == ["failed", "end"]
 
 
@@ -222,7 +284,7 @@ def test_several_pages_at_once_get_whole_pictures(site: Site) -> None:
 
     def look(number: int) -> None:
         place = {**ORBIT, "azimuth": 4.0 + 0.1 * number}
-        told = site.messages(place=place, client=f"page {number}", generation=number)
+        told = site.messages(place=place, client=f"page {number}")
         found.append(sum(header.get("state") == "whole" for header, _ in told) == 2)
 
     threads = [threading.Thread(target=look, args=(number,)) for number in range(4)]
@@ -238,9 +300,9 @@ def test_an_error_of_ours_is_said_and_the_next_request_is_fine(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(engine, "frames", lambda *_, **__: iter([None]))
-        told = site.messages(generation=90)
+        told = site.messages()
         assert told[-1][0]["kind"] == "broken"
         assert "AttributeError" in told[-1][0]["note"]
     assert "AttributeError" in capsys.readouterr().err
-    assert site.messages(generation=91)[-1][0]["kind"] == "end"
+    assert site.messages()[-1][0]["kind"] == "end"
     assert json.dumps(site.json("/run.json"))

@@ -1,0 +1,156 @@
+"""What the page says while one moves, switches scenes or uses the keys; in a real browser."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from harness.viewer import engine
+from harness.viewer.orbit import Orbit
+from harness.viewer.shown_run import ShownRun
+from tests.harness.viewer.looking import Looking
+from tests.harness.viewer.site import Site, served
+from tests.harness.viewer.small_run import add_second_scene
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def two(out: Path) -> Iterator[Site]:
+    """Two scenes."""
+    add_second_scene(out)
+    with served(ShownRun.of(out, None, ["nerf"], 0, out / "none", None, torch.device("cpu"))) as found:
+        yield found
+
+
+def eye_of(place: dict[str, Any]) -> np.ndarray:
+    orbit = Orbit(tuple(place["target"]), place["azimuth"], place["elevation"], place["distance"])
+    return orbit.pose()[:3, 3]
+
+
+def nearest(scene: dict[str, Any], place: dict[str, Any]) -> tuple[int, float]:
+    """Its number from 1 on, and degrees."""
+    centre = np.array(scene["centre"])
+    arm = eye_of(place) - centre
+    arms = [eye_of(view) - centre for view in scene["views"]]
+    cosines = [float(arm @ one / np.linalg.norm(arm) / np.linalg.norm(one)) for one in arms]
+    return int(np.argmax(cosines)) + 1, math.degrees(math.acos(max(cosines)))
+
+
+@pytest.mark.parametrize("methods", [True, False])
+def test_the_nearest_view_is_that_of_the_camera_with_and_without_methods(
+    browser: Any, two: Site, methods: bool
+) -> None:
+    look = Looking(browser, two)
+    scene = two.json("/scene.json?scene=ball")
+    place = {name: scene["views"][0][name] for name in ("azimuth", "elevation", "distance", "target")}
+    if not methods:
+        look.page.locator("input[value=nerf]").uncheck()
+        look.page.locator("figure.truth canvas").focus()
+    for _ in range(9):
+        look.page.keyboard.press("ArrowRight")
+        place["azimuth"] += math.pi / 36
+        number, degrees = nearest(scene, place)
+        wanted = f"nearest: test view {number} of 3, {degrees:.1f}° away"
+        assert wanted in look.page.locator("#place").inner_text()
+    look.page.wait_for_timeout(500)
+    assert f"nearest, {degrees:.1f}° away" in look.page.locator("figure.truth dd[data-key=state]").inner_text()
+    look.page.keyboard.press("n")
+    assert f"At test view {number} of 3" in look.page.locator("#place").inner_text()
+    assert look.noise == []
+
+
+def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
+    browser: Any, two: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever of it arrives late."""
+    look = Looking(browser, two)
+    refine = engine.refine
+    monkeypatch.setattr(engine, "refine", lambda *rest: refine(*rest, rays_a_call=1))
+    look.page.evaluate(
+        """() => {
+          window.late = []
+          const fetched = window.fetch
+          window.fetch = async (address, options) => {
+            const answer = await fetched(address, { ...options, signal: undefined })  // an abort that comes too late
+            if (!options?.body) return answer
+            const { scene } = JSON.parse(options.body)
+            const reader = answer.body.getReader()
+            const read = async () => {
+              const found = await reader.read()
+              window.late.push([scene, document.querySelector('h1').textContent])
+              return found
+            }
+            return { ok: true, body: { getReader: () => ({ read }) } }
+          }
+        }"""
+    )
+    look.page.keyboard.press("ArrowUp")
+    look.page.wait_for_function("() => window.late.length > 0")
+    look.after(lambda: look.page.select_option("#scene", "second"))
+    late = look.page.evaluate("() => window.late.filter(([scene, title]) => !title.startsWith(scene)).length")
+    assert late > 0  # pieces of the former scene did arrive under the new title
+    second = two.messages(scene="second", methods=["nerf"], place={"view": 0}, client="beside")
+    score = next(header["psnr"] for header, _ in second if header.get("state") == "whole")
+    assert look.figure("nerf", "psnr") == f"{score:.2f} dB"
+    assert look.data("nerf", "state") == "whole"
+    assert look.noise == []
+
+
+def test_one_may_zoom_as_far_as_the_scene_is_large(browser: Any, site: Site) -> None:
+    look = Looking(browser, site, viewport={"width": 1200, "height": 800})
+    limits = look.page.evaluate(
+        """async () => {
+          const { reach, within } = await import('/camera.js')
+          const far = reach([{ distance: 400 }, { distance: 800 }])
+          const limited = distance => within({ distance }, far).distance
+          return [reach([{ distance: 4 }, { distance: 5 }]), limited(1e9), limited(0)]
+        }"""
+    )
+    assert limits == [[0.25, 80.0], 1000.0, 25.0]
+
+
+def test_keys_are_those_of_the_pictures_alone(browser: Any, site: Site) -> None:
+    look = Looking(browser, site)
+    page = look.page
+    place = page.locator("#place")
+    assert page.evaluate("() => document.activeElement.matches('figure canvas')")
+    ring = page.evaluate("() => getComputedStyle(document.activeElement.closest('.picture')).outlineStyle")
+    assert ring == "solid"
+    before = place.inner_text()
+    page.locator("input[value=nerf]").focus()
+    for key in ("ArrowRight", "n", "r", "]", "+"):
+        page.keyboard.press(key)
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("ArrowRight")
+    assert place.inner_text() == before
+    page.locator("figure canvas").first.focus()
+    page.keyboard.press("ArrowRight")
+    assert place.inner_text() != before
+
+
+def test_a_mistake_of_the_page_is_not_said_to_be_the_server_s(browser: Any, site: Site) -> None:
+    look = Looking(browser, site)
+    look.page.evaluate("() => { Set.prototype.delete = null }")
+    look.page.keyboard.press("ArrowUp")
+    look.page.wait_for_selector("#alert:not([hidden])")
+    said = look.page.locator("#alert").inner_text()
+    assert "This page made a mistake" in said
+    assert "does not answer" not in said
+
+
+def test_a_busy_server_is_asked_again(browser: Any, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    look = Looking(browser, site)
+    with monkeypatch.context() as full:
+        full.setattr("harness.viewer.server.MOST_STREAMS", 0)
+        look.page.keyboard.press("ArrowUp")
+        look.page.wait_for_selector("#alert:not([hidden])")
+        assert "views are being rendered already" in look.page.locator("#alert").inner_text()
+        before = int(look.page.get_attribute("body", "data-ended"))
+    look.ended(before)
+    assert look.data("nerf", "state") == "whole"
+    assert not look.page.locator("#alert").is_visible()
