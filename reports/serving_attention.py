@@ -5,7 +5,16 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from harness.serving_record import Allocation, Anytime, AttentionRecord, ExampleFrame, FirstFrame, Order, ServingRecord
+from harness.serving_record import (
+    Allocation,
+    Anytime,
+    AttentionRecord,
+    ExampleFrame,
+    FirstFrame,
+    Measure,
+    Order,
+    ServingRecord,
+)
 from reports.error_maps import smaller
 from reports.figure import svg
 from reports.grid import EMPTY, Column, Entry, Grid
@@ -15,8 +24,8 @@ from reports.series_charts import panel, panels_of
 from reports.serving_curves import ALLOCATED, PENS, allocation_series, anytime_panels
 from reports.serving_load import is_quick, is_whole
 from reports.serving_races import ORDERS, Race, Times, first, races
-from reports.serving_said import allocated, answer, averaged, paid, phi_said, plainly, seen_first
-from reports.serving_wording import MAPS, brief
+from reports.serving_said import allocated, answer, averaged, compared, phi_said, plainly, seen_first, totals
+from reports.serving_wording import MAPS, MEASURES, WAYS, brief
 from reports.wording import NARROW, count, counted, duration, number
 
 FRAMES_BYTES = 400_000
@@ -46,8 +55,8 @@ class Choice:
     name: str
     words: str
     """What is attended to, as far as the record says it."""
-    attended: list[Plot]
-    whole: list[Plot]
+    curves: list[tuple[str, list[Plot]]]
+    """By where the error is taken, in words."""
     allocations: list[Plot]
 
 
@@ -99,6 +108,7 @@ class About:
     quick: bool
     whole: bool
     left_out: list[str]
+    failed: list[str]
     measured: str
 
 
@@ -108,7 +118,7 @@ def about(record: ServingRecord) -> About:
     parts += [f"{settings['width']} px wide"] if "width" in settings else []
     parts += [counted(settings["threads"], "thread")] if isinstance(settings.get("threads"), int) else []
     parts += [f"measured in {duration(record.seconds)}"] if record.seconds else []
-    return About(is_quick(record), is_whole(record), record.left_out, ", ".join(parts))
+    return About(is_quick(record), is_whole(record), record.left_out, record.failed, ", ".join(parts))
 
 
 def attention(record: ServingRecord, folder: Path) -> Attention | None:
@@ -131,7 +141,8 @@ def attention(record: ServingRecord, folder: Path) -> Attention | None:
     return Attention(
         answer=answer(cases),
         sentences=[
-            *(("who loses", one) for one in paid(cases)),
+            *(("who is first", one) for one in compared(cases)),
+            *(("all of it", one) for one in totals(found)),
             *(("meanwhile", one) for one in averaged(found)),
             *(("samples", one) for one in allocated(found.allocations)),
             *(("φ", one) for one in phi_said(found.phi)),
@@ -171,16 +182,15 @@ def _choice(name: str, record: ServingRecord, found: AttentionRecord, kind: str,
         return None
     described = record.settings.get("attention")
     words = str(described.get(kind, "")) if isinstance(described, dict) else ""
-    return Choice(name, words, _curves(curves, False, name), _curves(curves, True, name), _shared(shares, name))
+    shown = [(said, _curves(curves, found, measure, name)) for measure, said in MEASURES.items()] if curves else []
+    return Choice(name, words, shown, _shared(shares, name))
 
 
-def _curves(curves: list[Anytime], whole: bool, name: str) -> list[Plot]:
+def _curves(curves: list[Anytime], found: AttentionRecord, measure: Measure, name: str) -> list[Plot]:
     """In the order in which they are told apart: attention last, on top."""
     sorted_ = sorted(curves, key=lambda one: -ORDERS.index(one.order))
-    what = "whole" if whole else "attended"
-    return [
-        Plot(one.title, svg(one, f"{name}-{what}-{place}")) for place, one in enumerate(anytime_panels(sorted_, whole))
-    ]
+    panels = anytime_panels(sorted_, found.reaching, measure)
+    return [Plot(one.title, svg(one, f"{name}-{measure}-{place}")) for place, one in enumerate(panels)]
 
 
 def _shared(found: list[Allocation], name: str) -> list[Plot]:
@@ -192,25 +202,30 @@ def _shared(found: list[Allocation], name: str) -> list[Plot]:
 
 
 def races_grid(cases: list[Race]) -> Grid:
-    """Seconds of every order to the same share of the error; the first of each three stands out."""
-    there = [order for order in ORDERS if any(order in one.attended for one in cases)]
+    """Seconds of every order to the same share of the error; the first of each group stands out."""
+    there = [order for order in ORDERS if any(order in times for one in cases for times in one.times.values())]
     columns = [Column("where", numeric=False), Column("attention", numeric=False)]
-    columns += [Column(order, small="attended") for order in there]
-    columns += [Column(order, small="whole picture") for order in there]
+    columns += [Column(order, small=measure) for measure in MEASURES for order in there]
     rows = []
     before = None
     for one in cases:
         where = Entry(one.scene, one.method) if (one.scene, one.method) != before else Entry("")
         before = (one.scene, one.method)
-        rows.append([where, Entry(_map(one.attention)), *_times(one.attended, there), *_times(one.whole, there)])
-    note = "▲ the first of the orders. A dash: it never got there, or was not measured."
+        times = [entry for measure in MEASURES for entry in _times(one.to(measure), there)]
+        rows.append([where, Entry(_map(one.attention)), *times])
+    note = (
+        "Whole picture, its hardest quarter and that which is attended most. ▲ the first of the orders in every "
+        "repeat. A dash: it never got there, or was not measured."
+    )
     return Grid("Until a tenth of the coarse frame’s error is left", columns, rows, note=note)
 
 
 def _times(times: Times, orders: list[Order]) -> list[Entry]:
     best = first(times)
     return [
-        EMPTY if (at := times.get(order)) is None else Entry(brief(at), tone="better" if order == best else "")
+        EMPTY
+        if (at := times.get(order)) is None
+        else Entry(brief(at.seconds), f"{brief(at.least)} to {brief(at.most)}", tone="better" if order == best else "")
         for order in orders
     ]
 
@@ -218,7 +233,8 @@ def _times(times: Times, orders: list[Order]) -> list[Entry]:
 def allocations_grid(found: list[Allocation], reference_bins: int) -> Grid:
     """Every picture with its samples shared out in either way."""
     columns = [Column(name, numeric=False) for name in ("where", "attention", "samples")]
-    columns += [Column(name) for name in ("a ray", "evaluations", "time")]
+    columns += [Column(name) for name in ("a ray", "evaluations")]
+    columns += [Column("of these", small="to find out"), Column("time")]
     columns += [Column("attended", small="against the integral"), Column("whole", small="against the integral")]
     columns += [Column("attended", small="against the truth"), Column("whole", small="against the truth")]
     rows = []
@@ -228,10 +244,11 @@ def allocations_grid(found: list[Allocation], reference_bins: int) -> Grid:
             [
                 Entry(one.scene, one.method),
                 Entry(_map(one.attention)),
-                Entry("by attention" if one.by_attention else "the same for each ray"),
+                Entry(WAYS[one.way]),
                 Entry(number(one.bins, 1)),
                 Entry(count(round(one.evaluations))),
-                Entry(brief(one.seconds)),
+                Entry(count(round(one.own))),
+                Entry(brief(one.seconds), f"{brief(one.seconds_spread[0])} to {brief(one.seconds_spread[1])}"),
                 *(Entry(number(error, 5)) if error is not None else EMPTY for error in errors),
             ]
         )

@@ -6,17 +6,24 @@ from markupsafe import Markup
 
 from harness.serving_record import CacheRecord, Confusion, Latency, PathUse
 from reports import palette
-from reports.claims_serving import DISK, MEMORY, judge_hit
+from reports.claims_serving import DISK, HASHED, MEMORY, judge_hit
 from reports.evidence_view import plain
 from reports.figure import Panel, Trace, svg, with_common_limits
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.pens import MARKERS, Pen, key
-from reports.serving_wording import OUTCOMES, SOURCES, brief, bytes_said, outcome, times
+from reports.serving_wording import OUTCOMES, SOURCES, TIMED, brief, bytes_said, outcome, times
 from reports.wording import NARROW, counted, listed, number, significant
 
-ROWS = {"render": "rendered", "level 2": "disk 2", "level 1": "memory 1", "level 0": "memory 0"}
+ROWS = {
+    "render": "rendered",
+    "level 2 cold": "disk, cold",
+    "level 2": "disk 2",
+    "level 0 hashed": "hashed 0",
+    "level 1": "memory 1",
+    "level 0": "memory 0",
+}
 """Short, as there is little room beside a plot."""
-LIMITS = {**dict.fromkeys(MEMORY, "target_memory"), **dict.fromkeys(DISK, "target_disk")}
+LIMITS = {**dict.fromkeys(MEMORY + HASHED, "target_memory"), **dict.fromkeys(DISK, "target_disk")}
 APART = 0.24
 """Of a row, between methods."""
 
@@ -47,6 +54,8 @@ class Use:
     where: str
     parts: list[Part]
     rate: str
+    others: str
+    """Hit rates of paths like it."""
     seconds: str
     without: str
     bounds: str
@@ -91,19 +100,20 @@ def pens_of_methods(methods: list[str], others: list[str]) -> dict[str, Pen]:
 
 
 def answer(record: CacheRecord) -> str:
-    """How much faster, against the targets."""
-    parts: list[str] = []
-    for sources, where, target in ((MEMORY, "in memory", record.target_memory), (DISK, "on disk", record.target_disk)):
+    """How much faster, against the targets, and under which conditions."""
+    said = []
+    for sources, where, target in (
+        (MEMORY, "in memory, of a method that is no longer trained,", record.target_memory),
+        (HASHED, "in memory, where the weights are hashed at every call,", record.target_memory),
+        (("level 2",), "on disk, with the file in the operating system’s memory,", record.target_disk),
+        (("level 2 cold",), "on disk, with the file dropped from the operating system’s memory,", record.target_disk),
+    ):
         hits = [one for one in record.latencies if one.source in sources and one.ratio is not None]
         if hits:
             found = outcome([judge_hit(one, record) for one in hits])
             ratios = times([one.ratio for one in hits if one.ratio is not None])
-            said = f"one {where} {ratios}" if parts else f"a hit {where} is {ratios} faster than rendering"
-            parts.append(f"{said} (target {plain(target)}: {found})")
-    if not parts:
-        return "No hit was timed."
-    said = ", ".join(parts)
-    return f"{said[0].upper()}{said[1:]}."
+            said.append(f"A hit {where} is {ratios} faster than rendering (target {plain(target)}: {found}).")
+    return " ".join(said) or "No hit was timed."
 
 
 def stored(record: CacheRecord) -> str:
@@ -111,7 +121,9 @@ def stored(record: CacheRecord) -> str:
     return (
         f"A view of {record.width} × {record.height} px takes {bytes_said(record.memory_bytes_per_view)} in memory and "
         f"{bytes_said(record.disk_bytes_per_view)} on disk. Level 0 keeps what was asked for again, level 1 what was "
-        "asked for once, level 2 is on disk; a hit moves a view up. Key and checksum are in every latency."
+        "asked for once, level 2 is on disk; a hit moves a view up. Key and checksum are in "
+        "every latency. A file’s data was dropped from the system’s memory; its name was not, nor what the disk itself "
+        "remembers."
     )
 
 
@@ -127,7 +139,7 @@ def latencies_grid(record: CacheRecord) -> Grid:
         Column("", numeric=False),
     ]
     rows = []
-    order = list(SOURCES)
+    order = list(TIMED)
     for scene, method in dict.fromkeys((one.scene, one.method) for one in record.latencies):
         chosen = [one for one in record.latencies if (one.scene, one.method) == (scene, method)]
         for place, one in enumerate(sorted(chosen, key=lambda one: order.index(one.source))):
@@ -139,7 +151,7 @@ def latencies_grid(record: CacheRecord) -> Grid:
 def _latency(one: Latency, record: CacheRecord) -> list[Entry]:
     low, high = one.spread
     entries = [
-        Entry(SOURCES[one.source]),
+        Entry(TIMED[one.source]),
         Entry(brief(one.seconds), f"{brief(low)} to {brief(high)}"),
         Entry(str(one.calls), tone="muted"),
     ]
@@ -158,7 +170,7 @@ def _latency(one: Latency, record: CacheRecord) -> list[Entry]:
 
 def latency_panels(record: CacheRecord, pens: dict[str, Pen]) -> list[Panel]:
     """A panel a scene: a row for each source, a marker with its spread for each method, a dash where its target is."""
-    there = [source for source in SOURCES if any(one.source == source for one in record.latencies)]
+    there = [source for source in TIMED if any(one.source == source for one in record.latencies)]
     panels = []
     for scene in dict.fromkeys(one.scene for one in record.latencies):
         chosen = [one for one in record.latencies if one.scene == scene]
@@ -168,7 +180,7 @@ def latency_panels(record: CacheRecord, pens: dict[str, Pen]) -> list[Panel]:
             offset = APART * (place - (len(methods) - 1) / 2)
             own = [one for one in chosen if one.method == method]
             traces += _of_method(own, record, there, offset, pens[method])
-        said = "; ".join(f"{one.method}, {SOURCES[one.source]}: {brief(one.seconds)}" for one in chosen)
+        said = "; ".join(f"{one.method}, {TIMED[one.source]}: {brief(one.seconds)}" for one in chosen)
         alt = f"How long a view of {scene} takes. {said}."
         rows = tuple(ROWS[source] for source in there)
         panels.append(Panel(scene, "seconds a view", "", tuple(traces), alt, "log", rows=rows))
@@ -208,11 +220,21 @@ def _use(one: PathUse) -> Use:
         where=f"{one.method} on {one.scene}",
         parts=[replace(part, share=round(part.share, 3)) for part in parts],
         rate=f"{number(100 * one.hit_rate, 1)}{NARROW}%",
+        others=_others(one),
         seconds=brief(one.seconds),
         without=f"{brief(one.seconds_without)}{saved}",
         bounds=f"{bytes_said(one.memory_bytes)} in memory, "
         + (f"{bytes_said(one.disk_bytes)} on disk" if one.disk_bytes else "no disk"),
     )
+
+
+def _others(one: PathUse) -> str:
+    """Mean and range over all seeds; nothing where there is one."""
+    if not one.other_hit_rates:
+        return ""
+    rates = [100 * rate for rate in (one.hit_rate, *one.other_hit_rates)]
+    mean, low, high = (number(value, 1) for value in (sum(rates) / len(rates), min(rates), max(rates)))
+    return f"mean over {len(rates)} seeds {mean}{NARROW}%, {low} to {high}{NARROW}%"
 
 
 def confused(found: list[Confusion]) -> str:

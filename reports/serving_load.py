@@ -91,6 +91,8 @@ def _of_path(one: PathUse) -> Iterator[str]:
         yield f"{name}: hits from {sorted(strange)[0]!r}"
     if min(one.hits.values(), default=0) < 0 or sum(one.hits.values()) != one.views:
         yield f"{name}: {one.views} views, but {sum(one.hits.values())} that came from anywhere"
+    if any(not 0 <= rate <= 1 for rate in one.other_hit_rates):
+        yield f"{name}: other_hit_rates are {one.other_hit_rates}"
     for label in ("seconds", "seconds_without", "memory_bytes", "disk_bytes"):
         yield from (f"{name}: {wrong}" for wrong in _negative(label, getattr(one, label)))
 
@@ -109,7 +111,15 @@ def _of_attention(record: AttentionRecord) -> Iterator[str]:
     )
     yield from _twice("curve", ((one.scene, one.method, one.attention, one.order) for one in record.curves))
     yield from _twice(
-        "time", ((one.scene, one.method, one.attention, one.order, str(one.share_of_error)) for one in record.reaching)
+        "time",
+        (
+            (one.scene, one.method, one.attention, one.order, one.measure, str(one.share_of_error))
+            for one in record.reaching
+        ),
+    )
+    yield from _twice(
+        "allocation",
+        ((one.scene, one.method, one.attention, one.way, str(one.against)) for one in record.allocations),
     )
     for curve in record.curves:
         yield from _of_curve(curve)
@@ -126,7 +136,8 @@ def _of_attention(record: AttentionRecord) -> Iterator[str]:
 
 def _of_curve(one: Anytime) -> Iterator[str]:
     name = f"curve of {one.method} on {one.scene}, {one.attention}, {one.order}"
-    lengths = {label: len(getattr(one, label)) for label in ("seconds", "share", "rmse_attended", "rmse_whole")}
+    labels = ("seconds", "share", "rmse_whole", "rmse_hardest", "rmse_attended")
+    lengths = {label: len(getattr(one, label)) for label in labels}
     if len(set(lengths.values())) > 1 or not one.seconds:
         yield f"{name} has {', '.join(f'{many} {label}' for label, many in lengths.items())}"
         return
@@ -135,6 +146,7 @@ def _of_curve(one: Anytime) -> Iterator[str]:
     for label in ("seconds", "share"):
         if any(later < sooner for sooner, later in itertools.pairwise(getattr(one, label))):
             yield f"{name}: {label} run backwards"
+    yield from (f"{name}: {wrong}" for wrong in _outside(one.seconds[-1], one.total_spread))
     if one.share[-1] > 1:
         yield f"{name}: share is {one.share[-1]}, more than all"
 
@@ -143,25 +155,35 @@ def _of_reaching(one: Reaching) -> Iterator[str]:
     name = f"time of {one.method} on {one.scene}, {one.attention}, {one.order}"
     if not 0 < one.share_of_error <= 1:
         yield f"{name}: share_of_error is {one.share_of_error}"
-    if (one.seconds is None) != (one.share_of_time is None):
-        yield f"{name}: seconds and share_of_time are there together or not at all"
-    if one.seconds is not None and one.seconds < 0:
-        yield f"{name}: seconds is {one.seconds}"
-    if one.share_of_time is not None and not 0 <= one.share_of_time <= 1:
-        yield f"{name}: share_of_time is {one.share_of_time}"
+    yield from (f"{name}: {wrong}" for wrong in _negative("error", one.error))
+    if (one.seconds is None) != (one.spread is None):
+        yield f"{name}: seconds and spread are there together or not at all"
+    if one.seconds is not None and one.spread is not None:
+        yield from (f"{name}: {wrong}" for wrong in _outside(one.seconds, one.spread))
+
+
+def _outside(seconds: float, spread: tuple[float, float]) -> Iterator[str]:
+    if not 0 <= spread[0] <= seconds <= spread[1]:
+        yield f"{seconds} s lies outside of its spread {list(spread)}"
 
 
 def _of_allocation(one: Allocation) -> Iterator[str]:
     name = f"allocation of {one.method} on {one.scene}, {one.attention}"
     yield from (f"{name}: {wrong}" for wrong in _not_positive(bins=one.bins, evaluations=one.evaluations))
-    for label in ("seconds", "rmse_attended", "rmse_whole", "truth_attended", "truth_whole"):
+    for label in ("own", "rmse_attended", "rmse_whole", "truth_attended", "truth_whole"):
         yield from (f"{name}: {wrong}" for wrong in _negative(label, getattr(one, label) or 0.0))
+    yield from (f"{name}: {wrong}" for wrong in _outside(one.seconds, one.seconds_spread))
+    if one.own > one.evaluations:
+        yield f"{name}: own is {one.own} of {one.evaluations} evaluations"
 
 
 def _of_first_frame(one: FirstFrame) -> Iterator[str]:
     yield from (f"first frame: {wrong}" for wrong in _not_positive(calls=one.calls, target=one.target))
     if not 0 <= one.seconds_coarse <= one.seconds_whole:
         yield f"first frame: coarse after {one.seconds_coarse} s, whole after {one.seconds_whole} s"
+    if not len(one.methods) == len(one.strides) == len(one.psnr_coarse):
+        yield f"first frame: {len(one.methods)} methods, {len(one.strides)} strides, {len(one.psnr_coarse)} psnr_coarse"
+    yield from (f"first frame: {wrong}" for stride in one.strides for wrong in _not_positive(strides=stride))
 
 
 def _strays(folder: Path, record: AttentionRecord) -> Iterator[str]:

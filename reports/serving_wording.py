@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from harness.serving_record import Measure, Way
 from reports.ledger import Verdict
 from reports.wording import counted, listed, number, significant
 
@@ -12,6 +13,15 @@ SOURCES = {
     "level 0": "memory (level 0)",
 }
 """From the slowest to the fastest."""
+TIMED = {
+    "render": "rendered",
+    "level 2 cold": "disk, file not in the system’s memory",
+    "level 2": "disk, file in the system’s memory",
+    "level 0 hashed": "memory (level 0), weights hashed at the call",
+    "level 1": "memory (level 1)",
+    "level 0": "memory (level 0)",
+}
+"""What was timed, in the same order."""
 MAPS = {
     "point": "a point of interest",
     "mask": "a user’s mask",
@@ -20,7 +30,17 @@ MAPS = {
     "foveal": "falling off as in an eye",
 }
 """Attention maps; others are called as the record calls them."""
-ORDERS = {"attention": "by attention", "raster": "in raster order", "spread": "spread"}
+ORDERS = {"attention": "by attention", "raster": "in raster order", "spread": "spread", "plain": "plain"}
+MEASURES: dict[Measure, str] = {
+    "whole": "the whole picture",
+    "hardest": "the quarter of the regions in which the coarse frame is most wrong",
+    "attended": "the quarter of the regions that is attended most",
+}
+WAYS: dict[Way, str] = {
+    "evaluations": "by attention, as many evaluations",
+    "samples": "by attention, as many samples",
+    "even": "the same for each ray",
+}
 OUTCOMES: dict[Verdict, str] = {"holds": "met", "does not hold": "missed", "inconclusive": "open"}
 
 

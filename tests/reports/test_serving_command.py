@@ -63,13 +63,13 @@ def test_without_it_the_keys_are_there_and_empty_and_the_remedy_is_named(run, tm
     assert 'id="attention"' not in report
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"schema": 99}', '{"schema": 1, "cache": 3}'])
+@pytest.mark.parametrize("content", ["{", "[]", '{"schema": 1}', '{"schema": 99}', '{"schema": 2, "cache": 3}'])
 def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
     (out / SERVING_FILE).write_text(content, encoding="utf-8")
     assert main([str(out)]) == 2
     caught = capsys.readouterr()
     assert caught.err.startswith(str(out / SERVING_FILE))
-    assert "python -m harness serving" in caught.err
+    assert f"run `python -m harness serving {out}` again" in caught.err
     assert len(caught.err.splitlines()) == 1
     assert not (out / "report.html").exists()
 
@@ -82,6 +82,7 @@ BAD = [
     ([*LATENCY, "ratio_spread"], [2.0, 1.0], "ratio_spread is [2.0, 1.0]"),
     ([*LATENCY, "source"], "level 1", "latency chair, nerf, level 1 is there twice"),
     ([*LATENCY, "calls"], 0, "calls is 0"),
+    ([*PATH, "other_hit_rates"], [0.5, 1.5], "other_hit_rates are [0.5, 1.5]"),
     ([*PATH, "hits", "render"], 21, "60 views, but 61 that came from anywhere"),
     ([*PATH, "hits"], {"level 9": 60}, "hits from 'level 9'"),
     ([*PATH, "hits"], {"render": 70, "level 0": -10}, "60 views, but 60 that"),
@@ -95,8 +96,15 @@ BAD = [
     ([*CURVE, "rmse_whole", 3], float("nan"), "is nan, which no record may hold"),
     ([*CURVE, "order"], "raster", "curve chair, nerf, point, raster is there twice"),
     (["attention", "reaching", 0, "share_of_error"], 1.5, "share_of_error is 1.5"),
-    (["attention", "reaching", 0, "share_of_time"], None, "there together or not at all"),
-    (["attention", "reaching", 0, "share_of_time"], 2.0, "share_of_time is 2.0"),
+    (["attention", "reaching", 0, "spread"], None, "there together or not at all"),
+    (["attention", "reaching", 0, "spread"], [3.0, 4.0], "lies outside of its spread [3.0, 4.0]"),
+    (["attention", "reaching", 0, "error"], -0.1, "error is -0.1"),
+    (["attention", "reaching", 0, "measure"], "hardest", "hardest, 0.1 is there twice"),
+    ([*CURVE, "total_spread"], [3.0, 4.0], "lies outside of its spread [3.0, 4.0]"),
+    (["attention", "allocations", 0, "own"], 1e9, "own is 1000000000.0 of 6400.0 evaluations"),
+    (["attention", "allocations", 0, "seconds_spread"], [3.0, 4.0], "lies outside of its spread"),
+    (["attention", "allocations", 1, "against"], 8, "allocation chair, nerf, point, even, 8 is there twice"),
+    (["first_frame", "strides"], [2], "2 methods, 1 strides, 2 psnr_coarse"),
     (["attention", "allocations", 0, "evaluations"], 0.0, "evaluations is 0.0"),
     (["attention", "allocations", 0, "truth_whole"], -1.0, "truth_whole is -1.0"),
     (["attention", "phi", "orders_changed"], 19, "φ changed 19 orders and 0 allocations of 18 maps"),

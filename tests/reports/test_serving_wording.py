@@ -11,18 +11,19 @@ from harness.serving_record import (
     FirstFrame,
     NotByRegions,
     PhiCheck,
+    Way,
 )
 from reports.serving_cache import answer as cache_answer
 from reports.serving_cache import confused
-from reports.serving_races import earlier, first, mean_error, races, reached
-from reports.serving_said import allocated, answer, at_cost, averaged, paid, phi_said, plainly, seen_first
+from reports.serving_races import At, earlier, first, mean_error, races
+from reports.serving_said import allocated, answer, averaged, compared, pairs_of, phi_said, plainly, seen_first, totals
 from reports.serving_wording import brief, bytes_said, outcome
 from tests.reports.fake_serving import (
     fake_attention,
     fake_cache,
     fake_curve,
     latency,
-    reaching,
+    reachings,
 )
 
 
@@ -33,12 +34,19 @@ def plain(words: str) -> str:
 @pytest.mark.parametrize(
     ("hits", "said"),
     [
-        ((latency("nerf", "level 0", 5e-5, 0.05),), "A hit in memory is 1 000 times faster than rendering "
+        ((latency("nerf", "level 0", 5e-5, 0.05),), "A hit in memory, of a method that is no longer trained, is "
+         "1 000 times faster than rendering "
          "(target 1 000: open: the spread reaches across)."),
-        ((latency("nerf", "level 2", 1e-3, 0.1),), "A hit on disk is 100 times faster than rendering "
+        ((latency("nerf", "level 2", 1e-3, 0.1),), "A hit on disk, with the file in the operating system’s memory, is "
+         "100 times faster than rendering "
          "(target 50: met)."),
-        ((latency("nerf", "level 2", 1e-2, 0.1),), "A hit on disk is 10.0 times faster than rendering (target 50: "
-         "missed)."),
+        ((latency("nerf", "level 2", 1e-2, 0.1),), "A hit on disk, with the file in the operating system’s "
+         "memory, is 10.0 times faster than "
+         "rendering (target 50: missed)."),
+        ((latency("nerf", "level 0 hashed", 1e-3, 0.1), latency("nerf", "level 2 cold", 1e-3, 0.1)),
+         "A hit in memory, where the weights are hashed at every call, is 100 times faster than rendering (target "
+         "1 000: missed). A hit on disk, with the file dropped from the operating system’s memory, is 100 times faster "
+         "than rendering (target 50: met)."),
     ],
 )  # fmt: skip
 def test_a_single_kind_of_hit_in_words(hits, said):
@@ -91,117 +99,124 @@ def test_times_and_bytes_in_words():
     ]
 
 
-def one_case(kind="point", **seconds):
-    """A picture whose attended and whole error fall at once, in each order after so many seconds."""
+def one_case(around=1.001, **seconds):
+    """A picture whose errors fall at once, in each order after so many seconds."""
     curves = [
-        Anytime("chair", "nerf", kind, order, 1, [0.01, at], [0.0, 1.0], [0.1, 0.0], [0.1, 0.0])
+        Anytime(
+            "chair", "nerf", "point", order, 1, [0.01, at], [0.0, 1.0], (at, at), [0.1, 0.0], [0.1, 0.0], [0.1, 0.0]
+        )
         for order, at in seconds.items()
     ]
-    return fake_attention(curves=curves, reaching=[reaching(one, 0.1) for one in curves])
+    return fake_attention(curves=curves, reaching=reachings(curves, around))
 
 
 def test_one_case_in_words():
     record = one_case(attention=0.02, raster=0.04, spread=0.05)
     assert plain(answer(races(record))) == (
-        "In order of attention, what is attended is down to 10 % of the coarse frame’s error sooner than in any other "
-        "order in 1 of 1 case of scene and map, on 1 of 1 scene with every map: after 20.0 ms by attention, 40.0 ms in "
-        "raster order and 50.0 ms spread."
+        "Until 10 % of the coarse frame’s error is left in the whole picture: 20.0 ms by attention, 40.0 ms in raster "
+        "order and 50.0 ms spread; the order by attention is first in 1 of 1 case of scene and map."
     )
-    assert plain(paid(races(record))[0]) == (
-        "Over the whole picture it gets down to 10 % first in 1 of 1 case, and is behind no other order."
-    )
+    assert [plain(one) for one in compared(races(record))] == [
+        "In the whole picture, attention against raster order: earlier in 1; against pixels spread over the picture: "
+        "earlier in 1.",
+        "In the quarter of the regions in which the coarse frame is most wrong, which no map chooses, attention is "
+        "first in 1 of 1 case.",
+        "In the quarter of the regions that is attended most it is first in 1 of 1 case: that is so by construction, "
+        "as the map that orders the regions also says which are attended.",
+    ]
 
 
 def test_where_attention_loses_is_named():
-    record = one_case(attention=0.06, raster=0.04, spread=0.08)
-    assert [plain(one) for one in paid(races(record))] == [
-        "Over the whole picture it gets down to 10 % first in 0 of 1 case; it is behind raster order in all of them.",
-        "Where it is not first even in what is attended: chair (point).",
+    record = one_case(attention=0.06, raster=0.04, spread=0.08, plain=0.03)
+    assert compared(races(record))[0] == (
+        "In the whole picture, attention against raster order: earlier in 0, later in 1 (all of them); against pixels "
+        "spread over the picture: earlier in 1; against plain rendering: earlier in 0, later in 1 (all of them)."
+    )
+    assert totals(record) == [
+        "All of a picture takes as long as plain rendering, which has no coarse frame and shows nothing before its "
+        "first call is done: 2.00 times by attention, 1.33 times in raster order and 2.67 times spread."
     ]
+    assert totals(one_case(attention=0.06, raster=0.04)) == []
+
+
+def test_repeats_that_overlap_are_undecided():
+    record = one_case(around=1.5, attention=0.02, raster=0.04)
+    assert "first in 0 of 1 case (1 undecided: repeats overlap) of scene" in answer(races(record))
+    assert compared(races(record))[0].endswith("raster order: earlier in 0, undecided in 1.")
 
 
 def test_who_never_gets_there_has_no_median():
     never = [
-        replace(one, seconds=None, share_of_time=None) if one.order == "raster" else one
-        for one in fake_attention().reaching
+        replace(one, seconds=None, spread=None) if one.order == "raster" else one for one in fake_attention().reaching
     ]
     said = answer(races(fake_attention(reaching=never)))
     assert "by attention" in said
     assert "in raster order" not in said
 
 
+def at(seconds, spread=1.0):
+    return At(seconds, seconds / spread, seconds * spread)
+
+
 def test_races_compare_orders():
-    assert first({"attention": 1.0, "raster": 2.0, "spread": None}) == "attention"
-    assert first({"attention": 1.0, "raster": 1.0}) is None
+    assert first({"attention": at(1.0), "raster": at(2.0), "spread": None}) == "attention"
+    assert first({"attention": at(1.0), "raster": at(2.0, 2.0)}) is None
+    assert first({"attention": at(1.0), "raster": at(1.0)}) is None
+    assert first({"attention": None, "raster": None}) is None
     assert first({"attention": None}) is None
-    assert earlier({"attention": 1.0, "raster": None}, "attention", "raster")
+    assert earlier({"attention": at(1.0), "raster": None}, "attention", "raster")
     assert not earlier({"attention": None, "raster": None}, "attention", "raster")
-    assert not earlier({"attention": 1.0, "raster": 1.0}, "attention", "raster")
-
-
-@pytest.mark.parametrize(
-    ("error", "at"),
-    [
-        ([1.0, 0.5, 0.1, 0.0], 3.0),
-        ([1.0, 0.05, 0.5, 0.0], 4.0),
-        ([1.0, 0.5, 0.4, 0.3], None),
-        ([0.0, 0.0, 0.0, 0.0], 1.0),
-    ],
-)
-def test_an_error_is_reached_where_it_stays(error, at):
-    assert reached([1.0, 2.0, 3.0, 4.0], error, 0.1) == at
-
-
-def test_the_time_of_the_record_is_that_of_its_curve():
-    for one in fake_attention().curves:
-        assert reached(one.seconds, one.rmse_attended, 0.1) == reaching(one, 0.1).seconds
+    assert not earlier({"attention": at(1.0), "raster": at(1.0)}, "attention", "raster")
+    assert not earlier({"attention": at(1.0, 1.5), "raster": at(2.0, 1.5)}, "attention", "raster")
+    assert earlier({"attention": at(1.0, 1.3), "raster": at(2.0, 1.3)}, "attention", "raster")
 
 
 def test_an_error_averaged_over_time_is_that_of_steps():
-    curve = Anytime("chair", "nerf", "point", "raster", 1, [1.0, 2.0, 4.0], [0.0, 0.5, 1.0], [8.0, 2.0, 0.0], [1.0] * 3)
-    assert mean_error(curve, 4.0, False) == pytest.approx((8.0 + 2 * 2.0) / 3)
-    assert mean_error(curve, 7.0, False) == pytest.approx((8.0 + 2 * 2.0) / 6)
-    assert mean_error(curve, 3.0, False) == pytest.approx((8.0 + 2.0) / 2)
-    assert mean_error(curve, 4.0, True) == pytest.approx(1.0)
-    assert mean_error(curve, 1.0, True) is None
+    ones, total = [1.0] * 3, (4.0, 4.0)
+    curve = Anytime("chair", "nerf", "point", "raster", 1, [1.0, 2.0, 4.0], ones, total, ones, [8.0, 2.0, 0.0], ones)
+    assert mean_error(curve, 4.0, "hardest") == pytest.approx((8.0 + 2 * 2.0) / 3)
+    assert mean_error(curve, 7.0, "hardest") == pytest.approx((8.0 + 2 * 2.0) / 6)
+    assert mean_error(curve, 3.0, "hardest") == pytest.approx((8.0 + 2.0) / 2)
+    assert mean_error(curve, 4.0, "whole") == pytest.approx(1.0)
+    assert mean_error(curve, 1.0, "whole") is None
 
 
 def test_averages_over_time_are_ratios():
-    alike = {"seconds": [0.1 * k for k in range(26)], "rmse_attended": [0.1] * 26, "rmse_whole": [0.2] * 26}
+    alike = {"seconds": [0.1 * k for k in range(26)], "rmse_hardest": [0.1] * 26, "rmse_whole": [0.2] * 26}
     curves = [replace(fake_curve("chair", "point", order, 1.0), **alike) for order in ("attention", "raster")]
     same = fake_attention(curves=curves)
     (said,) = averaged(same)
     assert (
-        "against raster order, the attended error is 1.00 times as large, that of the whole picture 1.00 times" in said
+        "against raster order, the error of the whole picture is 1.00 times as large, that of the hardest quarter 1.00 "
+        "times" in said
     )
     assert "spread" not in said
     assert averaged(fake_attention(curves=[])) == []
 
 
-def placed(by: bool, bins: float, evaluations: float, attended: float, whole: float = 0.1) -> Allocation:
-    return Allocation("chair", "nerf", "point", by, 1, bins, evaluations, 0.1, attended, whole, None, None)
+def placed(way: Way, against: int, evaluations: float, attended: float, whole: float = 0.1) -> Allocation:
+    own = 0.0 if way == "even" else 0.1 * evaluations
+    return Allocation("chair", "nerf", "point", way, against, 1, 8.0, evaluations, own, 0.001 * evaluations, (0.0, 9.0),
+                      attended, whole, None, None)  # fmt: skip
 
 
-def test_allocation_is_compared_at_the_same_total():
-    pair = [placed(False, 8.0, 100.0, 0.2), placed(True, 7.9, 150.0, 0.1), placed(True, 16.0, 900.0, 0.001)]
-    (said,) = allocated(pair)
-    assert "With as many samples it is 0.50 times and 1.00 times as large, but at 1.50 times the network" in said
-    assert "ground truth" not in said
-    assert allocated(pair[:1]) == []
-
-
-def test_allocation_is_compared_at_the_same_cost():
-    """Between 100 and 400 evaluations the error of the plain one falls from 0.4 to 0.1: at 200 it is 0.2."""
-    plain_ones = [placed(False, 8.0, 100.0, 0.4), placed(False, 32.0, 400.0, 0.1)]
-    one = placed(True, 16.0, 200.0, 0.1)
-    assert at_cost([*plain_ones, one], one) == pytest.approx((0.2, 0.1))
-    first = allocated([*plain_ones, one])[0]
-    assert "is 0.50 times as large in what is attended and 1.00 times in the whole picture" in first
-    assert "in 1 case." in first
-    for evaluations in (99.0, 401.0):
-        assert at_cost(plain_ones, replace(one, evaluations=evaluations)) is None
-    assert at_cost(plain_ones, replace(one, evaluations=400.0)) == pytest.approx((0.1, 0.1))
-    assert at_cost(plain_ones, replace(one, attention="mask")) is None
+def test_allocation_is_compared_with_its_own_even_picture():
+    even = [placed("even", 8, 100.0, 0.2), placed("even", 16, 200.0, 0.1)]
+    (said,) = allocated([*even, placed("samples", 8, 150.0, 0.1)])
+    assert said == (
+        "With as many samples it is 1.00 times as large in the whole picture and 0.50 times in what is attended, but "
+        "that is no equal cost, as empty space needs no evaluation: it takes 1.50 times the evaluations and 1.50 times "
+        "the seconds."
+    )
+    (said,) = allocated([*even, placed("evaluations", 16, 202.0, 0.12, 0.11)])
+    assert plain(said) == (
+        "At the same total cost, in network evaluations and with those of finding out where samples belong (10 % of "
+        "them), samples by attention leave an error of the integral that is 1.10 times as large in the whole picture "
+        "and 1.20 times in what is attended, against the same for each ray; it takes 1.01 times the evaluations and "
+        "1.01 times the seconds."
+    )
+    assert allocated(even) == []
+    assert pairs_of([*even, placed("samples", 9, 150.0, 0.1)], "samples") == []
 
 
 def test_phi_says_what_was_found():
@@ -225,8 +240,11 @@ def test_methods_that_are_rendered_plainly_are_said_once_with_every_scene():
     ]
 
 
-def test_a_missed_first_frame_is_called_missed():
-    said = seen_first(FirstFrame("chair", ["nerf"], 40, 40, 0.71, 1.2, 1))
-    assert "first frame of nerf on chair" in said
-    assert "(target 0.5 s: missed)" in said
-    assert said.endswith("the slowest of 1 call.")
+def test_a_missed_first_frame_is_called_missed_and_says_how_coarse_it_is():
+    said = plain(seen_first(FirstFrame("chair", ["nerf", "qnerf"], 40, 40, 0.71, 1.2, 1, [4, 2], [21.26, None])))
+    assert said == (
+        "The viewer’s first frame of nerf and qnerf side by side on chair, 40 × 40 px with methods loaded and nothing "
+        "in the cache, is computed after 710 ms (target 0.5 s: missed), coarse: nerf a ray for each 4 × 4 px at 21.3 "
+        "dB of the whole picture and qnerf a ray for each 2 × 2 px; all of it after 1.20 s, both on the server, "
+        "without the way to a browser; the slowest of 1 call."
+    )
