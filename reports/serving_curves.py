@@ -1,25 +1,28 @@
 """Curves of a picture while it is refined, and of its error over the number of samples, as plain data."""
 
 from harness.chart_record import Series
-from harness.serving_record import Allocation, Anytime, Order
+from harness.serving_record import Allocation, Anytime, Measure, Order, Reaching
 from reports import palette
 from reports.figure import Panel, Trace, padded, with_common_limits
 from reports.pens import Pen
-from reports.serving_races import SHARE, reached
-from reports.serving_wording import ORDERS, brief
+from reports.serving_wording import MEASURES, ORDERS, WAYS, brief
 from reports.wording import of_any_size
 
 PENS: dict[Order, Pen] = {
     "attention": Pen(palette.OTHERS[0], "o", False, ()),
     "raster": Pen(palette.OTHERS[1], "D", True, (5, 2)),
     "spread": Pen(palette.OTHERS[2], "s", False, (1.2, 1.2)),
+    "plain": Pen(palette.OTHERS[3], "^", True, (8, 2, 1.2, 2)),
 }
 """Not in the colours of methods."""
 ALLOCATED: dict[str, Pen] = {
-    "by attention, attended": Pen(palette.OTHERS[0], "o", False, ()),
-    "by attention, whole": Pen(palette.OTHERS[0], "o", True, (1.2, 1.2)),
-    "the same for each ray, attended": Pen(palette.OTHERS[1], "D", False, ()),
-    "the same for each ray, whole": Pen(palette.OTHERS[1], "D", True, (1.2, 1.2)),
+    f"{words}, {where}": Pen(colour, marker, where == "whole", () if where == "attended" else (1.2, 1.2))
+    for words, colour, marker in (
+        (WAYS["evaluations"], palette.OTHERS[0], "o"),
+        (WAYS["samples"], palette.OTHERS[2], "s"),
+        (WAYS["even"], palette.OTHERS[1], "D"),
+    )
+    for where in ("attended", "whole")
 }
 INVISIBLE = 1e-4
 """Of display colour, a fortieth of a step of an 8-bit picture: below it a curve stands at the foot of its axis."""
@@ -28,41 +31,44 @@ AT_MOST = 80
 SIZE = (3.4, 2.3)
 
 
-def anytime_panels(curves: list[Anytime], whole: bool, share: float = SHARE) -> list[Panel]:
-    """A panel a scene, a line an order; a marker where it has come down to the share of its first error."""
-    scenes = dict.fromkeys(one.scene for one in curves)
-    panels = [_panel(scene, [one for one in curves if one.scene == scene], whole, share) for scene in scenes]
+def anytime_panels(curves: list[Anytime], reaching: list[Reaching], measure: Measure) -> list[Panel]:
+    """A panel a scene, a line an order; a marker where it has come down to the error that `reaching` says."""
+    panels = []
+    for scene in dict.fromkeys(one.scene for one in curves):
+        some = [one for one in curves if one.scene == scene]
+        names = {(scene, one.method, one.attention, one.order, measure) for one in some}
+        goals = [
+            one
+            for one in reaching
+            if (one.scene, one.method, one.attention, one.order, one.measure) in names and one.error > INVISIBLE
+        ]
+        panels.append(_panel(scene, some, goals, measure))
     return with_common_limits(panels, "xy")
 
 
-def _panel(scene: str, curves: list[Anytime], whole: bool, share: float) -> Panel:
+def _panel(scene: str, curves: list[Anytime], goals: list[Reaching], measure: Measure) -> Panel:
     traces: list[Trace] = []
     foot = None
     for one in curves:
-        pen, error = PENS[one.order], _error(one, whole)
-        seconds, shown = _drawn(one.seconds, error)
+        pen = PENS[one.order]
+        seconds, shown = _drawn(one.seconds, one.rmse(measure))
         if min(shown) < INVISIBLE:
             foot = INVISIBLE
         width = 2.2 if one.order == "attention" else 1.6
         line = tuple(max(value, INVISIBLE) for value in shown)
         traces.append(Trace(one.order, pen.colour.light, "line", tuple(seconds), line, dash=pen.dash, width=width))
-    for one in curves:
-        pen, error = PENS[one.order], _error(one, whole)
-        at = reached(one.seconds, error, share)
-        if at is not None and share * error[0] > INVISIBLE:
-            goal = share * error[0]
-            traces.append(
-                Trace(one.order, pen.colour.light, "mark", (at,), (goal,), marker=pen.marker, hollow=pen.hollow, size=6)
-            )
-    if curves and share * _error(curves[0], whole)[0] > INVISIBLE:
-        goal = share * _error(curves[0], whole)[0]
+    for goal in goals:
+        if goal.seconds is not None:
+            pen, at, left = PENS[goal.order], (goal.seconds,), (goal.error,)
+            mark = Trace(goal.order, pen.colour.light, "mark", at, left, marker=pen.marker, hollow=pen.hollow, size=6)
+            traces.append(mark)
+    if goals:
         ends = (min(one.seconds[0] for one in curves), max(one.seconds[-1] for one in curves))
-        traces.append(Trace("share", palette.MUTED.light, "floor", ends, (goal, goal)))
+        traces.append(Trace("share", palette.MUTED.light, "floor", ends, (goals[0].error, goals[0].error)))
     every = [value for trace in traces for value in trace.y]
-    what = "whole picture" if whole else "attended regions"
     said = "; ".join(
-        f"{ORDERS[one.order]} {of_any_size(_error(one, whole)[0])} after {brief(one.seconds[0])} to "
-        f"{of_any_size(_error(one, whole)[-1])} after {brief(one.seconds[-1])}"
+        f"{ORDERS[one.order]} {of_any_size(one.rmse(measure)[0])} after {brief(one.seconds[0])} to "
+        f"{of_any_size(one.rmse(measure)[-1])} after {brief(one.seconds[-1])}"
         for one in curves
     )
     return Panel(
@@ -70,17 +76,13 @@ def _panel(scene: str, curves: list[Anytime], whole: bool, share: float) -> Pane
         "seconds since the view was asked for",
         "RMSE, display",
         tuple(traces),
-        f"Error of the {what} on {scene} while it is refined: {said}.",
+        f"Error of {MEASURES[measure]} on {scene} while the picture is refined: {said}.",
         "linear",
         "log",
         y_limits=padded(every, True),
         size=SIZE,
         zero_at=foot,
     )
-
-
-def _error(one: Anytime, whole: bool) -> list[float]:
-    return one.rmse_whole if whole else one.rmse_attended
 
 
 def _drawn(seconds: list[float], error: list[float]) -> tuple[list[float], list[float]]:
@@ -102,8 +104,8 @@ def allocation_series(found: list[Allocation]) -> list[Series]:
     """Error over network evaluations, a chart a scene; a line for each way to share samples out and each error."""
     series = []
     for scene in dict.fromkeys(one.scene for one in found):
-        for by_attention, words in ((True, "by attention"), (False, "the same for each ray")):
-            chosen = [one for one in found if (one.scene, one.by_attention) == (scene, by_attention)]
+        for way, words in WAYS.items():
+            chosen = [one for one in found if (one.scene, one.way) == (scene, way)]
             for name, errors in (
                 ("attended", [one.rmse_attended for one in chosen]),
                 ("whole", [one.rmse_whole for one in chosen]),

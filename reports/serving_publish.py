@@ -7,7 +7,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.serving_record import SERVING_FILE, AttentionRecord, ServingRecord, write_serving
+from harness.serving_record import SERVING_FILE, AttentionRecord, Measure, ServingRecord, write_serving
 from reports import palette
 from reports.figure import STYLE, Panel, paint
 from reports.pens import Pen
@@ -18,6 +18,7 @@ from reports.serving_wording import MAPS
 from reports.stability_publish import keys
 
 PLOT = "serving.png"
+MEASURES_DRAWN: dict[Measure, str] = {"whole": "whole picture", "hardest": "its hardest quarter"}
 
 
 def write_published_serving(record: ServingRecord, methods: list[str], folder: Path) -> list[Path]:
@@ -62,8 +63,12 @@ def _curves(record: AttentionRecord) -> list[tuple[str, Panel, dict[str, Pen]]]:
     pens = {one.order: PENS[one.order] for one in chosen}
     about = f"{first.scene}, {MAPS.get(first.attention, first.attention)}"
     return [
-        (f"{what}, {about}", anytime_panels(chosen[::-1], whole)[0], {str(name): pen for name, pen in pens.items()})
-        for whole, what in ((False, "attended regions"), (True, "whole picture"))
+        (
+            f"{what}, {about}",
+            anytime_panels(chosen[::-1], record.reaching, measure)[0],
+            {str(name): pen for name, pen in pens.items()},
+        )
+        for measure, what in MEASURES_DRAWN.items()
     ]
 
 

@@ -1,10 +1,19 @@
 """Attention-prioritised rendering in sentences, each made from figures."""
 
-import math
 from collections.abc import Sequence
 from statistics import median
 
-from harness.serving_record import Allocation, Anytime, AttentionRecord, FirstFrame, NotByRegions, Order, PhiCheck
+from harness.serving_record import (
+    Allocation,
+    Anytime,
+    AttentionRecord,
+    FirstFrame,
+    Measure,
+    NotByRegions,
+    Order,
+    PhiCheck,
+    Way,
+)
 from reports.evidence_view import plain
 from reports.serving_races import ORDERS, SHARE, Race, earlier, first, mean_error
 from reports.serving_wording import ORDERS as WORDS
@@ -12,74 +21,110 @@ from reports.serving_wording import brief, factor, of_cases
 from reports.wording import NARROW, counted, listed, significant
 
 PERCENT = f"{100 * SHARE:.0f}{NARROW}%"
-SAME_TOTAL = 0.05
-"""Numbers of samples a ray that differ by less are the same total: allocation rounds down."""
 
 
 def answer(cases: list[Race]) -> str:
-    """Which order is first where it is attended, on how many scenes, and after how long."""
+    """Which order is first to the whole picture, in how many cases, and after how long."""
     if not cases:
         return "No order was timed."
-    won = [one for one in cases if first(one.attended) == "attention"]
-    scenes = list(dict.fromkeys(one.scene for one in cases))
-    whole = [scene for scene in scenes if all(one in won for one in cases if one.scene == scene)]
-    said = (
-        f"In order of attention, what is attended is down to {PERCENT} of the coarse frame’s error sooner than in any "
-        f"other order in {len(won)} of {counted(len(cases), 'case')} of scene and map, on {len(whole)} of "
-        f"{counted(len(scenes), 'scene')} with every map"
-    )
     times = [f"{brief(at)} {WORDS[order]}" for order in ORDERS if (at := _median(cases, order)) is not None]
-    return f"{said}: after {listed(times)}{' (medians)' if len(cases) > 1 else ''}." if times else f"{said}."
+    after = f": {listed(times)}{' (medians)' if len(cases) > 1 else ''}" if times else ""
+    return (
+        f"Until {PERCENT} of the coarse frame’s error is left in the whole picture{after}; the order by attention is "
+        f"first {_counted(cases, 'whole')} of scene and map."
+    )
 
 
 def _median(cases: list[Race], order: Order) -> float | None:
     """None where some case never got there."""
-    times = [one.attended.get(order) for one in cases]
-    there = [at for at in times if at is not None]
+    times = [one.to("whole").get(order) for one in cases]
+    there = [at.seconds for at in times if at is not None]
     return median(there) if there and len(there) == len(times) else None
 
 
-def paid(cases: list[Race]) -> list[str]:
-    """Where the order by attention is not first: in the whole picture, and in what is attended."""
+def _counted(cases: list[Race], measure: Measure) -> str:
+    """In how many cases attention is first of all orders, and in how many nobody can tell."""
+    known = [one for one in cases if one.to(measure)]
+    won = sum(first(one.to(measure)) == "attention" for one in known)
+    open_ = sum(first(one.to(measure)) is None for one in known)
+    undecided = f" ({open_} undecided: repeats overlap)" if open_ else ""
+    return f"in {won} of {counted(len(known), 'case')}{undecided}"
+
+
+def compared(cases: list[Race]) -> list[str]:
+    """The whole picture order against order, then the parts of it."""
     said = []
-    known = [one for one in cases if "attention" in one.whole and len(one.whole) > 1]
-    if known:
-        won = sum(first(one.whole) == "attention" for one in known)
-        parts = [f"Over the whole picture it gets down to {PERCENT} first in {won} of {counted(len(known), 'case')}"]
-        for order in ORDERS[1:]:
-            behind = [(one.scene, one.attention) for one in known if earlier(one.whole, order, "attention")]
-            if behind:
-                where = "all of them" if len(behind) == len(known) else f"{len(behind)}: {of_cases(behind)}"
-                parts.append(f"it is behind {_named(order)} in {where}")
-        said.append("; ".join(parts) + ("." if len(parts) > 1 else ", and is behind no other order."))
-    lost = [(one.scene, one.attention) for one in cases if first(one.attended) != "attention"]
-    if lost:
-        said.append(f"Where it is not first even in what is attended: {of_cases(lost)}.")
+    parts = []
+    for order in ORDERS[1:]:
+        known = [one for one in cases if {"attention", order} <= set(one.to("whole"))]
+        if not known:
+            continue
+        ahead = sum(earlier(one.to("whole"), "attention", order) for one in known)
+        behind = [(one.scene, one.attention) for one in known if earlier(one.to("whole"), order, "attention")]
+        open_ = len(known) - ahead - len(behind)
+        late = f", later in {len(behind)} ({_where(behind, known)})" if behind else ""
+        parts.append(f"{_named(order)}: earlier in {ahead}{late}{f', undecided in {open_}' if open_ else ''}")
+    if parts:
+        said.append(f"In the whole picture, attention against {'; against '.join(parts)}.")
+    if any(one.to("hardest") for one in cases):
+        said.append(
+            "In the quarter of the regions in which the coarse frame is most wrong, which no map chooses, attention is "
+            f"first {_counted(cases, 'hardest')}."
+        )
+    if any(one.to("attended") for one in cases):
+        said.append(
+            f"In the quarter of the regions that is attended most it is first {_counted(cases, 'attended')}: that is "
+            "so by construction, as the map that orders the regions also says which are attended."
+        )
     return said
 
 
+def _where(some: list[tuple[str, str]], known: list[Race]) -> str:
+    return "all of them" if len(some) == len(known) else of_cases(some)
+
+
+def totals(record: AttentionRecord) -> list[str]:
+    """What the parts cost: the whole picture's seconds in each order against plain rendering's."""
+    parts = []
+    for order in ORDERS[:-1]:
+        found = [
+            one.seconds[-1] / plainly_.seconds[-1]
+            for one in record.curves
+            if one.order == order and (plainly_ := _partner(record, one, "plain")) and plainly_.seconds[-1] > 0
+        ]
+        if found:
+            parts.append(f"{factor(found)} {WORDS[order]}")
+    if not parts:
+        return []
+    return [
+        "All of a picture takes as long as plain rendering, which has no coarse frame and shows nothing before its "
+        f"first call is done: {listed(parts)}."
+    ]
+
+
 def _named(order: Order) -> str:
-    return {"raster": "raster order", "spread": "pixels spread over the picture"}.get(order, order)
+    named = {"raster": "raster order", "spread": "pixels spread over the picture", "plain": "plain rendering"}
+    return named.get(order, order)
 
 
 def averaged(record: AttentionRecord) -> list[str]:
     """What a viewer sees meanwhile: errors averaged over the time until both are done, against the other orders."""
     said = []
     for order in ORDERS[1:]:
-        ratios: dict[bool, list[float]] = {False: [], True: []}
+        ratios: dict[Measure, list[float]] = {"whole": [], "hardest": []}
         for one in record.curves:
             mine = _partner(record, one, "attention")
             if one.order != order or mine is None:
                 continue
             until = max(mine.seconds[-1], one.seconds[-1])
-            for whole, found in ratios.items():
-                a, b = mean_error(mine, until, whole), mean_error(one, until, whole)
+            for measure, found in ratios.items():
+                a, b = mean_error(mine, until, measure), mean_error(one, until, measure)
                 if a and b:
                     found.append(a / b)
-        if ratios[False] and ratios[True]:
+        if ratios["whole"] and ratios["hardest"]:
             said.append(
-                f"against {_named(order)}, the attended error is {factor(ratios[False])} as large, that of the whole "
-                f"picture {factor(ratios[True])}"
+                f"against {_named(order)}, the error of the whole picture is {factor(ratios['whole'])} as large, that "
+                f"of the hardest quarter {factor(ratios['hardest'])}"
             )
     if not said:
         return []
@@ -93,69 +138,59 @@ def _partner(record: AttentionRecord, one: Anytime, order: Order) -> Anytime | N
 
 
 def allocated(found: list[Allocation]) -> list[str]:
-    """Samples placed by attention against the same for each ray: at the same cost, and with the same number."""
+    """Samples placed by attention against the same for each ray: at the same total cost, and with as many."""
     said = []
-    cases = [(one, *at) for one in found if one.by_attention and (at := at_cost(found, one))]
-    attended = _ratios([(one.rmse_attended, even) for one, even, _ in cases])
-    whole = _ratios([(one.rmse_whole, even) for one, _, even in cases])
-    if attended and whole:
+    if pairs := pairs_of(found, "evaluations"):
         said.append(
-            "At as many network evaluations, samples that are shared out by attention leave an error of the integral "
-            f"that is {factor(attended)} as large in what is attended and {factor(whole)} in the whole picture, "
-            f"against the same for each ray, read off between its numbers of samples in {counted(len(cases), 'case')}."
+            "At the same total cost, in network evaluations and with those of finding out where samples belong "
+            f"({_percent([one.own / one.evaluations for one, _ in pairs])} of them), samples by attention leave an "
+            f"error of the integral that is {_errors(pairs)}, against the same for each ray; {_cost(pairs)}."
         )
-    pairs = pairs_of(found)
-    attended = _ratios([(one.rmse_attended, other.rmse_attended) for one, other in pairs])
-    whole = _ratios([(one.rmse_whole, other.rmse_whole) for one, other in pairs])
-    cost = _ratios([(one.evaluations, other.evaluations) for one, other in pairs])
-    if attended and whole:
-        truths = [
-            (one.truth_attended, other.truth_attended)
-            for one, other in pairs
-            if one.truth_attended is not None and other.truth_attended is not None
-        ]
-        against = _ratios(truths)
-        tail = f"; against the ground truth, what is attended is {factor(against)} as wrong" if against else ""
+    if pairs := pairs_of(found, "samples"):
         said.append(
-            f"With as many samples it is {factor(attended)} and {factor(whole)} as large, but at {factor(cost)} the "
-            f"network evaluations, as empty space costs none{tail}."
+            f"With as many samples it is {_errors(pairs)}, but that is no equal cost, as empty space needs no "
+            f"evaluation: {_cost(pairs)}."
         )
     return said
 
 
-def at_cost(found: list[Allocation], one: Allocation) -> tuple[float, float] | None:
-    """Attended and whole error of the same for each ray at as many evaluations as `one` took: on a line between two
-    numbers of samples, both axes logarithmic. None where it was not measured on both sides.
-    """
-    same = [
-        other
-        for other in found
-        if not other.by_attention
-        and (one.scene, one.method, one.attention) == (other.scene, other.method, other.attention)
+def _errors(pairs: list[tuple[Allocation, Allocation]]) -> str:
+    whole = _ratios([(one.rmse_whole, other.rmse_whole) for one, other in pairs])
+    attended = _ratios([(one.rmse_attended, other.rmse_attended) for one, other in pairs])
+    if not whole or not attended:
+        return "the same: none"
+    return f"{factor(whole)} as large in the whole picture and {factor(attended)} in what is attended"
+
+
+def _cost(pairs: list[tuple[Allocation, Allocation]]) -> str:
+    """Evaluations and seconds, and against the truth where it is known."""
+    evaluations = factor([one.evaluations / other.evaluations for one, other in pairs])
+    seconds = _ratios([(one.seconds, other.seconds) for one, other in pairs])
+    truths = [
+        (one.truth_whole, other.truth_whole)
+        for one, other in pairs
+        if one.truth_whole is not None and other.truth_whole is not None
     ]
-    below = max((it for it in same if it.evaluations <= one.evaluations), key=lambda it: it.evaluations, default=None)
-    above = min((it for it in same if it.evaluations >= one.evaluations), key=lambda it: it.evaluations, default=None)
-    if below is None or above is None:
-        return None
-    ends = ((below.rmse_attended, above.rmse_attended), (below.rmse_whole, above.rmse_whole))
-    if min(value for pair in ends for value in pair) <= 0:
-        return None
-    span = math.log(above.evaluations / below.evaluations)
-    share = math.log(one.evaluations / below.evaluations) / span if span else 0.0
-    attended, whole = (low * (high / low) ** share for low, high in ends)
-    return attended, whole
+    against = _ratios(truths)
+    return (
+        f"it takes {evaluations} the evaluations"
+        + (f" and {factor(seconds)} the seconds" if seconds else "")
+        + (f", and against the ground truth the picture is {factor(against)} as wrong" if against else "")
+    )
 
 
-def pairs_of(found: list[Allocation]) -> list[tuple[Allocation, Allocation]]:
-    """By attention and the same for each ray, with the same total."""
+def _percent(shares: list[float]) -> str:
+    low, high = f"{100 * min(shares):.0f}", f"{100 * max(shares):.0f}"
+    return f"{low}{NARROW}%" if low == high else f"{low} to {high}{NARROW}%"
+
+
+def pairs_of(found: list[Allocation], way: Way) -> list[tuple[Allocation, Allocation]]:
+    """By attention, and the even picture that it is compared with."""
+    even = {(one.scene, one.method, one.attention, one.against): one for one in found if one.way == "even"}
     return [
         (one, other)
         for one in found
-        for other in found
-        if one.by_attention
-        and not other.by_attention
-        and (one.scene, one.method, one.attention) == (other.scene, other.method, other.attention)
-        and abs(one.bins - other.bins) <= SAME_TOTAL * other.bins
+        if one.way == way and (other := even.get((one.scene, one.method, one.attention, one.against)))
     ]
 
 
@@ -198,8 +233,14 @@ def seen_first(one: FirstFrame) -> str:
     """How soon the viewer shows something, against its target."""
     met = "met" if one.seconds_coarse <= one.target else "missed"
     beside = " side by side" if len(one.methods) > 1 else ""
+    coarse = [
+        f"{method} a ray for each {stride} × {stride} px"
+        + (f" at {score:.1f}{NARROW}dB of the whole picture" if score is not None else "")
+        for method, stride, score in zip(one.methods, one.strides, one.psnr_coarse, strict=True)
+    ]
     return (
         f"The viewer’s first frame of {listed(one.methods)}{beside} on {one.scene}, {one.width} × {one.height} px with "
-        f"nothing in the cache, is there after {brief(one.seconds_coarse)} (target {plain(one.target)} s: "
-        f"{met}), all of it after {brief(one.seconds_whole)}; the slowest of {counted(one.calls, 'call')}."
+        f"methods loaded and nothing in the cache, is computed after {brief(one.seconds_coarse)} (target "
+        f"{plain(one.target)} s: {met}), coarse: {listed(coarse)}; all of it after {brief(one.seconds_whole)}, both "
+        f"on the server, without the way to a browser; the slowest of {counted(one.calls, 'call')}."
     )

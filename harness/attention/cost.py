@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from harness.attention.progressive import coarse_pixels
+from harness.attention.progressive import coarse_pixels, over_squares
 from harness.attention.regions import Regions
 from harness.camera import Camera
+from harness.evaluate import View
 from harness.learner import Learner
 
 
@@ -21,6 +22,8 @@ class RegionCost:
     """Rendered to find out."""
     network_evaluations: int
     """Spent to find out."""
+    view: View
+    """The coarse frame that they are the pixels of."""
 
 
 def evaluations_by_region(
@@ -35,9 +38,14 @@ def evaluations_by_region(
     region_of = regions.of_pixel.reshape(-1)[pixels]
     counts = np.bincount(region_of, minlength=regions.count)
     found = np.zeros(regions.count)
+    colour = np.empty((len(pixels), 3), np.float32)
+    opacity, depth = np.empty(len(pixels), np.float32), np.empty(len(pixels), np.float32)
     for region in np.flatnonzero(counts).tolist():
-        some = torch.as_tensor(pixels[region_of == region]).to(learner.device)
-        found[region] = learner.render(rays.chosen(some), chunk, bins).network_evaluations
+        here = np.flatnonzero(region_of == region)
+        seen = learner.render(rays.chosen(torch.as_tensor(pixels[here]).to(learner.device)), chunk, bins)
+        found[region] = seen.network_evaluations
+        for whole, part in ((colour, seen.colour), (opacity, seen.opacity), (depth, seen.depth)):
+            whole[here] = part.cpu().numpy()
     a_ray = np.where(counts > 0, found / np.maximum(counts, 1), found.sum() / len(pixels))
     estimate = np.maximum(1, np.round(a_ray * regions.rays)).astype(np.int64)
-    return RegionCost(estimate, len(pixels), int(found.sum()))
+    return RegionCost(estimate, len(pixels), int(found.sum()), over_squares(camera, stride, colour, opacity, depth))

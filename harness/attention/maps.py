@@ -5,6 +5,7 @@ All raise `BadAttention`, naming region and value, where what they are given is 
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -72,14 +73,38 @@ def from_error(regions: Regions, estimate_of_error: np.ndarray) -> np.ndarray:
     return _mean(regions, estimate_of_error, "estimated error")
 
 
-MAPS: dict[str, Callable[..., np.ndarray]] = {
-    "mask": from_mask,
-    "point": around_point,
-    "foveal": foveal,
-    "gradients": from_gradients,
-    "error": from_error,
+def _nothing() -> np.ndarray:
+    raise BadAttention("there is nothing of that kind to look at here")
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What maps look at. What has to be rendered first is a call, so that only a map that uses it pays for it."""
+
+    regions: Regions
+    row: float
+    column: float
+    """The point looked at, in pixels."""
+    radius: float
+    """Pixels at which a point of interest has half of its attention."""
+    focal: float
+    """Pixels."""
+    mask: Callable[[], np.ndarray] = _nothing
+    """[height, width]."""
+    image: Callable[[], np.ndarray] = _nothing
+    """A coarse frame [height, width, 3]."""
+    error: Callable[[], np.ndarray] = _nothing
+    """An estimate of its error [height, width]."""
+
+
+MAPS: dict[str, Callable[[Sight], np.ndarray]] = {
+    "point": lambda sight: around_point(sight.regions, sight.row, sight.column, sight.radius),
+    "mask": lambda sight: from_mask(sight.regions, sight.mask()),
+    "gradients": lambda sight: from_gradients(sight.regions, sight.image()),
+    "error": lambda sight: from_error(sight.regions, sight.error()),
+    "foveal": lambda sight: foveal(sight.regions, sight.row, sight.column, sight.focal),
 }
-"""By the name that records and options use. Each takes the regions first, then what its signature says."""
+"""Every map by the name that records, the viewer and its address use."""
 
 
 def _mean(regions: Regions, values: Any, what: str) -> np.ndarray:

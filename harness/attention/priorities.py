@@ -82,13 +82,14 @@ def region_order(attention: np.ndarray) -> np.ndarray:
     return np.argsort(rank, kind="stable")
 
 
-def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> np.ndarray:
+def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: int = 1) -> np.ndarray:
     """Bins a ray in each region, int [regions], at the total of `bins` a ray everywhere.
 
     Each ray gets `least` bins, and of what is left a part proportional to the attention of its region; whole numbers by
     largest remainder (equal ones row by row). The total Σ rays · bins is never exceeded; it is met exactly where all
     regions have as many rays, else what is left over is less than the largest region has rays. Equal attention gives
-    `bins` everywhere. Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
+    `bins` everywhere. `bins` is a mean and need not be whole (equal attention rounds it down).
+    Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
 
     `rays` may be any whole cost ≥ 1 of one more bin in each region: with `cost.evaluations_by_region` the total that is
     fixed is that of the network's evaluations, where empty space costs none.
@@ -100,9 +101,9 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: in
     if not 1 <= least <= bins:
         raise ValueError(f"at least {least} of {bins} bins a ray: must lie between 1 and {bins}")
     if is_equal(found):
-        return np.full(len(found), bins)
+        return np.full(len(found), int(bins))
     relative = found / found.max()
-    free = (bins - least) * int(counts.sum())
+    free = int((bins - least) * int(counts.sum()))
     step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
     wanted = np.round(free * relative / (relative * counts).sum() / step) * step
     more = np.floor(wanted).astype(np.int64)

@@ -1,9 +1,10 @@
 """A view in parts: coarse at once, then region after region in some order, or with its samples where attention is."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -73,26 +74,38 @@ def why_plain(learner: Learner) -> str | None:
     return None if learner.field.pointwise else NOT_BY_REGIONS
 
 
-def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> tuple[View, int]:
-    """The view by the middle pixel of each square of `stride`, spread over the square, and how many were rendered.
+class CoarseFrame(NamedTuple):
+    """A view of few rays, and what they cost."""
+
+    view: View
+    rays: int
+    network_evaluations: int
+
+
+def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> CoarseFrame:
+    """The view by the middle pixel of each square of `stride`, spread over the square.
 
     These are pixels of the full resolution, at their own centres: with a pointwise method they are already final, to
     float32 rounding. They come from all over the view, as those of a plain call do, so a method that is not pointwise
     is asked for what it was trained on; its picture is another one all the same, as with any other chunk.
     `bins` a ray instead of the learner's. Raises `ValueError` for a stride below 1.
     """
-    grid = coarse_pixels(camera, stride)
-    pixels = grid.reshape(-1)
+    pixels = coarse_pixels(camera, stride).reshape(-1)
     mixed = pixel_order(len(pixels))
     found = learner.render(
         _rays(learner, camera).chosen(torch.as_tensor(pixels)[mixed].to(learner.device)), chunk, bins
     )
     index = np.empty(len(pixels), np.int64)
     index[mixed.numpy()] = np.arange(len(pixels))
+    parts = (_array(values)[index] for values in (found.colour, found.opacity, found.depth))
+    return CoarseFrame(over_squares(camera, stride, *parts), len(pixels), found.network_evaluations)
+
+
+def over_squares(camera: Camera, stride: int, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> View:
+    """What was rendered of `coarse_pixels`, in their order, each spread over its square."""
     row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
-    of_pixel = index.reshape(grid.shape)[row][:, column]
-    colour, opacity, depth = (_array(values)[of_pixel] for values in (found.colour, found.opacity, found.depth))
-    return View(colour, opacity, depth), len(pixels)
+    of_pixel = row[:, None] * math.ceil(camera.width / stride) + column[None, :]
+    return View(colour[of_pixel], opacity[of_pixel], depth[of_pixel])
 
 
 def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
@@ -109,18 +122,18 @@ class ErrorEstimate:
     error: np.ndarray
     """float64 [height, width]: root mean square over the channels of the difference of two coarse frames."""
     rays: int
-    """Rendered, both frames together."""
-    samples: int
-    """Σ rays · bins of both."""
+    """Rendered to find out, beside the frame that was there."""
+    network_evaluations: int
+    """Spent on them."""
 
 
-def estimated_error(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int) -> ErrorEstimate:
-    """The difference that half of `bins` a ray make to the coarse frame: an estimate of the error of the quadrature."""
-    fine, rays = coarse(learner, camera, stride, chunk, bins)
-    half = max(1, bins // 2)
-    rough, more = coarse(learner, camera, stride, chunk, half)
-    difference = fine.colour.astype(np.float64) - rough.colour.astype(np.float64)
-    return ErrorEstimate(np.sqrt((difference**2).mean(axis=-1)), rays + more, rays * bins + more * half)
+def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
+    """The difference that half of `bins` a ray make to `fine`, the coarse frame with `bins` at the same stride: an
+    estimate of the error of the quadrature.
+    """
+    rough = coarse(learner, camera, stride, chunk, max(1, bins // 2))
+    difference = fine.colour.astype(np.float64) - rough.view.colour.astype(np.float64)
+    return ErrorEstimate(np.sqrt((difference**2).mean(axis=-1)), rough.rays, rough.network_evaluations)
 
 
 def refine(
@@ -132,11 +145,13 @@ def refine(
     order: Order = "attention",
     rays_a_call: int = RAYS_A_CALL,
 ) -> Iterator[Done]:
-    """Every pixel of the view once, in `order` (`ORDERS`; `attention` is looked at by the first alone).
+    """Every pixel of the view once, in `order` (`ORDERS`; `attention` is looked at by the first alone: the others are
+    what it is compared with, and stay what they are under equal attention).
 
     One `Done` a region, several of them after each call where regions are small. Two cases are plain rendering, to the
-    bit, with one `Done` a call of `chunk` rays from all over the view: equal attention, and a method that is not
-    pointwise, in whatever order (`why_plain`). Otherwise the picture is that of plain rendering to float32 rounding.
+    bit, with one `Done` a call of `chunk` rays from all over the view: equal attention in the order by attention, and
+    a method that is not pointwise, in whatever order (`why_plain`). Otherwise the picture is that of plain rendering to
+    float32 rounding.
 
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """

@@ -1,4 +1,4 @@
-"""Error against time while a view is refined: by attention, in raster order, and spread over the picture."""
+"""Error against time while a view is refined: by attention, in raster order, spread over the picture, and plainly."""
 
 import typing
 from collections.abc import Iterator, Sequence
@@ -12,12 +12,14 @@ from harness.attention.regions import Regions
 from harness.evaluate import View
 from harness.serving.attention_maps import Looked, attention_of
 from harness.serving.timing import CLOCK, Clock
-from harness.serving_record import Anytime, Order, Reaching
+from harness.serving_record import Anytime, Measure, Order, Pair, Reaching
 
 ORDERS: tuple[Order, ...] = typing.get_args(Order)
-SHARES_OF_ERROR = (0.5, 0.1)
-ATTENDED_SHARE = 0.25
-"""Of the regions: the most attended."""
+MEASURES: tuple[Measure, ...] = typing.get_args(Measure)
+SHARE_OF_ERROR = 0.1
+"""Of the coarse frame's: when so little is left, a picture is called useful."""
+QUARTER = 0.25
+"""Of the regions: the most attended, or the hardest."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Refined:
 
     first: View
     seconds: list[float]
-    """Since the view was asked for: of the coarse frame, and of each part."""
+    """Since the view was asked for: of the first frame, and of each part."""
     parts: list[Done]
 
     def at(self, index: int) -> View:
@@ -43,23 +45,34 @@ class Measured:
     """One view in one order, refined several times: all give the same picture, their clocks differ."""
 
     refined: Refined
-    seconds: list[float]
-    """Medians over the repeats."""
+    seconds: np.ndarray
+    """[repeats, points]."""
 
     def after(self, limit: float) -> View:
-        """What is there when so many seconds are over; the coarse frame at least."""
-        done = sum(second <= limit for second in self.seconds) - 1
+        """What is there when so many seconds are over, by the median of the repeats; the first frame at least."""
+        done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
         return self.refined.at(max(done, 0))
 
 
 def refined(view: Looked, order: Order, kind: str | None, clock: Clock = CLOCK) -> Refined:
-    """Coarse frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it."""
-    cell, regions = view.cell, view.regions
+    """First frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it; `plain`
+    begins with the white that a reader sees meanwhile.
+    """
+    cell, regions, camera = view.cell, view.regions, view.camera
     began = clock()
-    first, _ = coarse(cell.learner, view.camera, view.stride, cell.chunk)
-    attention = np.ones(regions.count) if kind is None else attention_of(kind, view, first)
-    seconds, parts = [clock() - began], []
-    for done in refine(cell.learner, view.camera, regions, attention, cell.chunk, order):
+    attention = np.ones(regions.count)
+    if order == "plain":
+        first, seconds = Canvas(camera.height, camera.width).view, [0.0]
+    else:
+        first = coarse(cell.learner, camera, view.stride, cell.chunk).view
+        if kind is not None:
+            attention, _ = attention_of(kind, view, first)
+        seconds = [clock() - began]
+    parts = []
+    # equal attention, in the order by attention, is plain rendering
+    for done in refine(
+        cell.learner, camera, regions, attention, cell.chunk, "attention" if order == "plain" else order
+    ):
         seconds.append(clock() - began)
         parts.append(done)
     return Refined(first, seconds, parts)
@@ -72,7 +85,7 @@ Run = tuple[Order, str | None]
 def runs_of(maps: dict[str, np.ndarray]) -> list[Run]:
     """Each order once; attention for every map that attends to something more than to something else."""
     attended: list[Run] = [("attention", kind) for kind, attention in maps.items() if not is_equal(attention)]
-    return [*attended, ("raster", None), ("spread", None)]
+    return [*attended, *((order, None) for order in ORDERS if order != "attention")]
 
 
 def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Measured]:
@@ -81,33 +94,36 @@ def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLO
     for repeat in range(repeats):
         for run in runs[:: 1 if repeat % 2 == 0 else -1]:
             found[run].append(refined(view, run[0], run[1], clock))
-    return {
-        run: Measured(again[0], np.median([one.seconds for one in again], axis=0).tolist())
-        for run, again in found.items()
-    }
+    return {run: Measured(again[0], np.array([one.seconds for one in again])) for run, again in found.items()}
 
 
 def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
     """bool [pixels]: those of the quarter of the regions that is attended most."""
-    count = max(1, round(ATTENDED_SHARE * regions.count))
+    count = max(1, round(QUARTER * regions.count))
     found = np.zeros(regions.height * regions.width, dtype=bool)
     for region in region_order(attention)[:count]:
         found[regions.pixels(int(region))] = True
     return found
 
 
-def errors_along(one: Refined, finished: View, attended: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Root mean square error in the attended pixels and everywhere, of the coarse frame and after each part."""
+def hardest_pixels(regions: Regions, first: View, finished: View) -> np.ndarray:
+    """bool [pixels]: those of the quarter of the regions in which the coarse frame is most wrong."""
+    squares = ((first.colour.astype(np.float64) - finished.colour) ** 2).mean(axis=-1)
+    return attended_pixels(regions, regions.mean(squares))
+
+
+def errors_along(one: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
+    """Root mean square error everywhere and in each of `where`, of the first frame and after each part."""
     wanted = finished.colour.reshape(-1, 3).astype(np.float64)
     squares = ((one.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
-    yield _roots(squares, attended)
+    yield _roots(squares, where)
     for part in one.parts:
         squares[part.pixels] = ((part.colour - wanted[part.pixels]) ** 2).mean(axis=-1)
-        yield _roots(squares, attended)
+        yield _roots(squares, where)
 
 
-def _roots(squares: np.ndarray, attended: np.ndarray) -> tuple[float, float]:
-    found = float(np.sqrt(squares[attended].mean())), float(np.sqrt(squares.mean()))
+def _roots(squares: np.ndarray, where: Sequence[np.ndarray]) -> list[float]:
+    found = [float(np.sqrt(some.mean())) for some in (squares, *(squares[chosen] for chosen in where))]
     if not np.isfinite(found).all():
         raise ValueError("an error of a picture that is being refined is not finite")
     return found
@@ -119,48 +135,76 @@ class Seen:
 
     view: Looked
     finished: View
+    coarse: View
     maps: dict[str, np.ndarray]
     runs: dict[Run, Measured]
 
 
-def curve(seen: Sequence[Seen], kind: str, order: Order) -> Anytime | None:
+@dataclass(frozen=True)
+class Curve:
+    """As recorded, and the seconds that its own are the medians of."""
+
+    anytime: Anytime
+    seconds: np.ndarray
+    """[repeats, points], means over the views."""
+
+
+def curve(seen: Sequence[Seen], kind: str, order: Order) -> Curve | None:
     """Means over the views, point by point; None where no view is attended unequally by this map."""
     run: Run = (order, kind if order == "attention" else None)
     some = [one for one in seen if ("attention", kind) in one.runs]
     if not some:
         return None
-    errors = [
-        list(errors_along(one.runs[run].refined, one.finished, attended_pixels(one.view.regions, one.maps[kind])))
-        for one in some
-    ]
-    attended, whole = np.mean(errors, axis=0).T
-    parts = some[0].runs[run].refined.parts
+    errors = []
+    for one in some:
+        regions = one.view.regions
+        hardest = hardest_pixels(regions, one.coarse, one.finished)
+        attended = attended_pixels(regions, one.maps[kind])
+        errors.append(list(errors_along(one.runs[run].refined, one.finished, hardest, attended)))
+    whole, hard, near = np.mean(errors, axis=0).T
+    seconds = np.mean([one.runs[run].seconds for one in some], axis=0)
     cell = some[0].view.cell
-    return Anytime(
+    found = Anytime(
         scene=cell.scene.name,
         method=cell.learner.method,
         attention=kind,
         order=order,
         views=len(some),
-        seconds=np.mean([one.runs[run].seconds for one in some], axis=0).tolist(),
-        share=[0.0, *(part.share for part in parts)],
-        rmse_attended=attended.tolist(),
+        seconds=np.median(seconds, axis=0).tolist(),
+        share=[0.0, *(part.share for part in some[0].runs[run].refined.parts)],
+        total_spread=_spread(seconds[:, -1]),
         rmse_whole=whole.tolist(),
+        rmse_hardest=hard.tolist(),
+        rmse_attended=near.tolist(),
     )
+    return Curve(found, seconds)
 
 
-def reaching(one: Anytime, share_of_error: float) -> Reaching:
-    """When the attended error is first at most a share of the coarse frame's, and stays so."""
-    limit = share_of_error * one.rmse_attended[0]
-    above = [index for index, error in enumerate(one.rmse_attended) if error > limit]
+def reaching(one: Curve, measure: Measure, error: float, share: float = SHARE_OF_ERROR) -> Reaching:
+    """When what is measured is first at most `share` of `error`, the coarse frame's, and stays so."""
+    curve = one.anytime
+    limit = share * error
+    above = [index for index, value in enumerate(curve.rmse(measure)) if value > limit]
     index = above[-1] + 1 if above else 0
-    there = index < len(one.seconds)
+    there = index < len(curve.seconds)
     return Reaching(
-        scene=one.scene,
-        method=one.method,
-        attention=one.attention,
-        order=one.order,
-        share_of_error=share_of_error,
-        seconds=one.seconds[index] if there else None,
-        share_of_time=one.seconds[index] / one.seconds[-1] if there else None,
+        scene=curve.scene,
+        method=curve.method,
+        attention=curve.attention,
+        order=curve.order,
+        measure=measure,
+        share_of_error=share,
+        error=limit,
+        seconds=curve.seconds[index] if there else None,
+        spread=_spread(one.seconds[:, index]) if there else None,
     )
+
+
+def reachings(curves: Sequence[Curve]) -> list[Reaching]:
+    """Of the curves of one scene and map, which begin with the same coarse frame, if with any."""
+    begun = next(one.anytime for one in curves if one.anytime.order != "plain")
+    return [reaching(one, measure, begun.rmse(measure)[0]) for one in curves for measure in MEASURES]
+
+
+def _spread(seconds: np.ndarray) -> Pair:
+    return float(seconds.min()), float(seconds.max())

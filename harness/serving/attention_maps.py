@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.attention.maps import around_point, foveal, from_error, from_gradients, from_mask
-from harness.attention.progressive import estimated_error
+from harness.attention.maps import MAPS, Sight
+from harness.attention.progressive import coarse, estimated_error
 from harness.attention.regions import Regions
 from harness.camera import Camera
 from harness.evaluate import View
@@ -18,7 +18,10 @@ KINDS = {
     "error": "where half of the samples make another coarse frame",
     "foveal": "the acuity of an eye that looks at a third of the height and two thirds of the width",
 }
-"""Name → what is attended to, in words."""
+"""Map of `harness.attention.maps.MAPS` → what is attended to, in words."""
+CENTRE = (1 / 2, 1 / 2)
+LOOKED_AT = {"foveal": (1 / 3, 2 / 3)}
+"""Row and column, of height and width; the centre by all others."""
 
 
 @dataclass(frozen=True)
@@ -30,26 +33,43 @@ class Looked:
     regions: Regions
     stride: int
     bins: int
-    """Samples a ray of the run."""
+    """Samples a ray, of the coarse frame as well."""
 
 
-def attention_of(kind: str, view: Looked, first: View) -> np.ndarray:
-    """float64 [regions]; `first` is the coarse frame. Raises `ValueError` for an unknown kind."""
-    regions, camera = view.regions, view.camera
-    height, width = camera.height, camera.width
-    if kind == "point":
-        return around_point(regions, 0.5 * height, 0.5 * width, 0.25 * width)
-    if kind == "mask":
-        return from_mask(regions, middle(height, width))
-    if kind == "gradients":
-        return from_gradients(regions, first.colour)
-    if kind == "error":
-        cell = view.cell
-        estimate = estimated_error(cell.learner, camera, view.stride, cell.chunk, view.bins)
-        return from_error(regions, estimate.error)
-    if kind == "foveal":
-        return foveal(regions, height / 3, 2 * width / 3, camera.focal)
-    raise ValueError(f"unknown map of attention {kind!r}; known: {' '.join(KINDS)}")
+def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
+    """float64 [regions], and the network evaluations that it cost; `first` is the coarse frame, which is rendered where
+    it is needed and not given. Raises `ValueError` for an unknown kind.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"unknown map of attention {kind!r}; known: {' '.join(KINDS)}")
+    learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
+    spent = 0
+
+    def frame() -> View:
+        nonlocal first, spent
+        if first is None:
+            first, _, evaluations = coarse(learner, camera, view.stride, chunk, view.bins)
+            spent += evaluations
+        return first
+
+    def error() -> np.ndarray:
+        nonlocal spent
+        estimate = estimated_error(learner, camera, frame(), view.stride, chunk, view.bins)
+        spent += estimate.network_evaluations
+        return estimate.error
+
+    row, column = LOOKED_AT.get(kind, CENTRE)
+    sight = Sight(
+        view.regions,
+        row * camera.height,
+        column * camera.width,
+        0.25 * camera.width,
+        camera.focal,
+        mask=lambda: middle(camera.height, camera.width),
+        image=lambda: frame().colour,
+        error=error,
+    )
+    return MAPS[kind](sight), spent
 
 
 def middle(height: int, width: int) -> np.ndarray:

@@ -9,11 +9,11 @@ from harness.attention.progressive import changed_by_regions, coarse, why_plain
 from harness.attention.regions import Regions
 from harness.finished import TrainedCell
 from harness.serving.allocations import Sampled, allocations, least_bins, sampled
-from harness.serving.anytime import ORDERS, SHARES_OF_ERROR, Seen, curve, measured, reaching, runs_of
+from harness.serving.anytime import ORDERS, Curve, Seen, curve, measured, reachings, runs_of
 from harness.serving.attention_maps import KINDS, Looked, attention_of
 from harness.serving.example_frames import frames
 from harness.serving.situation import Situation, plain
-from harness.serving_record import AttentionRecord, ExampleFrame, NotByRegions, PhiCheck
+from harness.serving_record import AttentionRecord, ExampleFrame, NotByRegions, PhiCheck, Reaching
 
 SCENES = ("lego", "hotdog", "drums")
 METHODS = ("nerf", "nerf_matched")
@@ -30,8 +30,8 @@ class _Found:
 
     seen: dict[str, list[Seen]] = field(default_factory=dict)
     sampled: dict[str, list[Sampled]] = field(default_factory=dict)
-    phi: list[list[PhiEffect]] = field(default_factory=list)
-    """Of each map, with every number of samples."""
+    phi: list[PhiEffect] = field(default_factory=list)
+    """Of each map."""
     frames: list[ExampleFrame] = field(default_factory=list)
 
 
@@ -44,45 +44,22 @@ def measured_attention(situation: Situation) -> AttentionRecord | None:
     found = _Found()
     for cell in cells:
         _look_at(situation, cell, found)
+    if not found.seen:
+        return None
     first = next(iter(found.seen.values()))[0].view
-    bins = bins_of(situation, cells[0])
-    curves = [
-        one
-        for seen in found.seen.values()
-        for kind in KINDS
-        for order in ORDERS
-        if (one := curve(seen, kind, order)) is not None
-    ]
+    curves, reached = _curves(found)
     return AttentionRecord(
         width=first.camera.width,
         height=first.camera.height,
         tile=first.regions.tile,
         reference_bins=situation.sizes.reference_bins,
-        curves=curves,
-        reaching=[reaching(one, share) for one in curves for share in SHARES_OF_ERROR],
-        allocations=[
-            row
-            for some in found.sampled.values()
-            for kind in KINDS
-            for number in [*bins, beyond(bins)]
-            for row in allocations(some, kind, number)
-        ],
+        curves=[one.anytime for one in curves],
+        reaching=reached,
+        allocations=[row for some in found.sampled.values() for kind in KINDS for row in allocations(some, kind)],
         not_by_regions=_not_by_regions(situation, cells[0]),
         phi=_phi_check(found.phi),
         frames=found.frames,
     )
-
-
-def bins_of(situation: Situation, cell: TrainedCell) -> list[int]:
-    """Samples a ray that are shared out: some few, and the run's own."""
-    return sorted({*situation.sizes.bins, run_bins(cell)})
-
-
-def beyond(bins: list[int]) -> int:
-    """Shared out equally alone: attention goes where matter is, so that it costs more evaluations than as many samples
-    anywhere do, and has to stand beside a picture that costs as many.
-    """
-    return 2 * max(bins)
 
 
 def run_bins(cell: TrainedCell) -> int:
@@ -114,28 +91,41 @@ def cells_of(situation: Situation) -> list[TrainedCell]:
 def _look_at(situation: Situation, cell: TrainedCell, found: _Found) -> None:
     scene, sizes = cell.scene.name, situation.sizes
     poses = situation.test_poses(cell.scene, sizes.views)
-    bins = bins_of(situation, cell)
     for number, (pose, truth) in enumerate(poses):
+        if situation.is_over(f"attention on {scene}, views after {number} of {len(poses)}"):
+            return
         situation.show.line(f"  {cell.learner.method} on {scene}, view {number + 1} of {len(poses)}")
         camera = situation.camera(cell, pose)
         regions = Regions(camera.height, camera.width, tile_of(camera.width))
         view = Looked(cell, camera, regions, STRIDE, run_bins(cell))
         finished = plain(cell.learner, camera, cell.chunk)
-        first, _ = coarse(cell.learner, camera, STRIDE, cell.chunk)
-        maps = {kind: attention_of(kind, view, first) for kind in KINDS}
+        first = coarse(cell.learner, camera, STRIDE, cell.chunk).view
+        maps = {kind: attention_of(kind, view, first)[0] for kind in KINDS}
         runs = runs_of(maps)
         for kind in KINDS:
             if ("attention", kind) not in runs:
                 situation.leave_out(
                     f"{scene}, view {number + 1}: {kind} attends to all alike, which is plain rendering"
                 )
-        one = Seen(view, finished, maps, measured(view, runs, sizes.repeats))
+        one = Seen(view, finished, first, maps, measured(view, runs, sizes.repeats))
         found.seen.setdefault(scene, []).append(one)
-        found.sampled.setdefault(scene, []).append(sampled(view, maps, bins, beyond(bins), sizes.reference_bins, truth))
+        if not number:
+            shared = sampled(view, maps, sizes.reference_bins, sizes.shared, truth)
+            found.sampled.setdefault(scene, []).append(shared)
         for attention in maps.values():
-            found.phi.append([without_phi(attention, regions.rays, count, least_bins(count)) for count in bins])
+            found.phi.append(without_phi(attention, regions.rays, view.bins, least_bins(view.bins)))
         if not found.frames:
-            found.frames = frames(situation.run.out, one, truth)
+            found.frames = frames(situation.scratch, one, truth)
+
+
+def _curves(found: _Found) -> tuple[list[Curve], list[Reaching]]:
+    curves, reached = [], []
+    for seen in found.seen.values():
+        for kind in KINDS:
+            some = [one for order in ORDERS if (one := curve(seen, kind, order)) is not None]
+            curves += some
+            reached += reachings(some) if some else []
+    return curves, reached
 
 
 def _not_by_regions(situation: Situation, first: TrainedCell) -> list[NotByRegions]:
@@ -157,12 +147,12 @@ def _not_by_regions(situation: Situation, first: TrainedCell) -> list[NotByRegio
     return rows
 
 
-def _phi_check(maps: list[list[PhiEffect]]) -> PhiCheck:
-    """The sum that is farthest from φ stands for all; a map is changed where any of its effects is."""
-    sums = np.array([one.sum_of_priorities for effects in maps for one in effects])
+def _phi_check(maps: list[PhiEffect]) -> PhiCheck:
+    """The sum that is farthest from φ stands for all."""
+    sums = np.array([one.sum_of_priorities for one in maps])
     return PhiCheck(
         sum_of_priorities=float(sums[np.abs(sums - PHI).argmax()]),
         maps=len(maps),
-        orders_changed=sum(any(one.order_changed for one in effects) for effects in maps),
-        allocations_changed=sum(any(one.allocation_changed for one in effects) for effects in maps),
+        orders_changed=sum(one.order_changed for one in maps),
+        allocations_changed=sum(one.allocation_changed for one in maps),
     )

@@ -1,4 +1,4 @@
-"""Pictures for the report: one view, attended and not, after a quarter of the time."""
+"""Pictures for the report: one view, attended and not, after the same part of the time."""
 
 from pathlib import Path
 
@@ -13,15 +13,16 @@ from scenes.images import write_png
 FOLDER = "images/serving"
 """Under `OUT/records`."""
 EXAMPLES = ("point", "gradients")
-SHARE_OF_TIME = 0.25
+SHARE_OF_TIME = 0.4
+"""Of raster order's, for every order: coarse frame and map take up to a quarter, and then something is to be seen."""
 
 
 def frames(out: Path, seen: Seen, truth: np.ndarray | None) -> list[ExampleFrame]:
-    """Written under `out`. The time is a quarter of what raster order takes, the same for all."""
+    """Written under `out`."""
     cell, finished = seen.view.cell, seen.finished.colour
     scene, method = cell.scene.name, cell.learner.method
     raster = seen.runs["raster", None]
-    limit = SHARE_OF_TIME * raster.seconds[-1]
+    limit = SHARE_OF_TIME * float(np.median(raster.seconds[:, -1]))
     percent = f"{SHARE_OF_TIME:.0%}".replace("%", " %")
 
     def written(name: str, title: str, attention: str, colour: np.ndarray, scored: bool = True) -> ExampleFrame:
@@ -41,6 +42,8 @@ def frames(out: Path, seen: Seen, truth: np.ndarray | None) -> list[ExampleFrame
     found.append(written("raster", f"in raster order, after {percent} of the time", "none", raster.after(limit).colour))
     spread = seen.runs["spread", None]
     found.append(written("spread", f"spread, after {percent} of the time", "none", spread.after(limit).colour))
+    plainly = seen.runs["plain", None].after(limit).colour
+    found.append(written("plain", f"plain, without a coarse frame, after {percent} of the time", "none", plainly))
     for kind in EXAMPLES:
         if ("attention", kind) not in seen.runs:
             continue

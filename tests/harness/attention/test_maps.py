@@ -1,7 +1,7 @@
 """Maps of attention against their closed forms."""
 
-import inspect
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -9,10 +9,14 @@ import pytest
 from harness.attention import maps
 from harness.attention.priorities import BadAttention, region_order
 from harness.attention.regions import Regions
+from harness.serving.attention_maps import KINDS
+from harness.viewer.attended import ATTENTIONS
+from reports.serving_wording import MAPS as LABELS
 
 REGIONS = Regions(12, 20, 4)
 PIXELS = Regions(9, 15, 1)
 """Regions of a pixel each: a map is then the formula itself."""
+BY_PIXEL = {"mask": maps.from_mask, "error": maps.from_error, "gradients": maps.from_gradients}
 
 
 def test_a_mask_counts_its_share_of_each_region() -> None:
@@ -88,14 +92,14 @@ def test_a_pixel_that_is_no_attention_is_named_even_where_the_mean_would_hide_it
     values = np.ones((12, 20))
     values[5, 17] = value
     with pytest.raises(BadAttention, match=rf"region 9 has {value:g} at row 5, column 17"):
-        maps.MAPS[name](REGIONS, values)
+        BY_PIXEL[name](REGIONS, values)
 
 
 @pytest.mark.parametrize("name", ["mask", "error", "gradients"])
 @pytest.mark.parametrize("shape", [(20, 12), (12, 20, 3, 1), (240,), (0,)])
 def test_values_of_another_shape_are_refused(name: str, shape: tuple[int, ...]) -> None:
     with pytest.raises(BadAttention, match=r"the picture is \[12, 20\]"):
-        maps.MAPS[name](REGIONS, np.ones(shape))
+        BY_PIXEL[name](REGIONS, np.ones(shape))
 
 
 def test_an_image_that_is_not_finite_is_refused() -> None:
@@ -118,6 +122,24 @@ def test_points_and_lenses_that_are_none_are_refused() -> None:
             maps.foveal(REGIONS, 1.0, 1.0, size)
 
 
-def test_every_map_takes_the_regions_first() -> None:
-    assert set(maps.MAPS) == {"mask", "point", "foveal", "gradients", "error"}
-    assert all(next(iter(inspect.signature(one).parameters)) == "regions" for one in maps.MAPS.values())
+def test_a_map_renders_only_what_it_looks_at() -> None:
+    asked: list[str] = []
+
+    def given(name: str, value: np.ndarray) -> Callable[[], np.ndarray]:
+        return lambda: asked.append(name) or value  # type: ignore[func-returns-value]
+
+    flat = np.ones((12, 20))
+    sight = maps.Sight(REGIONS, 6.0, 10.0, 4.0, 20.0, given("mask", flat), given("image", flat), given("error", flat))
+    seen = {}
+    for name, found in maps.MAPS.items():
+        asked.clear()
+        assert found(sight).shape == (REGIONS.count,)
+        seen[name] = list(asked)
+    assert seen == {"point": [], "mask": ["mask"], "gradients": ["image"], "error": ["error"], "foveal": []}
+    with pytest.raises(BadAttention, match="nothing of that kind"):
+        maps.MAPS["mask"](maps.Sight(REGIONS, 6.0, 10.0, 4.0, 20.0))
+
+
+def test_whoever_names_maps_names_those_that_there_are() -> None:
+    assert set(KINDS) == set(LABELS) == set(maps.MAPS)
+    assert set(ATTENTIONS) - {"none"} <= set(maps.MAPS)

@@ -158,6 +158,13 @@ def test_regions_without_rays_are_refused() -> None:
             allocated_bins(np.array([1.0, 2.0, 3.0]), rays, 4, 1)
 
 
+def test_a_mean_that_is_not_whole_is_met_as_nearly_as_whole_bins_can() -> None:
+    """100 regions of a ray at 7.25 bins: 725 in all, as 25 of them can have one more."""
+    attention = np.random.default_rng(2).exponential(size=100)
+    assert allocated_bins(attention, np.ones(100, int), 7.25, 2).sum() == 725
+    assert allocated_bins(np.ones(100), np.ones(100, int), 7.25, 2).tolist() == [7] * 100
+
+
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(1, 200), st.integers(1, 30)), min_size=1, max_size=20))
 def test_steps_take_few_values_and_stay_within_the_total_and_near_what_was_wanted(some: list[tuple[int, int]]) -> None:
@@ -165,7 +172,7 @@ def test_steps_take_few_values_and_stay_within_the_total_and_near_what_was_wante
     found = in_steps(bins, rays)
     assert len(set(found.tolist())) <= 2 + math.ceil(2 * math.log2(bins.max() / bins.min()))
     assert (found * rays).sum() <= (bins * rays).sum()
-    assert (found.min(), found.max()) >= (bins.min(), 0)
+    assert found.min() >= bins.min()
     assert found.max() <= bins.max()
     ratio = found / bins
     assert (ratio > 0.5).all()

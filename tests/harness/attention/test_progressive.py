@@ -61,7 +61,9 @@ def plain(learner: Learner, camera: Camera = CAMERA) -> View:
 
 
 def same_bits(one: View, other: View) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("colour", "opacity", "depth"))
+    return all(
+        getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("colour", "opacity", "depth")
+    )
 
 
 def largest_difference(one: View, other: View) -> float:
@@ -127,10 +129,13 @@ class Watched:
     def __init__(self, inner: Learner) -> None:
         self.inner = inner
         self.calls: list[tuple[int, int, int | None]] = []
+        self.evaluations: list[int] = []
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         self.calls.append((len(rays), chunk, bins))
-        return self.inner.render(rays, chunk, bins)
+        found = self.inner.render(rays, chunk, bins)
+        self.evaluations.append(found.network_evaluations)
+        return found
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -181,7 +186,9 @@ def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> N
 
 @pytest.mark.parametrize("stride", [1, 2, 3, 4, 7, 50])
 def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learner, stride: int) -> None:
-    found, rays = coarse(nerf, CAMERA, stride, CHUNK)
+    watched = Watched(nerf)
+    found, rays, evaluations = coarse(watched, CAMERA, stride, CHUNK)
+    assert sum(watched.evaluations) == evaluations
     whole = plain(nerf)
     rows, columns = range(0, 18, stride), range(0, 22, stride)
     assert rays == len(rows) * len(columns)
@@ -200,12 +207,12 @@ def test_a_stride_below_one_is_refused(nerf: Learner) -> None:
 
 def test_coarse_frames_of_a_method_that_is_not_pointwise_are_spread_over_the_calls(qnerf: Learner) -> None:
     """In the fixed random order: a call of the first rows would hold another mean."""
-    found, _ = coarse(qnerf, CAMERA, 1, CHUNK)
+    found = coarse(qnerf, CAMERA, 1, CHUNK).view
     assert same_bits(found, plain(qnerf))
 
 
 def test_a_canvas_starts_from_a_copy(nerf: Learner) -> None:
-    start, _ = coarse(nerf, CAMERA, 4, CHUNK)
+    start = coarse(nerf, CAMERA, 4, CHUNK).view
     before = start.colour.copy()
     canvas = Canvas(18, 22, start)
     done = next(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK))
@@ -275,13 +282,16 @@ def test_what_regions_would_change_is_rounding_for_one_method_and_more_for_the_o
 
 def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:
     watched = Watched(nerf)
-    found = estimated_error(watched, CAMERA, 3, CHUNK, BINS)
-    fine, rough = coarse(nerf, CAMERA, 3, CHUNK, BINS)[0], coarse(nerf, CAMERA, 3, CHUNK, BINS // 2)[0]
+    fine, (rough, rays, evaluations) = (
+        coarse(nerf, CAMERA, 3, CHUNK, BINS).view,
+        coarse(nerf, CAMERA, 3, CHUNK, BINS // 2),
+    )
+    found = estimated_error(watched, CAMERA, fine, 3, CHUNK, BINS)
     square = ((fine.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
     np.testing.assert_allclose(found.error**2, square, rtol=1e-12)
     assert found.error.max() > 0.0
-    assert found.rays == sum(rays for rays, _, _ in watched.calls) == 96
-    assert found.samples == sum(rays * (bins or 0) for rays, _, bins in watched.calls) == 48 * 24
+    assert watched.calls == [(48, CHUNK, BINS // 2)]
+    assert (found.rays, found.network_evaluations) == (rays, evaluations) == (48, evaluations)
 
 
 def test_the_cost_of_regions_adds_up_to_that_of_the_picture(nerf: Learner) -> None:
@@ -294,6 +304,14 @@ def test_the_cost_of_regions_adds_up_to_that_of_the_picture(nerf: Learner) -> No
     assert estimate.rays == 99
     assert estimate.by_region.sum() == pytest.approx(whole, rel=0.15)
     assert (evaluations_by_region(nerf, CAMERA, REGIONS, 9, CHUNK, BINS).by_region >= 1).all()
+
+
+@pytest.mark.parametrize("stride", [2, 5, 9])
+def test_the_cost_of_regions_comes_with_the_coarse_frame_that_it_was_found_by(nerf: Learner, stride: int) -> None:
+    wanted = coarse(nerf, CAMERA, stride, CHUNK, BINS)
+    found = evaluations_by_region(nerf, CAMERA, REGIONS, stride, CHUNK, BINS)
+    assert largest_difference(found.view, wanted.view) < ROUNDING
+    assert (found.rays, found.network_evaluations) == (wanted.rays, wanted.network_evaluations)
 
 
 def test_parts_come_as_they_are_asked_for(nerf: Learner) -> None:
