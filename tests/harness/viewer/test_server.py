@@ -18,6 +18,7 @@ from harness.view_cache.store import ViewStore
 from harness.viewer import engine, server
 from harness.viewer.server import FILES
 from harness.viewer.shown_run import COUNTED_FOR, ShownRun
+from scenes.errors import InputError
 from scenes.images import read_image
 from scenes.pixels import over_white
 from tests.harness.viewer.site import BYTES_PER_PIXEL, ORBIT, Site, unpacked, wanted
@@ -306,3 +307,13 @@ def test_an_error_of_ours_is_said_and_the_next_request_is_fine(
     assert "AttributeError" in capsys.readouterr().err
     assert site.messages()[-1][0]["kind"] == "end"
     assert json.dumps(site.json("/run.json"))
+
+
+def test_test_views_of_another_rendering_are_no_ground_truth(shown: ShownRun) -> None:
+    scene = shown.run.run.scenes[0]
+    views = shown.run.views(scene, train=2, geometry=False)
+    assert (len(views.train.names), len(views.test.names), views.width) == (2, 3, SIZE)
+    other = replace(scene, rendered={"digest": "of another one"})
+    with pytest.raises(InputError, match="another rendering than the one that ball was trained on"):
+        shown.run.views(other)
+    assert "another rendering" in shown.truth(other).missing
