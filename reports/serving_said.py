@@ -73,8 +73,8 @@ def compared(cases: list[Race]) -> list[str]:
         )
     if any(one.to("attended") for one in cases):
         said.append(
-            f"In the quarter of the regions that is attended most it is first {_counted(cases, 'attended')}: that is "
-            "so by construction, as the map that orders the regions also says which are attended."
+            f"In the quarter of the regions that is attended most it is first {_counted(cases, 'attended')}: before "
+            "other orders of regions by construction, as the map that orders them also says which are attended."
         )
     return said
 
@@ -97,7 +97,7 @@ def totals(record: AttentionRecord) -> list[str]:
     if not parts:
         return []
     return [
-        "All of a picture takes as long as plain rendering, which has no coarse frame and shows nothing before its "
+        "Seconds until all is there, against plain rendering, which has no coarse frame and shows nothing before its "
         f"first call is done: {listed(parts)}."
     ]
 

@@ -121,8 +121,8 @@ def test_one_case_in_words():
         "earlier in 1.",
         "In the quarter of the regions in which the coarse frame is most wrong, which no map chooses, attention is "
         "first in 1 of 1 case.",
-        "In the quarter of the regions that is attended most it is first in 1 of 1 case: that is so by construction, "
-        "as the map that orders the regions also says which are attended.",
+        "In the quarter of the regions that is attended most it is first in 1 of 1 case: before other orders of "
+        "regions by construction, as the map that orders them also says which are attended.",
     ]
 
 
@@ -133,7 +133,7 @@ def test_where_attention_loses_is_named():
         "spread over the picture: earlier in 1; against plain rendering: earlier in 0, later in 1 (all of them)."
     )
     assert totals(record) == [
-        "All of a picture takes as long as plain rendering, which has no coarse frame and shows nothing before its "
+        "Seconds until all is there, against plain rendering, which has no coarse frame and shows nothing before its "
         "first call is done: 2.00 times by attention, 1.33 times in raster order and 2.67 times spread."
     ]
     assert totals(one_case(attention=0.06, raster=0.04)) == []
