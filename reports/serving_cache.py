@@ -121,9 +121,9 @@ def stored(record: CacheRecord) -> str:
     return (
         f"A view of {record.width} × {record.height} px takes {bytes_said(record.memory_bytes_per_view)} in memory and "
         f"{bytes_said(record.disk_bytes_per_view)} on disk. Level 0 keeps what was asked for again, level 1 what was "
-        "asked for once, level 2 is on disk; a hit moves a view up. Key and checksum are in "
-        "every latency. A file’s data was dropped from the system’s memory; its name was not, nor what the disk itself "
-        "remembers."
+        "asked for once, level 2 is on disk; a hit moves a view up. The key is in every latency, the check of the "
+        "pixels in those from disk. Cold: a file’s data was dropped from the system’s memory; its name was not, nor "
+        "what the disk itself remembers."
     )
 
 
