@@ -174,7 +174,8 @@ def untested(found: list[Claim]) -> list[str]:
     """What of §8 the ledger has left untested, and what it does not list; nothing where all was judged."""
     mine = [claim for claim in found if claim.kind == "serving"]
     missing = sum(claim.verdict == UNTESTED for claim in mine)
-    unlisted = set(STATED) - {claim.id for claim in mine}
+    # a run without any ledger makes no claims that some could be missing of
+    unlisted = set(STATED) - {claim.id for claim in mine} if found else set()
     said = []
     if missing:
         said.append(

@@ -1,13 +1,16 @@
 """A tiny finished run, copies of it that may be written to, and what its studies are given."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from harness.finished import FinishedRun, TrainedCell
 from harness.progress import Quiet
+from harness.serving import runner
 from harness.serving.situation import Situation
 from tests.harness.trained_runs import SIZE, train_run
 
@@ -65,3 +68,14 @@ class Ticks:
 @pytest.fixture
 def ticks() -> Ticks:
     return Ticks()
+
+
+def fail_with(error: BaseException) -> Callable[..., Any]:
+    def study(situation: Any) -> Any:
+        raise error
+
+    return study
+
+
+def with_study(monkeypatch: pytest.MonkeyPatch, field: str, study: Callable[..., Any]) -> None:
+    monkeypatch.setitem(runner.STUDIES, field, (runner.STUDIES[field][0], study))

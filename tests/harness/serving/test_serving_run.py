@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +12,8 @@ import pytest
 
 from harness.__main__ import main
 from harness.finished import FinishedRun
-from harness.group import GroupTask, run_group
-from harness.local_executor import Event
 from harness.progress import Quiet
-from harness.records import CellRecord, DamagedRecord, read_cells
+from harness.records import DamagedRecord
 from harness.serving import plan, runner
 from harness.serving.runner import Asked, after_run
 from harness.serving.situation import Situation
@@ -23,8 +21,7 @@ from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, wr
 from harness.trainer import Diverged, Trainer
 from reports.load import first_mismatch
 from reports.serving_load import find_serving
-from tests.harness.serving.conftest import CPU, Ticks
-from tests.harness.shell import refused
+from tests.harness.serving.conftest import CPU, Ticks, fail_with, with_study
 from tests.harness.trained_runs import SIZE
 
 OTHER_ORIGINS: dict[str, dict[str, Any]] = {"machine": {"processor": "another"}, "torch": {"packages": {"torch": "0"}}}
@@ -51,17 +48,6 @@ def served(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def copy(served: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(served, tmp_path / "served"))
-
-
-def fail_with(error: BaseException) -> Callable[..., Any]:
-    def study(situation: Any) -> Any:
-        raise error
-
-    return study
-
-
-def with_study(monkeypatch: pytest.MonkeyPatch, field: str, study: Callable[..., Any]) -> None:
-    monkeypatch.setitem(runner.STUDIES, field, (runner.STUDIES[field][0], study))
 
 
 def test_the_record_is_whole(served: Path) -> None:
@@ -305,102 +291,3 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     assert {one.method for one in record.cache.latencies} == {"qnerf"}
     assert record.attention is None
     assert any("ball, nerf, seed 0" in one and "diverged" in one for one in record.left_out)
-
-
-def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_study(monkeypatch, "cache", fail_with(ZeroDivisionError("ours")))
-    asked = Asked(["ball"], ["nerf"], 0, SIZE, True)
-    with pytest.raises(ZeroDivisionError):
-        runner.run(FinishedRun.of(out), asked, CPU, out, Quiet())
-
-
-def test_the_command_measures_what_is_asked(
-    out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with_study(monkeypatch, "attention", lambda situation: None)
-    assert main(["serving", str(out), "--quick", "--methods", "qnerf", "--width", "12"]) == 0
-    record = read_serving(out / SERVING_FILE)
-    assert record.cache is not None
-    assert record.cache.width == 12
-    assert {one.method for one in record.cache.latencies} == {"qnerf"}
-    said = capsys.readouterr().out
-    assert "about" in said.splitlines()[0], "an estimate comes first"
-    assert str(out / SERVING_FILE) in said.splitlines()[-1]
-
-
-def test_nothing_that_could_be_rendered_is_exit_code_3(out: Path) -> None:
-    for file in (out / "checkpoints").iterdir():
-        file.unlink()
-    assert main(["serving", str(out), "--quick", "--quiet"]) == 3
-    record = read_serving(out / SERVING_FILE)
-    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
-    assert sum("is missing" in one for one in record.left_out) == 2
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--width", "4"], "--width 4"),
-        (["--threads", "0"], "--threads 0"),
-        (["--seed", "7"], "--seed 7"),
-        (["--scenes", "lego"], "'lego'"),
-        (["--methods", "nerv"], "'nerv'"),
-    ],
-)
-def test_mistakes_are_said_in_one_line(
-    trained: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
-) -> None:
-    assert said in refused(capsys, trained, "--quiet", *options, command="serving")
-
-
-def test_a_folder_without_a_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "holds no run" in refused(capsys, tmp_path, command="serving")
-
-
-@pytest.mark.parametrize(("options", "measured"), [([], True), (["--no-serving"], False)])
-def test_a_run_measures_it_at_its_end(
-    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], measured: bool
-) -> None:
-    asked: list[Path] = []
-
-    def noted(out: Path, device: str, view_sets: Path, show: Any) -> None:
-        assert [cell.status for cell in read_cells(out)] == ["done"], "after everything else"
-        assert (out / "records/comparisons.json").exists()
-        asked.append(out)
-
-    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        for task in tasks:
-            cells: list[CellRecord] = []
-            run_group(task, lambda share: None, cells.append)
-            yield from (Event(task, cell=cell) for cell in cells)
-
-    monkeypatch.setattr("harness.runner.run_locally", here)
-    monkeypatch.setattr(runner, "after_run", noted)
-    monkeypatch.setattr("harness.device.available_cores", lambda: 1)
-    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
-    out = tmp_path / "run"
-    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out), *options]) == 0
-    assert asked == ([out] if measured else [])
-    phases = FinishedRun.of(out).run.phases
-    assert ("serve" in phases) == measured
-
-
-def test_ctrl_c_at_the_end_says_that_the_run_is_complete(
-    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def no_tasks(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        yield from ()
-
-    monkeypatch.setattr("harness.runner.run_locally", no_tasks)
-    monkeypatch.setattr(runner, "after_run", stopped)
-    monkeypatch.setattr("harness.device.available_cores", lambda: 1)
-    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
-    out = tmp_path / "run"
-    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out)]) == 130
-    said = capsys.readouterr().err
-    assert said == f"interrupted: the run is complete; `python -m reports {out}` makes its report\n"
-    assert FinishedRun.of(out).run.finished
-
-
-def stopped(*_: Any) -> None:
-    raise KeyboardInterrupt

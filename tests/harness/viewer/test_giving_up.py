@@ -64,7 +64,7 @@ def settled(slow: Slow) -> int:
 
 
 def test_one_who_leaves_stops_the_rendering(site: Site, slow: Slow) -> None:
-    with began(site, slow, place={**ORBIT, "azimuth": 3.0}, generation=60):
+    with began(site, slow, place={**ORBIT, "azimuth": 3.0}, client="leaves"):
         pass
     assert 1 <= settled(slow) <= 4  # of a coarse frame and nine regions
 
