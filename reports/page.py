@@ -1,7 +1,6 @@
 """Records → report.html: one self-contained file that works offline and asks nothing of anyone."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from reports.claims_table import chapters
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
 from reports.evidence_view import evidence as evidence_shown
-from reports.figure import Panel, svg
 from reports.first_screen import first_screen
 from reports.grid import Grid
 from reports.headline import headline, roles
@@ -22,6 +20,7 @@ from reports.histograms import amplified_methods, amplifier_over_time, density_h
 from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.pictures import views
+from reports.plots import Plot, plots
 from reports.psnr_table import differences_grids, scores_grid
 from reports.scale import facts, in_a_line, is_paper_scale, on_other_pictures
 from reports.serving_attention import about, attention
@@ -31,12 +30,6 @@ from reports.stability_view import stability
 from reports.time_to_target import time_to_target
 from reports.untested import not_tested
 from reports.work_view import work
-
-
-@dataclass(frozen=True)
-class Plot:
-    title: str
-    svg: Markup
 
 
 def page(records: Records, beside: Beside = ALONE) -> str:
@@ -178,10 +171,6 @@ def filled(grid: Grid) -> Grid | None:
 
 def _some(**parts: list[Plot]) -> dict[str, list[Plot]] | None:
     return parts if any(parts.values()) else None
-
-
-def plots(panels: list[Panel], name: str) -> list[Plot]:
-    return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]
 
 
 def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:

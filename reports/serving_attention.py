@@ -16,10 +16,10 @@ from harness.serving_record import (
     ServingRecord,
 )
 from reports.error_maps import smaller
-from reports.figure import svg
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.pens import key
 from reports.pictures import data_uri, read, side_for
+from reports.plots import Plot, plots
 from reports.series_charts import panel, panels_of
 from reports.serving_curves import ALLOCATED, PENS, allocation_series, anytime_panels
 from reports.serving_load import is_quick, is_whole
@@ -32,12 +32,6 @@ FRAMES_BYTES = 400_000
 """Of the page, for example frames."""
 IN_SIGHT = 6
 """Cases of the table that need no unfolding."""
-
-
-@dataclass(frozen=True)
-class Plot:
-    title: str
-    svg: Markup
 
 
 @dataclass(frozen=True)
@@ -190,15 +184,12 @@ def _curves(curves: list[Anytime], found: AttentionRecord, measure: Measure, nam
     """In the order in which they are told apart: attention last, on top."""
     sorted_ = sorted(curves, key=lambda one: -ORDERS.index(one.order))
     panels = anytime_panels(sorted_, found.reaching, measure)
-    return [Plot(one.title, svg(one, f"{name}-{measure}-{place}")) for place, one in enumerate(panels)]
+    return plots(panels, f"{name}-{measure}")
 
 
 def _shared(found: list[Allocation], name: str) -> list[Plot]:
     drawn = panels_of(allocation_series(found))
-    return [
-        Plot(title, svg(panel(title, group, ALLOCATED), f"{name}-samples-{place}"))
-        for place, (title, group) in enumerate(drawn)
-    ]
+    return plots((panel(title, group, ALLOCATED) for title, group in drawn), f"{name}-samples")
 
 
 def races_grid(cases: list[Race]) -> Grid:

@@ -8,9 +8,10 @@ from harness.serving_record import CacheRecord, Confusion, Latency, PathUse
 from reports import palette
 from reports.claims_serving import DISK, HASHED, MEMORY, judge_hit
 from reports.evidence_view import plain
-from reports.figure import Panel, Trace, svg, with_common_limits
+from reports.figure import Panel, Trace, with_common_limits
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.pens import MARKERS, Pen, key
+from reports.plots import Plot, plots
 from reports.serving_wording import OUTCOMES, SOURCES, TIMED, brief, bytes_said, outcome, times
 from reports.wording import NARROW, counted, listed, number, significant
 
@@ -26,12 +27,6 @@ ROWS = {
 LIMITS = {**dict.fromkeys(MEMORY + HASHED, "target_memory"), **dict.fromkeys(DISK, "target_disk")}
 APART = 0.24
 """Of a row, between methods."""
-
-
-@dataclass(frozen=True)
-class Plot:
-    title: str
-    svg: Markup
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ def cache(record: CacheRecord, methods: list[str]) -> Cache:
         answer=answer(record),
         notes=[stored(record)],
         keys=[(name, key(pens[name])) for name in pens if any(one.method == name for one in record.latencies)],
-        plots=[Plot(panel.title, svg(panel, f"latency-{place}")) for place, panel in enumerate(panels)],
+        plots=plots(panels, "latency"),
         latencies=latencies_grid(record) if record.latencies else None,
         tones=[(_tone(source), words) for source, words in SOURCES.items()],
         uses=[_use(one) for one in record.paths],

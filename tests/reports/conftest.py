@@ -1,9 +1,6 @@
-"""A hand-written run on disk, read and unread, and a browser to look at its pages."""
+"""A hand-written run on disk, read and unread."""
 
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -32,15 +29,3 @@ def whole(tmp_path: Path) -> Records:
 def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with pictures; not to be changed."""
     return write_fake_run(tmp_path_factory.mktemp("pictured") / "run")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("no chromium found (Debian: apt-get install chromium)")
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
