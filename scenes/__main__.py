@@ -1,7 +1,9 @@
-"""`python -m scenes render | integrators | noise | repeats | sheet …`: in a process of its own, which Dr.Jit may end.
+"""`python -m scenes render | export | integrators | noise | …`: in a process of its own, which Dr.Jit may end.
 
-`render` prints one JSON object a line: `{"scene", "done", "total"}` for each view, then
-`{"scene", "path", "variant", "seconds"}`. Exit codes: 0 done, 1 our own error, 2 bad input.
+`render` prints one JSON object a line: `{"scene", "done", "total", "kept", "share", "view"}` (`scenes.standing`) once
+all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a scene of the user's own
+`{"scene", "note"}` first.
+Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
 """
 
 import argparse
@@ -13,13 +15,20 @@ from pathlib import Path
 
 from scenes.catalog import CATALOG
 from scenes.errors import InputError
+from scenes.installed import packages_needed
+from scenes.stopping import stop_on_signals
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.command == "render" and bool(options.names) == bool(options.scene_file):
+        parser.error("render: name scenes of the catalogue, or one file with --scene-file")
     try:
         if options.command == "render":
             _render(options)
+        elif options.command == "export":
+            _export(options)
         elif options.command == "repeats":
             _repeats(options)
         elif options.command == "integrators":
@@ -37,28 +46,53 @@ def main(arguments: list[str] | None = None) -> int:
     except InputError as error:
         print(f"scenes: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("scenes: interrupted; give the command again", file=sys.stderr)
+        return 130
     return 0
 
 
 def _render(options: argparse.Namespace) -> None:
     from scenes.manifest import read_manifest
+    from scenes.mitsuba_xml import notes
+    from scenes.scene import Scene
+    from scenes.scene_file import scene_from_file
+    from scenes.standing import Standing
     from scenes.store import ensure_view_set
 
     counts = {"train": options.train, "val": options.val, "test": options.test}
     spp = {"train": options.spp_train, "val": options.spp_val or options.spp_train, "test": options.spp_test}
-    for name in options.names:
+    scenes: list[str | Scene] = [*options.names]
+    if options.scene_file is not None:
+        scenes.append(scene_from_file(options.scene_file))
+    for scene in scenes:
         started = time.perf_counter()
+        name = scene if isinstance(scene, str) else scene.name
+        for note in [] if isinstance(scene, str) else notes(scene):
+            print(json.dumps({"scene": name, "note": note}), flush=True)
 
-        def say(done: int, total: int, name: str = name) -> None:
-            print(json.dumps({"scene": name, "done": done, "total": total}), flush=True)
+        def say(standing: Standing, name: str = name) -> None:
+            print(json.dumps({"scene": name, **asdict(standing)}), flush=True)
+
+        def tell(text: str, name: str = name) -> None:
+            print(json.dumps({"scene": name, "note": text}), flush=True)
 
         path = ensure_view_set(
-            name, resolution=options.resolution, counts=counts, spp=spp,
+            scene, resolution=options.resolution, counts=counts, spp=spp,
             cache_folder=options.view_sets, variant=options.variant, progress=say, integrator=options.integrator,
+            say=tell,
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
         variant = read_manifest(path)["variant"]
         print(json.dumps({"scene": name, "path": str(path), "variant": variant, "seconds": seconds}), flush=True)
+
+
+def _export(options: argparse.Namespace) -> None:
+    from scenes.export import export
+
+    for note in export(options.folder, options.format, options.out):
+        print(note)
+    print(options.out)
 
 
 def _noise(options: argparse.Namespace) -> None:
@@ -93,13 +127,18 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m scenes", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     render = commands.add_parser("render", help="render view sets into a cache folder")
-    render.add_argument("names", nargs="+", metavar="NAME", help=f"known: {' '.join(CATALOG)}")
+    render.add_argument("names", nargs="*", metavar="NAME", help=f"known: {' '.join(CATALOG)}")
+    render.add_argument("--scene-file", type=Path, metavar="FILE", help="your own scene, .xml or .py; it can run code")
     render.add_argument("--resolution", type=int, default=100, metavar="PX")
     for split, count, spp in (("train", 100, 64), ("val", 0, None), ("test", 25, 256)):
         render.add_argument(f"--{split}", type=int, default=count, metavar="N", help=f"{split} views")
         render.add_argument(f"--spp-{split}", type=int, default=spp, metavar="N", help="samples a pixel")
     render.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR")
     render.add_argument("--integrator", choices=("path", "volpath"), help="default: what the scene needs")
+    export = commands.add_parser("export", help="write a view set as other trainers read it")
+    export.add_argument("folder", type=Path, metavar="VIEW_SET", help="a folder or file that --view-set takes")
+    export.add_argument("--format", required=True, choices=("nerfstudio", "blender", "npz"))
+    export.add_argument("--out", type=Path, required=True, metavar="PATH", help="new folder, or new .npz file")
     integrators = commands.add_parser("integrators", help="a scene with and without the volumetric integrator, as JSON")
     integrators.add_argument("name", metavar="NAME")
     integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
@@ -131,4 +170,6 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    stop_on_signals()
+    with packages_needed():
+        sys.exit(main())

@@ -10,8 +10,10 @@ import numpy as np
 
 from scenes.errors import InputError
 
-LARGEST_PIXELS = 64 * 1024 * 1024
-"""An image with more pixels is refused before it is read: 8192 × 8192."""
+LARGEST_VALUES = 208 * 1024 * 1024
+"""An image with more values, pixels times channels, is refused before it is read: 4096 × 4096 in 13 channels, as large
+as the largest of our own, which takes 832 MiB."""
+MOST_CHANNELS = 64
 
 
 def read_image(file: Path) -> np.ndarray:
@@ -52,17 +54,17 @@ def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         spec = source.spec()
         if spec.width < 1 or spec.height < 1 or spec.depth > 1 or spec.nchannels < 1:
             raise InputError(f"{file}: {spec.width} × {spec.height} × {spec.depth} pixels is not a flat image")
-        if spec.width * spec.height > LARGEST_PIXELS or spec.nchannels > 64:
+        if spec.width * spec.height * spec.nchannels > LARGEST_VALUES or spec.nchannels > MOST_CHANNELS:
             raise InputError(
                 f"{file}: {spec.width} × {spec.height} pixels in {spec.nchannels} channels is larger than the "
-                f"{LARGEST_PIXELS} pixels in 64 channels that are read; make it smaller"
+                f"{LARGEST_VALUES} values in {MOST_CHANNELS} channels that are read; make it smaller"
             )
         pixels = source.read_image(oiio.FLOAT)
         failure = source.geterror()
         if pixels is None or failure:
             raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
         shape = (spec.height, spec.width, spec.nchannels)
-        return np.array(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames)
+        return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames)
     finally:
         source.close()
 
@@ -108,6 +110,7 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "1970:01:01 00:00:00")  # else that of writing: equal pixels make equal files
     _write(file, spec, pixels)
     _check_written(file, pixels, 1.0)
 
@@ -148,7 +151,8 @@ def _cause(file: Path) -> int:
 
 
 def _reason(said: str) -> str:
-    return " ".join(said.split())[:200] or "no reason given"
+    printable = "".join(letter if letter.isprintable() else " " for letter in said)  # it passes on what files hold
+    return " ".join(printable.split())[:200] or "no reason given"
 
 
 def _openimageio() -> ModuleType:

@@ -9,6 +9,7 @@ from scenes.catalog import scene_named
 from scenes.errors import InputError
 from scenes.pixels import display_from_linear, over_white
 from scenes.render import LoadedScene, seed_from
+from scenes.store import check_resolution
 from scenes.variant import choose_variant
 from scenes.viewpoints import all_poses, evenly_spread
 
@@ -36,10 +37,11 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
     than 2 samples.
     """
     scene = scene_named(scene_name)
+    check_resolution(resolution)
     if views < 1:
-        raise InputError(f"views {views}: choose 1 or more")
+        raise InputError(f"--views {views}: choose 1 or more")
     if spp < 2:
-        raise InputError(f"{spp} samples a pixel: two halves are needed to take the noise out; choose 2 or more")
+        raise InputError(f"--spp {spp}: two halves are needed to take the noise out; choose 2 or more")
     everything = all_poses("test", scene.view_from)
     poses = everything[evenly_spread(views, everything, "test views")]
     chosen = choose_variant(variant)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,20 +39,29 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError(f"{file}: not a manifest of {FORMAT!r}; remove it to read the folder as anyone's view set")
     if content.get("schema") != SCHEMA:
         raise InputError(
-            f"{file}: schema {content.get('schema')!r}, this version reads {SCHEMA}; render the view set again "
+            f"{file}: schema {_shown(content.get('schema'))}, this version reads {SCHEMA}; render the view set again "
             "with this version, or remove the manifest to read its PNG files alone"
         )
     claimed = content.pop("checksum", None)
     if claimed != _own_checksum(content):
         raise DamagedViewSet(f"{file}: its checksum is wrong, so it was changed or damaged; render the view set again")
+    for key, (fits, what) in _KEYS.items():
+        if (key in content or key not in _LATER) and not fits(content.get(key)):
+            found = _shown(content.get(key))
+            raise DamagedViewSet(f"{file}: {key} is {found}; it must be {what}: render the view set again")
     return content
 
 
 def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
     """The file, if it is the one that the manifest lists; raises `DamagedViewSet` if not."""
-    relative = file.resolve().relative_to(folder.resolve()).as_posix()
+    try:
+        relative = file.resolve().relative_to(folder.resolve()).as_posix()
+    except (ValueError, OSError, RuntimeError) as error:  # a link out of it, a name too long, a loop of links
+        raise DamagedViewSet(f"{file}: leads out of the folder or nowhere; render the view set again") from error
     if relative not in manifest["files"]:
         raise DamagedViewSet(f"{file}: not listed in {NAME}, so it is not of this view set; render it again")
+    if file.exists() and not file.is_file():  # a pipe would keep us waiting for ever
+        raise DamagedViewSet(f"{file}: is no file; render the view set again")
     try:
         same = checksum(file) == manifest["files"][relative]
     except OSError as error:
@@ -75,6 +85,78 @@ def checksum(file: Path) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     with file.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e30
+
+
+def _is_corner(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and len(value) <= 500 and (value.isprintable() or not value)
+
+
+def _is_name(value: Any) -> bool:
+    """Fit for a part of a file's name."""
+    return _is_text(value) and value not in ("", ".", "..") and not set(value) & set("/\\")
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, dict) and all(map(_is_text, value)) and all(map(_is_text, value.values()))
+
+
+def _are_views(value: Any) -> bool:
+    return isinstance(value, dict) and all(
+        isinstance(view, dict) and _is_number(view.get("noise_mse")) for view in value.values()
+    )
+
+
+def _are_needs(value: Any) -> bool:
+    keys = {"name", "needed", "reason", "kept"}
+    return _are_rows(value) and all(set(row) == keys and _is_text(row["name"]) for row in value)
+
+
+def _are_left_out(value: Any) -> bool:
+    return _are_rows(value) and all(_is_text(row.get("what")) for row in value)
+
+
+def _are_rows(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(row, dict) and all(map(_is_plain, row.values())) for row in value)
+
+
+def _is_plain(value: Any) -> bool:
+    return value is None or isinstance(value, bool) or _is_number(value) or _is_text(value) or _is_number_list(value)
+
+
+def _is_number_list(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_number, value))
+
+
+_KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "files": (_are_texts, "an object of checksums by path"),
+    "scene": (_is_name, "the name of a scene"),
+    "title": (_is_text, "a line of text"),
+    "near": (_is_number, "a number"),
+    "far": (_is_number, "a number"),
+    "bounds": (lambda v: isinstance(v, list) and len(v) == 2 and all(map(_is_corner, v)), "two corners of a box"),
+    "views": (_are_views, "an object of views, each with its noise_mse"),
+    "empty_splits": (lambda v: isinstance(v, list) and all(map(_is_text, v)), "a list of splits"),
+    "needs": (_are_needs, "a list of needs"),
+    "left_out": (_are_left_out, "a list of what was left out"),
+}
+"""What is read of a manifest whose checksum is right, which whoever writes a folder can make right."""
+_LATER = ("empty_splits", "needs", "left_out")
+"""Older versions wrote none of these."""
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "missing or null"
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:79]}…"
 
 
 def _own_checksum(content: dict[str, Any]) -> str:

@@ -18,6 +18,7 @@ from scenes.images import read_channels
 from scenes.manifest import checked, read_manifest
 from scenes.pixels import decode_srgb, display_from_linear, over_white
 from scenes.render import LoadedScene, RenderError, seed_from
+from scenes.store import check_resolution
 from scenes.transforms import read_transforms
 from scenes.variant import Variant
 from scenes.viewpoints import all_poses
@@ -112,6 +113,7 @@ def errors(
         raise InputError(f"--spp {' '.join(map(str, spp))} --repeats {repeats}: choose 1 or more")
     if reference_spp < 2:
         raise InputError(f"--reference-spp {reference_spp}: two halves are needed to know its noise; choose 2 or more")
+    check_resolution(resolution)
     scene = scene_named(scene_name)
     pose = all_poses("test", scene.view_from)[0]
     loaded = LoadedScene.of(scene, variant, resolution)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from scenes.errors import InputError
+from scenes.placement import VISIBLE_RADIUS
 from scenes.scene import Description, Scene
 
 FRAMED = (0.1, 10.0)
@@ -121,6 +122,24 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
     assert box is not None
     change = to_unit(box)
     return change.applied(description), change
+
+
+def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
+    """As `normalised`, for a scene that nobody has looked at: in the picture of every camera, whole.
+
+    Where the size of a shape is not known here it stays as it is, for `scenes.store` to refuse once Mitsuba knows it.
+    """
+    description, change = normalised(scene)
+    try:
+        box = box_of(description)
+    except InputError:
+        return description, change
+    if change is not None or box is None or np.linalg.norm(np.abs(box).max(axis=0)) <= VISIBLE_RADIUS:
+        return description, change
+    half = 0.5 * float(np.linalg.norm(box[1] - box[0]))
+    x, y, z = (-float(value) * VISIBLE_RADIUS / half for value in box.mean(axis=0))
+    fit = Similarity(VISIBLE_RADIUS / half, (x, y, z))
+    return fit.applied(description), fit
 
 
 def check_scale(box: np.ndarray) -> None:

@@ -7,7 +7,7 @@ Mitsuba's camera (x left, y up, looking along +z) and its materials' input are c
 import hashlib
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,18 +17,24 @@ from scenes.errors import InputError
 from scenes.needs import Needs, needs
 from scenes.normalise import check_scale, normalised
 from scenes.pixels import display_from_linear, over_white
+from scenes.placement import Placement
 from scenes.scene import Corners, Description, Scene
 from scenes.variant import Variant
 from scenes.viewpoints import FOV_X_RADIANS, check_field_of_view, check_poses
 
 RENDERER_VERSION = 3
 """Counted up with every change that changes images, so that cached view sets are rendered again."""
+OWN_SCENES_VERSION = 2
+"""Likewise, for what changes images of scenes of a user's own alone."""
 NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
 """Samples a pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
 LARGEST_WAVEFRONT = 1 << 22
 """Paths in flight at once in a vectorised variant; more are rendered in passes."""
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+Loader = Callable[[Any], tuple[Any, Placement, np.ndarray]]
 
 
 class RenderError(RuntimeError):
@@ -60,9 +66,11 @@ class LoadedScene:
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
         fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
-        box: Corners | None = None, any_scale: bool = False,
+        box: Corners | None = None, any_scale: bool = False, load: Loader | None = None,
     ) -> None:  # fmt: skip
-        """`integrator` is `path` or `volpath`, whatever the scene needs; `box` is where things may be, for a
+        """`load` makes the scene instead of `description` (`scenes.scene.Scene`).
+
+        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is where things may be, for a
         description without shapes. Raises `InputError` for a field of view that is none and, unless `any_scale`, for
         a scene so small or so far away that its images would be biased."""
         check_field_of_view(fov_x_radians, "the camera")
@@ -72,9 +80,15 @@ class LoadedScene:
         self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
         self._variant = variant
         self._vectorised = not variant.name.startswith("scalar")
-        self._scene = mi.load_dict(
-            {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
-        )
+        self.placement: Placement | None = None
+        if load is None:
+            self._scene = mi.load_dict(
+                {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
+            )
+        else:
+            self._scene, self.placement, self.box_in_file = load(mi)
+        self._solid = self._scene if emitters_seen else _without_lamps(mi, self._scene)
+        """What a camera sees, for depth and normals."""
         # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
         # variant it takes fifty times as long for a ray as `depth` does.
         colour = {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": not emitters_seen}
@@ -104,6 +118,8 @@ class LoadedScene:
 
     def box(self) -> np.ndarray:
         """Corners [2, 3] of the box around all shapes, or of the declared one where there is no shape, float64."""
+        if self.placement is not None:
+            return self.placement.box(self.box_in_file)
         box = self._scene.bbox()
         corners = np.array([box.min, box.max], dtype=np.float64).reshape(2, 3)
         if self._declared is not None and not box.valid():
@@ -120,16 +136,20 @@ class LoadedScene:
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """One independent estimate: float64 [h, w, 4], linear, premultiplied."""
-        return self._render(self._colour, camera_to_world, spp, seed)
+        return self._render(self._scene, self._colour, camera_to_world, spp, seed)
 
     def geometry(self, camera_to_world: np.ndarray, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Depth [h, w] and unit normal [h, w, 3] of the first surface, as `RenderedView` has them, float64."""
-        distance = self._render(self._distance, camera_to_world, spp, seed)
+        distance = self._render(self._solid, self._distance, camera_to_world, spp, seed)
         hits = distance[..., 3]
         mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
         # Mitsuba's rays start on the near plane, not at the camera
         depth = np.where(hits > 0, mean + NEAR_CLIP * self._ray_stretch(), 0.0)
-        normal = self._render(self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
+        if self.placement is not None:
+            depth *= self.placement.scale
+        normal = self._render(self._solid, self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
+        if self.placement is not None:
+            normal = normal @ self.placement.rotation.T
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
         return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
@@ -140,16 +160,18 @@ class LoadedScene:
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
         return np.sqrt(1 + x**2 + y[:, None] ** 2)
 
-    def _render(self, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+    def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """Mean of as many passes as the samples need: float64 [h, w, channels]."""
         mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)
+        if self.placement is not None:
+            camera_to_world = self.placement.camera(camera_to_world)
         parameters = mi.traverse(sensor)
         parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
         parameters.update()
         images = (
-            mi.render(self._scene, sensor=sensor, integrator=integrator, seed=seed_from(seed, number), spp=spp_pass)
+            mi.render(scene, sensor=sensor, integrator=integrator, seed=seed_from(seed, number), spp=spp_pass)
             for number in range(passes)
         )
         total = np.array(next(images), dtype=np.float64)
@@ -190,6 +212,18 @@ class LoadedScene:
                 }
             )
         return self._sensors[spp]
+
+
+def _without_lamps(mi: Any, scene: Any) -> Any:
+    """The same shapes but those that glow, which the colour integrator hides; the scene itself where none does.
+
+    Raises `InputError` where shapes are instances: Mitsuba cannot put their groups into another scene."""
+    solid = [shape for shape in scene.shapes() if not shape.is_emitter()]
+    if len(solid) == len(scene.shapes()):
+        return scene
+    if any(shape.class_name() == "Instance" for shape in solid):
+        raise InputError("instances beside a shape that glows: depth would show the lamp; light it by a sky instead")
+    return mi.load_dict({"type": "scene", **{f"shape {number}": shape for number, shape in enumerate(solid)}})
 
 
 def use(variant: Variant) -> Any:

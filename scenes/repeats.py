@@ -23,10 +23,10 @@ def repeated(
     scene = scene_named(scene_name)
     poses = all_poses("test", scene.view_from)
     if not 0 <= view < len(poses):
-        raise InputError(f"view {view}: choose 0 to {len(poses) - 1}")
+        raise InputError(f"--view {view}: choose 0 to {len(poses) - 1}")
     for name, value in {"resolution": resolution, "spp": spp, "count": count}.items():
         if not 1 <= value <= LARGEST[name]:
-            raise InputError(f"{name} {value}: must lie between 1 and {LARGEST[name]}")
+            raise InputError(f"--{name} {value}: must lie between 1 and {LARGEST[name]}")
     loaded = LoadedScene.of(scene, choose_variant(variant), resolution)
     for number in range(count):
         yield loaded.colour(poses[view], spp, seed_from(scene_name, stream, number))

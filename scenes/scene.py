@@ -7,6 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from scenes.errors import InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from scenes.placement import Placement
     from scenes.truth import Truth
 
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -47,6 +52,11 @@ class Scene:
     """Lower and upper corner of where things may be, for a scene without any shape; else taken from the shapes."""
     truth: "Truth | None" = None
     """What a ray sees, in closed form (`scenes.truth`), where there is one."""
+    file: "Path | None" = None
+    """A user's own file that it comes from (`scenes.scene_file`)."""
+    load: "Callable[[Any], tuple[Any, Placement, np.ndarray]] | None" = None
+    """Mitsuba → its scene, where that lies in the view set, and its box [2, 3] before: for a file that Mitsuba alone
+    understands (`scenes.mitsuba_xml`), whose description holds what is known of it without."""
 
     def __post_init__(self) -> None:
         """Raises `InputError` for an interval of distances that is none."""

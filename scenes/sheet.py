@@ -8,6 +8,7 @@ from scenes.catalog import CLASSICS, scene_named
 from scenes.errors import InputError
 from scenes.pixels import display_from_linear, over_white
 from scenes.render import LoadedScene, render_views, seed_from
+from scenes.store import LARGEST_SPP, check_resolution
 from scenes.variant import choose_variant
 from scenes.viewpoints import TILT, poses_on_sphere
 
@@ -28,6 +29,9 @@ def write_sheet(
     matplotlib.use("Agg")
     if out.suffix.lower() != ".png" or not out.parent.is_dir():
         raise InputError(f"{out}: give a .png file in a folder that exists")
+    check_resolution(resolution)
+    if not 2 <= spp <= LARGEST_SPP:
+        raise InputError(f"--spp {spp}: choose 2 to {LARGEST_SPP}")
     scenes = [scene_named(name) for name in names or CLASSICS]
     chosen = choose_variant(variant)
     pose = poses_on_sphere(np.array([AZIMUTH]), np.array([ELEVATION]))

@@ -4,94 +4,49 @@ A view set is rendered into a temporary sibling and renamed into place, so that 
 """
 
 import errno
-import importlib.metadata
-import os
 import platform
-import re
 import shutil
-import socket
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from scenes.catalog import scene_named
-from scenes.digest import digest_of
 from scenes.errors import InputError
 from scenes.images import write_channels, write_png
-from scenes.manifest import SCHEMA, check_all, write_manifest
+from scenes.manifest import check_all, write_manifest
+from scenes.mitsuba_xml import cautious
 from scenes.needs import as_rows, left_out, needs
-from scenes.normalise import Similarity, normalised
+from scenes.nerfstudio import NAME as NERFSTUDIO
+from scenes.nerfstudio import write_nerfstudio
+from scenes.normalise import fitted, normalised
+from scenes.occupancy_file import with_occupancy
+from scenes.order import Order, similarity_facts, versions
+from scenes.partial_folders import PARTIAL, abandoned, remove, remove_stale, working_folder
 from scenes.pixels import display_from_linear
-from scenes.scene import Description, Scene
+from scenes.rendered_views import note, salvaged
+from scenes.scene import Scene
+from scenes.scene_file import mistakes_in
+from scenes.source import Region
+from scenes.standing import Standing, standings
 from scenes.transforms import transforms_file, write_transforms
 from scenes.variant import VARIANTS, Variant, choose_variant, known_variant
-from scenes.viewpoints import FOV_X_RADIANS, SPLITS, all_poses, evenly_spread
+from scenes.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
 
 LARGEST_RESOLUTION = 4096
 LARGEST_SPP = 1 << 16
-STALE_SECONDS = 48 * 3600
-_PARTIAL = ".partial"
 
-Progress = Callable[[int, int], None]
-"""Called with the views done so far and all views."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """A view set to be rendered, checked."""
-
-    scene: Scene
-    description: Description
-    """As it is rendered: normalised where it had to be."""
-    similarity: Similarity | None
-    """What normalised it."""
-    resolution: int
-    counts: dict[str, int]
-    spp: dict[str, int]
-    integrator: str | None = None
-    """`path` or `volpath`, whatever the scene needs."""
-
-    def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
-        """Indices [n] of the viewpoints in the whole split, and their cameras [n, 4, 4]."""
-        everything = all_poses(split, self.scene.view_from)  # type: ignore[arg-type]
-        chosen = evenly_spread(self.counts[split], everything, f"{split} views")
-        return chosen, everything[chosen]
-
-    def digest(self, variant: str) -> str:
-        """Hexadecimal hash of everything that the images depend on."""
-        from scenes.render import RENDERER_VERSION  # does not import Mitsuba by itself
-
-        scene = self.scene
-        return digest_of(
-            {
-                "format": SCHEMA,
-                "renderer": RENDERER_VERSION,
-                "versions": _versions(),
-                "variant": variant,
-                "description": self.description,
-                "needs": {name: need.needed for name, need in needs(self.description).items()},
-                **({"integrator": self.integrator} if self.integrator else {}),
-                "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
-                "emitters_seen": scene.emitters_seen,
-                "box": scene.box,
-                "normalised": _similarity(self.similarity),
-                "resolution": self.resolution,
-                "fov": FOV_X_RADIANS,
-                "spp": self.spp,
-                "viewpoints": {split: self.poses(split)[0] for split in SPLITS},
-                "cameras": {split: self.poses(split)[1] for split in SPLITS},
-            }
-        )
+Progress = Callable[[Standing], None]
+"""Called once all is loaded, and after each view that is rendered."""
 
 
 def ensure_view_set(
-    scene_name: str,
+    scene_name: str | Scene,
     *,
     resolution: int,
     counts: dict[str, int],
@@ -100,55 +55,89 @@ def ensure_view_set(
     variant: str | None = None,
     progress: Progress | None = None,
     integrator: str | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> Path:
     """The folder of the rendered view set, from the cache where it is there and whole, else rendered now.
 
+    A scene of the catalogue goes by its name, a user's own (`scenes.scene_file`) is given itself.
     `counts` and `spp` (samples a pixel, 2 or more) are given for train, val and test. With `variant` None a set that
     any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
-    the same set at once. Raises `InputError` for a bad request or a folder that cannot be written.
+    the same set at once. `say` is told what is wrong with one that is there. Raises `InputError` for a bad request or
+    a folder that cannot be written.
     """
-    order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+    own = None if isinstance(scene_name, str) else scene_name.file
+    with mistakes_in(own):
+        order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
     wanted = known_variant(variant)
     cache = Path(cache_folder)
     for name in VARIANTS if wanted is None else (wanted,):
-        stored = _folder(cache, order, name)
+        with mistakes_in(own):  # what is no plain data has no digest
+            stored = _folder(cache, order, name)
         if is_complete(stored):
-            return stored
+            return with_occupancy(stored, order)
     chosen = choose_variant(variant)
     target = _folder(cache, order, chosen.name)
+    if say and target.exists():
+        say(f"{first_fault(target)}: rendered again, but for the views that are as they were written")
     with _disk(cache):
         cache.mkdir(parents=True, exist_ok=True)
-        remove_stale(cache)
-        partial = Path(tempfile.mkdtemp(prefix=f".{target.name}.{_host()}.{os.getpid()}.", suffix=_PARTIAL, dir=cache))
-        partial.chmod(0o755)  # mkdtemp lets nobody else read
-        try:
-            write_view_set(partial, order, chosen, progress)
-            _move_into_place(partial, target)
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
-    return target
+        remove_stale(cache, but=target.name)
+        with working_folder(cache, target.name) as partial:
+            try:
+                donors = [one for one in (target, *abandoned(cache, target.name)) if one.is_dir()]
+                with mistakes_in(own, but=OSError):  # which is the cache's
+                    write_view_set(partial, order, chosen, progress, donors)
+                _move_into_place(partial, target)
+            except (BrokenPipeError, KeyboardInterrupt):
+                raise  # whoever asked is gone: what is rendered is the next one's
+            except BaseException:
+                remove(partial)
+                raise
+        for one in (partial, *abandoned(cache, target.name)):
+            remove(one)
+    return with_occupancy(target, order)
 
 
-def checked_order(scene_name: str, resolution: int, counts: dict[str, int], spp: dict[str, int]) -> Order:
-    """Raises `InputError` that names the value and the remedy."""
-    scene = scene_named(scene_name)
+def check_resolution(resolution: int) -> None:
+    """Raises `InputError` for a number of pixels that no picture is wide."""
     if not 1 <= resolution <= LARGEST_RESOLUTION:
-        raise InputError(f"resolution {resolution}: choose 1 to {LARGEST_RESOLUTION} pixels")
-    for name, given, smallest, largest in (("counts", counts, 0, None), ("spp", spp, 2, LARGEST_SPP)):
+        raise InputError(f"--resolution {resolution}: choose 1 to {LARGEST_RESOLUTION} pixels")
+
+
+def is_stored(
+    scene_name: str,
+    resolution: int,
+    counts: dict[str, int],
+    spp: dict[str, int],
+    cache_folder: Path,
+    integrator: str | None = None,
+) -> bool:
+    """Whether something bears the view set's name; arguments and errors as in `ensure_view_set`, which looks whether it
+    is whole."""
+    order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+    return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
+
+
+def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: dict[str, int]) -> Order:
+    """Raises `InputError` that names the value and the remedy."""
+    scene = scene_named(scene_name) if isinstance(scene_name, str) else scene_name
+    check_resolution(resolution)
+    for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", spp, 2, LARGEST_SPP)):
         if set(given) != set(SPLITS):
-            raise InputError(f"{name} {given}: give one number each for {' '.join(SPLITS)}")
+            names = " ".join(f"{option}{split}" for split in SPLITS)
+            raise InputError(f"{names}: {given}: give one number each")
         for split, value in given.items():
             if value < smallest or (largest is not None and value > largest):
-                raise InputError(f"{name} of {split} {value}: choose {smallest} to {largest or 'what there is'}")
+                raise InputError(f"{option}{split} {value}: choose {smallest} to {largest or 'what there is'}")
     order = Order(
         scene,
-        *normalised(scene),
+        *(fitted(scene) if scene.file is not None and scene.load is None else normalised(scene)),
         resolution,
         {split: counts[split] for split in SPLITS},
         {split: spp[split] for split in SPLITS},
     )
     if not sum(counts.values()):
-        raise InputError(f"no view of {scene_name} was asked for; choose at least one")
+        raise InputError(f"no view of {scene.name} was asked for; choose at least one")
     for split in SPLITS:
         order.poses(split)
     return order
@@ -156,58 +145,103 @@ def checked_order(scene_name: str, resolution: int, counts: dict[str, int], spp:
 
 def is_complete(folder: Path) -> bool:
     """Whether every file of the view set is there and whole; False for anything else, whatever is wrong with it."""
-    if not folder.is_dir():
-        return False
+    return folder.is_dir() and first_fault(folder) is None
+
+
+def first_fault(folder: Path) -> str | None:
+    """What is wrong with a stored view set, for a message; None where it is whole."""
     try:
         check_all(folder)
-    except (InputError, OSError, KeyError, TypeError):
-        return False
-    return True
+    except InputError as error:
+        return str(error).split("; ")[0]
+    except (OSError, KeyError, TypeError) as error:
+        return f"{folder}: {type(error).__name__}: {error}"
+    return None
 
 
-def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progress | None = None) -> None:
-    """Renders into an existing, empty folder; the manifest is written last."""
+def write_view_set(
+    folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
+) -> None:
+    """Renders into an existing, empty folder, but what is sound in one of `donors`; the manifest is written last."""
     from scenes.render import LoadedScene, render_views, seed_from
 
     scene, started = order.scene, time.perf_counter()
     size = order.resolution
     loaded = LoadedScene(
         order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
-        emitters_seen=scene.emitters_seen, box=scene.box,
+        emitters_seen=scene.emitters_seen, box=scene.box, load=scene.load,
     )  # fmt: skip
+    if scene.file is not None and np.linalg.norm(np.abs(loaded.box()).max(axis=0)) > RADIUS - scene.near:
+        low, high = loaded.box().tolist()
+        raise InputError(
+            f"{scene.file}: reaches from {low} to {high}, nearer to the cameras, {RADIUS:.4g} from the origin, "
+            f"than near, {scene.near:g}; scale it to fit"
+        )
     files: list[Path] = []
     views: dict[str, Any] = {}
-    total = sum(order.counts.values())
+    listed: dict[str, tuple[list[str], np.ndarray]] = {}
+    digest = order.digest(variant.name)
+    names = [f"{split}/r_{number}" for split in SPLITS for number in range(order.counts[split])]
+    kept = salvaged(folder, list(donors), digest, names)
+    standing = standings(order.counts, order.spp, kept)
+    if progress:
+        progress(next(standing))
+    earlier = sum(one.get("seconds", 0.0) for one in kept.values())
+    seen = lit = False
     for split in SPLITS:
         if not order.counts[split]:
             continue
-        (folder / split).mkdir()
+        (folder / split).mkdir(exist_ok=True)
         viewpoints, poses = order.poses(split)
         names = [f"{split}/r_{number}" for number in range(len(poses))]
         seeds = [seed_from(scene.name, split, int(viewpoint)) for viewpoint in viewpoints]
-        rendered = render_views(loaded, poses, order.spp[split], seeds, names)
-        for name, viewpoint, view in zip(names, viewpoints, rendered, strict=True):
+        missing = [place for place, name in enumerate(names) if name not in kept]
+        rendered = render_views(
+            loaded, poses[missing], order.spp[split], [seeds[i] for i in missing], [names[i] for i in missing]
+        )
+        for name, viewpoint in zip(names, viewpoints, strict=True):
             png, exr = folder / f"{name}.png", folder / f"{name}.exr"
+            files += [png, exr]
+            if name in kept:
+                seen, lit = seen or kept[name].get("seen", True), lit or kept[name].get("lit", True)
+                views[name] = {"noise_mse": kept[name]["noise_mse"], "viewpoint": int(viewpoint)}
+                continue
+            began = time.perf_counter()
+            view = next(rendered)
             write_png(png, display_from_linear(view.rgba))
             channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
             channels["Z"] = view.depth
             channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
             channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
             write_channels(exr, channels)
-            files += [png, exr]
+            seen_here, lit_here = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
+            seen, lit = seen or seen_here, lit or lit_here
+            told = {"noise_mse": view.noise_mse, "seen": seen_here, "lit": lit_here}
+            note(folder, digest, name, {**told, "seconds": time.perf_counter() - began})
             views[name] = {"noise_mse": view.noise_mse, "viewpoint": int(viewpoint)}
             if progress:
-                progress(len(views), total)
+                progress(next(standing))
         listing = transforms_file(folder, split)
         write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
         files.append(listing)
+        listed[split] = [f"{name}.png" for name in names], poses
+    if scene.file is not None and not (seen and lit):
+        what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
+        raise InputError(f"{scene.file}: {what}; mend the scene")
     bounds = loaded.bounds()
+    region = Region(tuple(bounds.ravel().tolist()), scene.near, scene.far)
+    write_nerfstudio(folder / NERFSTUDIO, listed, (size, size), 0.5 * size / np.tan(0.5 * FOV_X_RADIANS), region)
+    files.append(folder / NERFSTUDIO)
     described = bounds if order.similarity is None else order.similarity.inverse.points(bounds)
+    if loaded.placement is not None:
+        described = loaded.box_in_file
     found = needs(order.description, bounds, _pixel_length(order, bounds), described)
+    if scene.load is not None:
+        found = cautious(found)
     facts = {
         "scene": scene.name,
         "title": scene.title,
-        "digest": order.digest(variant.name),
+        "digest": digest,
         "near": scene.near,
         "far": scene.far,
         "bounds": bounds.tolist(),
@@ -218,29 +252,17 @@ def write_view_set(folder: Path, order: Order, variant: Variant, progress: Progr
         "spp": {split: loaded.actual_spp(order.spp[split]) for split in SPLITS},
         "max_depth": scene.max_depth,
         "emitters_seen": scene.emitters_seen,
-        "normalised": _similarity(order.similarity),
+        "normalised": similarity_facts(loaded.placement or order.similarity),
         "variant": variant.name,
         "variant_why": variant.why,
         "integrator": loaded.integrator_name,
-        "versions": {**_versions(), "python": platform.python_version()},
-        "seconds": time.perf_counter() - started,
+        "versions": {**versions(), "python": platform.python_version()},
+        "seconds": time.perf_counter() - started + earlier,
         "needs": as_rows(found),
         "left_out": left_out(found),
         "views": views,
     }
     write_manifest(folder, facts, files)
-
-
-def remove_stale(cache: Path) -> None:
-    """Removes temporary folders that killed processes left: of this machine and dead, or two days old."""
-    for partial in cache.glob(f".*{_PARTIAL}"):
-        match = re.match(rf".*\.{re.escape(_host())}\.(\d+)\.[^.]*{re.escape(_PARTIAL)}$", partial.name)
-        try:
-            old = time.time() - partial.stat().st_mtime > STALE_SECONDS
-        except OSError:
-            continue
-        if old or (match and not _alive(int(match.group(1)))):
-            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _move_into_place(partial: Path, target: Path) -> None:
@@ -254,9 +276,7 @@ def _move_into_place(partial: Path, target: Path) -> None:
                 raise
         if is_complete(target):
             return
-        broken = Path(
-            tempfile.mkdtemp(prefix=f".{target.name}.{_host()}.{os.getpid()}.", suffix=_PARTIAL, dir=target.parent)
-        )
+        broken = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
         try:
             target.rename(broken / "broken")
         except FileNotFoundError:
@@ -293,29 +313,3 @@ def _pixel_length(order: Order, bounds: np.ndarray) -> float:
 
 def _folder(cache: Path, order: Order, variant: str) -> Path:
     return cache / f"{order.scene.name}-{order.resolution}px-{order.digest(variant)[:12]}"
-
-
-def _similarity(change: Similarity | None) -> dict[str, Any] | None:
-    """What the manifest says about it: x in the view set = scale · x in the description + shift."""
-    return None if change is None else {"scale": change.scale, "shift": list(change.shift)}
-
-
-def _versions() -> dict[str, str]:
-    """Read from package metadata, which does not import them."""
-    return {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}
-
-
-def _host() -> str:
-    return re.sub(r"[^A-Za-z0-9-]", "-", socket.gethostname())
-
-
-def _alive(process: int) -> bool:
-    if os.name == "nt":
-        return True  # there, signal 0 would end the process
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

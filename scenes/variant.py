@@ -92,7 +92,8 @@ def known_variant(name: str | None) -> str | None:
     """
     wanted = name or os.environ.get(FORCE) or "auto"
     if wanted not in (*VARIANTS, "auto"):
-        raise InputError(f"unknown Mitsuba variant {wanted!r}; known: auto {' '.join(VARIANTS)}")
+        asked = "--variant" if name else FORCE
+        raise InputError(f"{asked}: unknown Mitsuba variant {wanted!r}; known: auto {' '.join(VARIANTS)}")
     return None if wanted == "auto" else wanted
 
 

@@ -1,4 +1,4 @@
-"""A view set and how it is read: posed images in the Blender format, ours or anyone's.
+"""A view set and how it is read: posed images in the Blender format, ours or anyone's, or as others have them.
 
     FOLDER/transforms_{train,val,test}.json   poses (OpenGL axes), horizontal field of view
     FOLDER/train/r_0.png                      display colour, straight alpha, 8 bit
@@ -6,9 +6,11 @@
                                               V.{R,G,B,A} variance of the estimate; all float
     FOLDER/view_set.json                      ours: the manifest (`scenes.manifest`), written last
 
-Where there is a manifest, the files must be the ones that it lists, and colour comes from the EXR files.
+Where there is a manifest, the files must be the ones that it lists, and colour comes from the EXR files. Other formats
+have readers of their own (`scenes.foreign`).
 """
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -18,20 +20,23 @@ from typing import Any
 import numpy as np
 
 from scenes.errors import InputError
+from scenes.foreign import source_of
 from scenes.image_stack import ImageStack, require_room
-from scenes.images import read_channels, read_image
-from scenes.manifest import checked, read_manifest
+from scenes.images import read_channels
+from scenes.manifest import NAME, DamagedViewSet, checked, read_manifest
 from scenes.pixels import (
     area_average,
     area_average_hits,
     area_average_straight,
     display_from_linear,
 )
-from scenes.transforms import Frames, read_transforms, transforms_file
+from scenes.region import completed
+from scenes.source import Region, Source
+from scenes.transforms import Frames, transforms_file
 from scenes.viewpoints import SPLITS, evenly_spread, repeated
 
-FOREIGN_BOUNDS = ((-1.5, -1.5, -1.5), (1.5, 1.5, 1.5))
-FOREIGN_NEAR, FOREIGN_FAR = 2.0, 6.0
+CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
+"""Of our EXR files, as far as they are read."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,10 @@ class ViewSet:
     """What the manifest says about the rendering; empty for a folder that is not ours."""
     repeated_views: tuple[str, ...] = ()
     """Views whose camera another view has already, in whatever split, one line each: a reader of scores should know."""
+    notes: tuple[str, ...] = ()
+    """What was assumed of images that are not ours, a sentence each."""
+    content: str | None = None
+    """Digest of the cameras and the stored pixels that were read; None for a folder of ours, whose manifest has one."""
 
     @property
     def focal(self) -> float:
@@ -90,26 +99,25 @@ def read_view_set(
     bounds: np.ndarray | None = None,
     geometry: Sequence[str] = ("test",),
     scratch: Path | None = None,
+    region: Region | None = None,
 ) -> ViewSet:
-    """Reads a folder at `resolution` pixels of width (default: as stored), averaging areas.
+    """Reads a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
 
     `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread
     subsets and never exceed what there is. Depth and normals are read for the splits in `geometry`. `bounds`
-    [2, 3] overrules the manifest, or ±1.5 where there is none. The decoded images, 16 bytes a pixel and as much again
-    for its geometry, go to files without a name in `scratch`, which should be on a disk (`scenes.image_stack`).
-    Raises `InputError`, which says what to do, for anything missing, malformed, damaged or not supported, and where
-    `scratch` has no room.
+    [2, 3] and `region` overrule what the manifest or the format says, or what would be found from the cameras. The
+    decoded images, 16 bytes a pixel and as much again for geometry, go to files without a name in `scratch`, which
+    should be on a disk (`scenes.image_stack`). Raises `InputError`, which says what to do, for anything missing,
+    malformed, damaged or not supported, and where `scratch` has no room.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; a view set is a folder with transforms_train.json")
-    manifest = read_manifest(folder)
+    manifest = read_manifest(folder) if folder.is_dir() else {}
+    source = source_of(folder)
     counts = {"train": train_count, "val": val_count, "test": test_count}
-    found: dict[str, Frames] = {}
-    for split in SPLITS:
-        frames = _frames(folder, split, counts[split], manifest) if split in splits else None
-        if frames is not None:
-            found[split] = frames
+    everything: dict[str, Frames] = {
+        split: frames for split in SPLITS if (frames := _frames(folder, split, source, manifest, splits))
+    }
+    found = {split: _chosen(frames, counts[split], split) for split, frames in everything.items()}
     if not found:
         raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
     _check_apart(found, folder)
@@ -117,46 +125,61 @@ def read_view_set(
     fov = next(iter(angles.values()))
     if any(abs(angle - fov) > 1e-6 for angle in angles.values()):
         raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
-    reader = _Reader(folder, resolution, manifest, scratch)
+    reader = _Reader(folder, resolution, manifest, source, scratch)
     read = {split: reader.split(found[split], split in geometry) if split in found else None for split in SPLITS}
-    low, high = np.array(manifest["bounds"] if manifest else FOREIGN_BOUNDS, dtype=np.float64)
-    box = np.array([low, high]) if bounds is None else _checked_bounds(bounds)
-    near, far = (float(manifest["near"]), float(manifest["far"])) if manifest else (FOREIGN_NEAR, FOREIGN_FAR)
-    if not 0 < near < far < math.inf:
-        raise InputError(f"{folder}: near {near} and far {far}; distances must be positive, near the smaller one")
-    if reader.size is None:
+    if reader.size is None or reader.stored is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
+    given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
+    place = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
     return ViewSet(
         path=folder,
-        name=manifest["scene"] if manifest else folder.resolve().name,
+        name=manifest["scene"] if manifest else source.name,
         title=manifest["title"] if manifest else "",
         width=reader.size[1],
         height=reader.size[0],
         fov_x_radians=fov,
-        near=near,
-        far=far,
-        bounds=box,
+        near=place.near,
+        far=place.far,
+        bounds=place.box,
         train=read["train"] or _empty(reader.size),
         val=read["val"] or _empty(reader.size),
         test=read["test"] or _empty(reader.size),
         rendered=manifest,
         repeated_views=_repeated(found),
+        notes=source.notes,
+        content=None if manifest else _content(found, reader),
     )
 
 
-def _frames(folder: Path, split: str, count: int | None, manifest: dict[str, Any]) -> Frames | None:
-    file = transforms_file(folder, split)
-    if not file.exists() and (split == "val" or f"{split}" in manifest.get("empty_splits", [])):
+def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], splits: Sequence[str]) -> Frames | None:
+    """All views of a split that was asked for and is there."""
+    if split not in splits or (
+        split in manifest.get("empty_splits", []) and not transforms_file(folder, split).exists()
+    ):
         return None
-    if manifest:
-        checked(folder, file, manifest)
-    frames = read_transforms(folder, split)
+    if manifest and (split != "val" or transforms_file(folder, split).exists()):
+        checked(folder, transforms_file(folder, split), manifest)
+    return source.frames(split)
+
+
+def _chosen(frames: Frames, count: int | None, split: str) -> Frames:
     if count is None or count >= len(frames.files):
         return frames
     if count < 0:
         raise InputError(f"{count} views of {split}: choose 0 or more")
     chosen = evenly_spread(count, frames.camera_to_world)
     return Frames(frames.fov_x_radians, [frames.files[i] for i in chosen], frames.camera_to_world[chosen])
+
+
+def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
+    """As the manifest says it, or else the format."""
+    if not manifest:
+        return source.region
+    try:
+        box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
+        return Region(tuple(box), float(manifest["near"]), float(manifest["far"]))
+    except InputError as error:
+        raise InputError(f"{folder}: {error}") from error
 
 
 def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
@@ -176,11 +199,11 @@ def _repeated(frames: dict[str, Frames]) -> tuple[str, ...]:
     return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
 
 
-def _checked_bounds(bounds: np.ndarray) -> np.ndarray:
-    box = np.asarray(bounds, dtype=np.float64)
-    if box.shape != (2, 3) or not np.isfinite(box).all() or (box[0] >= box[1]).any():
-        raise InputError(f"bounds {box.tolist()}: give two finite corners, the lower one first")
-    return box
+def _content(frames: dict[str, Frames], reader: "_Reader") -> str:
+    for split, entry in frames.items():
+        reader.content.update(f"{split} {len(entry.files)}\n".encode())
+        reader.content.update(np.ascontiguousarray(entry.camera_to_world, dtype=np.float64).tobytes())
+    return reader.content.hexdigest()
 
 
 def _empty(size: tuple[int, int]) -> Split:
@@ -190,20 +213,25 @@ def _empty(size: tuple[int, int]) -> Split:
 class _Reader:
     """Reads views of one folder one after another and holds them to one size."""
 
-    def __init__(self, folder: Path, resolution: int | None, manifest: dict[str, Any], scratch: Path | None) -> None:
+    def __init__(
+        self, folder: Path, resolution: int | None, manifest: dict[str, Any], source: Source, scratch: Path | None
+    ) -> None:
         if resolution is not None and resolution < 1:
             raise InputError(f"resolution {resolution}: choose 1 pixel or more")
         self.folder, self.resolution, self.manifest, self.scratch = folder, resolution, manifest, scratch
+        self.source = source
         self.stored: tuple[int, int] | None = None
         self.size: tuple[int, int] | None = None
         """Height and width after resizing."""
+        self.content = hashlib.blake2b(digest_size=32)
+        """Of the stored pixels, in the order in which they are read, where they are not ours."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         names: list[str] = []
         stacks: list[ImageStack] = []
         noise: list[float] = []
         for file in frames.files:
-            name = file.relative_to(self.folder.resolve()).with_suffix("").as_posix()
+            name = self._name(file)
             names.append(name)
             images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
             if not stacks:
@@ -213,22 +241,22 @@ class _Reader:
                 stack.append(image)
             if self.manifest:
                 shrink = (self.size[1] / self.stored[1]) ** 2 if self.size and self.stored else 1.0
+                if name not in self.manifest["views"]:
+                    raise DamagedViewSet(f"{file}: not among the views of {NAME}; render the view set again")
                 noise.append(self.manifest["views"][name]["noise_mse"] * shrink)
         if not stacks:
             stacks = [ImageStack((*(self.size or (1, 1)), 4))]
         depth, normal = stacks[1:] or (None, None)
         return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
 
+    def _name(self, file: Path) -> str:
+        root = self.folder.resolve()
+        return file.relative_to(root if file.is_relative_to(root) else root.parent).with_suffix("").as_posix()
+
     def _foreign(self, file: Path) -> np.ndarray:
-        pixels = read_image(file)
-        if pixels.shape[2] == 2:
-            pixels = pixels[..., [0, 0, 0, 1]]
-        if pixels.shape[2] != 4:
-            raise InputError(
-                f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, "
-                "because what is not covered is not to be learnt: save them as PNG with an alpha channel"
-            )
+        pixels = self.source.pixels(file)
         self._fits(file, pixels.shape[:2])
+        self.content.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
         width = self._width()
         return pixels if width == pixels.shape[1] else area_average_straight(pixels, width)
 
@@ -236,6 +264,8 @@ class _Reader:
         """Colour, then depth and normals where `geometry` is wanted."""
         exr = file.with_suffix(".exr")
         channels = read_channels(checked(self.folder, exr, self.manifest))
+        if lacking := [name for name in CHANNELS if name not in channels]:
+            raise DamagedViewSet(f"{exr}: has no channel {' '.join(lacking)}; render the view set again")
         linear = np.stack([channels[name] for name in "RGBA"], axis=-1)
         self._fits(exr, linear.shape[:2])
         resized = self._width() != linear.shape[1]

@@ -140,6 +140,8 @@ def check_poses(poses: np.ndarray, names: list[str]) -> None:
         rotation = pose[:3, :3]
         if np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-6:
             raise InputError(f"{name}: the last row of its camera matrix is {pose[3].tolist()}; it must be 0 0 0 1")
+        if np.abs(rotation).max() > 1e100:  # whose square would be infinite
+            raise InputError(f"{name}: its camera matrix is not a rotation: it holds {np.abs(rotation).max():.3g}")
         off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
         if off > 1e-3 or np.linalg.det(rotation) < 0:
             raise InputError(

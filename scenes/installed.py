@@ -1,0 +1,26 @@
+"""Typed with a Python that lacks the pinned packages: what has them, instead of a traceback."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+OURS = ("scenes", "baselines", "harness", "reports")
+
+
+@contextmanager
+def packages_needed() -> Iterator[None]:
+    """Around a command: where it meets a package that is not installed, a line about it and exit code 2.
+
+    What a scene file or a package of the user's own cannot import is told by its reader, and never arrives here.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        name = (error.name or "").partition(".")[0]
+        if name in OURS:
+            raise
+        sys.stderr.write(
+            f"error: {sys.executable} has no package {name}; activate the environment that nox made "
+            "(. .nox/benchmark/bin/activate), or see what is missing with `python -m harness doctor`\n"
+        )
+        sys.exit(2)
