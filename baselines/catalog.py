@@ -1,10 +1,16 @@
-"""The one table of methods. A new method is one file and one line here; being listed is being tested."""
+"""The one table of methods. A new method is one file and one line here; being listed is being tested.
 
-from dataclasses import dataclass
-from typing import Literal
+Methods of a user's own package are `Method`s as well (`harness.plugins` finds them).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from baselines.ablations import BANDWIDTH, PARTIAL, WEAKENED
-from baselines.composition import Parts
+from baselines.amplifiers import Amplifier
+from baselines.composition import Ladder, Parts
+from baselines.contract import FieldAsked
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
 from baselines.repaired import CANDIDATES, MEANING, REPAIRED
@@ -20,6 +26,14 @@ class Method:
     """What it is, in one line of the report."""
     kind: Literal["network", "voxels_drjit"] = "network"
     """What it is made of, and so who trains it (`harness.learner`)."""
+    ladders: Mapping[str, Ladder] = field(default_factory=dict)
+    """Encodings of its own that `parts` names; `amplifiers` and `skips` likewise, in the form of the tables `LADDERS`,
+    `AMPLIFIERS` and `SKIPS`, which they are added to."""
+    amplifiers: Mapping[str, Callable[[], Amplifier]] = field(default_factory=dict)
+    skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
+    make_field: Callable[[FieldAsked], Any] | None = None
+    """Makes a field that is not made of our parts (`parts` is then None): a `torch.nn.Module` that keeps
+    `baselines.contract.TrainableField`."""
 
 
 def parts_named(combination: str) -> str:

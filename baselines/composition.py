@@ -13,7 +13,7 @@ class Parts:
 
     encoding    a name in `LADDERS`: "base2" (2^k), "phi" (φ^k, Eq. 2), …
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
-    skip        "half" (after layer depth/2, the standard) or "phi" (after layer ⌊φ·depth/2⌋, Eq. 5, Listing 3)
+    skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on where it is seen from
     """
@@ -55,7 +55,13 @@ def encoding_bands(encoding: str, bands: int) -> int:
     return LADDERS[encoding].bands(bands)
 
 
+SKIPS: dict[str, Callable[[int], int]] = {
+    "half": lambda depth: depth // 2,
+    "phi": lambda depth: int(PHI * depth / 2),
+}
+"""Depth → the layer after which the encoded position is concatenated: depth/2, ⌊φ·depth/2⌋."""
+
+
 def skip_layer(skip: str, depth: int) -> int:
     """Index of the layer after which the encoded position is concatenated; it feeds the next layer or the heads."""
-    layer = {"half": depth // 2, "phi": int(PHI * depth / 2)}[skip]
-    return min(layer, depth - 1)
+    return min(SKIPS[skip](depth), depth - 1)

@@ -100,6 +100,20 @@ Precision = Literal["float32", "bfloat16", "float16"]
 """Of matrix products alone: weights, encoding, amplifier and quadrature are float32 in each of them."""
 
 
+@dataclass(frozen=True)
+class FieldAsked:
+    """What a field that is not made of our parts is to be made for."""
+
+    size: NetworkSize
+    """Of the networks that it is compared with."""
+    box: Box
+    precision: Precision
+    seed: int | str
+    """The first weights follow from it alone (`uniform_weights`)."""
+    view_dependent: bool
+    """False where the scene looks the same from all sides."""
+
+
 @runtime_checkable
 class RadianceField(Protocol):
     """A density and a colour for each point in space: what a renderer needs to know of a method.
@@ -128,6 +142,20 @@ class RadianceField(Protocol):
         view: Float[Tensor, "rays features"],
         ray: Int[Tensor, " points"],
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]: ...
+
+
+@runtime_checkable
+class TrainableField(RadianceField, Protocol):
+    """What a method's own field has to be besides a `torch.nn.Module`."""
+
+    @property
+    def bounded(self) -> bool:
+        """Whether density stays within [0, 1]."""
+        ...
+
+    def parameter_counts(self) -> dict[str, int]:
+        """Numbers that are learnt, by component, and their `total`."""
+        ...
 
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:

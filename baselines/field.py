@@ -7,7 +7,7 @@ run in float32 always.
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import cast
+from typing import Any, cast
 
 import torch
 from jaxtyping import Float, Int
@@ -17,8 +17,9 @@ from torch.nn.functional import linear, relu
 from baselines import fused_network
 from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
+from baselines.catalog import Method
 from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
-from baselines.contract import Box, NetworkSize, Precision, uniform_weights
+from baselines.contract import Box, FieldAsked, NetworkSize, Precision, uniform_weights
 from baselines.numerics.encoding import encode, feature_count
 
 DTYPES: dict[Precision, torch.dtype] = {
@@ -162,12 +163,27 @@ class NetworkField(nn.Module):
         return layer.weight.to(self.dtype)
 
 
+def field_of(method: Method, asked: FieldAsked, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
+    """A fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes itself, of
+    which no more may be asked than a `baselines.contract.TrainableField` has.
+
+    Raises `ValueError` for a method that has neither.
+    """
+    if method.make_field is not None:
+        return method.make_field(asked)
+    if method.parts is None:
+        raise ValueError(f"{method.title}: it is not made of parts; it has a trainer of its own")
+    return NetworkField(
+        method.parts, asked.size, asked.box, asked.precision, asked.seed, asked.view_dependent, accelerations
+    )
+
+
 @contextmanager
-def training_step(fields: Iterable[NetworkField]) -> Iterator[None]:
+def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
     """What a step of training goes through: means of density that belong to a field move at its end, by what was
     evaluated within, unless it is left by an error. Whatever is evaluated outside leaves them alone.
     """
-    amplifiers = {field: field.amplifier for field in fields}
+    amplifiers = {field: field.amplifier for field in fields if isinstance(field, NetworkField)}
     for amplifier in amplifiers.values():
         amplifier.begin_step()
     try:

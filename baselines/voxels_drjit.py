@@ -249,6 +249,19 @@ class Adam:
         self.first, self.second = _zeros(field.types.Float, sizes), _zeros(field.types.Float, sizes)
         self.steps = 0
 
+    def state_dict(self) -> dict[str, Tensor]:
+        """`steps` [], and `first` and `second` moments by the field's arrays, flat."""
+        moments = {"first": self.first, "second": self.second}
+        found = {f"{kind}.{name}": one for kind, values in moments.items() for name, one in values.items()}
+        return {"steps": torch.tensor(self.steps)} | {name: torch.tensor(one.numpy()) for name, one in found.items()}
+
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
+        """Raises `KeyError` where a moment is missing."""
+        self.steps = int(tensors["steps"])
+        for kind, values in {"first": self.first, "second": self.second}.items():
+            for name, old in values.items():
+                values[name] = type(old)(tensors[f"{kind}.{name}"].cpu().numpy())
+
     def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
         """`gradients` count `scale` times."""
         self.steps += 1

@@ -5,10 +5,15 @@ import errno
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness import board_options, completion_options, scaling_options, scene_options
+from harness.conformance import options as conformance_options
+from harness.doctor import options as doctor_options
 from harness.evidence import options as evidence_options
+from harness.executors import add_executor_options, chosen_machine, device_and_bfloat16, leave
 from harness.filming import options as filming_options
 from harness.gate import options as gate_options
 from harness.serving import options as serving_options
@@ -25,6 +30,20 @@ if TYPE_CHECKING:
 LEAST_SEEDS = 3
 """With which omissions are verified: the interval of two is six times as wide."""
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
+OTHERS: dict[str, Callable[..., int]] = {
+    "scaling": scaling_options.run_scaling,
+    "speed": speed_options.run_speed,
+    "stability": stability_options.run_stability,
+    "evidence": evidence_options.run_evidence,
+    "render": filming_options.run_render,
+    "serving": serving_options.run_serving,
+    "gate": gate_options.run_gate,
+    "conformance": conformance_options.run_conformance,
+    "doctor": doctor_options.run_doctor,
+    "view": viewer_options.run_view,
+    "tensorboard": board_options.run_tensorboard,
+}
+"""Commands with a module of their own."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -33,8 +52,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="render, train, score and record a comparison")
     _add_plan_options(run)
-    run.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
-    run.add_argument("--executor", default="local", choices=("local",), help="where cells run")
+    add_executor_options(run)
     run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
     run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
     run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
@@ -43,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="train with and without everything that is left out (exit code 3)",
     )
+    board_options.add_run_option(run)
     run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
     run.add_argument("--quiet", action="store_true", help="no progress")
     rates = commands.add_parser("sweep", help="learning rates of every method on validation views, as JSON")
@@ -62,8 +81,7 @@ def parser() -> argparse.ArgumentParser:
     left.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
-    stability = commands.add_parser("stability", help="try the catalogue of stiff and extreme cases")
-    stability_options.add_options(stability)
+    stability_options.add_options(commands.add_parser("stability", help="try the catalogue of stiff and extreme cases"))
     evidence = commands.add_parser(
         "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
     )
@@ -74,8 +92,16 @@ def parser() -> argparse.ArgumentParser:
     serving_options.add_options(serving)
     gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
     gate_options.add_options(gate)
+    conforms = commands.add_parser("conformance", help="hold methods to the contract of the catalogue (exit code 3)")
+    conformance_options.add_options(conforms)
+    doctor_options.add_options(commands.add_parser("doctor", help="what this machine has, and how to get the rest"))
+    board_options.add_options(commands.add_parser("tensorboard", help="write a run's cells for TensorBoard"))
+    completion_options.add_options(commands.add_parser("completion", help="print a completion script for your shell"))
+    scaling_options.add_options(commands.add_parser("scaling", help="the paper's full table on GPUs, on paper"))
     view = commands.add_parser("view", help="look at a finished run in the browser, methods side by side")
     viewer_options.add_options(view)
+    for one in commands.choices.values():
+        one.allow_abbrev = False  # `--with` is no `--without`
     return top
 
 
@@ -100,7 +126,7 @@ def _add_plan_options(command: argparse.ArgumentParser) -> None:
     add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
     add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
     add("--ray-attention", metavar="none|gradients", help="how the pixels of a batch are chosen (default: all alike)")
-    add("--view-set", type=Path, metavar="DIR", help="train on this folder in the Blender format instead")
+    scene_options.add_options(command)
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
 
 
@@ -108,63 +134,43 @@ def main(arguments: list[str]) -> int:
     """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
     options = parser().parse_args(arguments)
     # after the parsing, so that --help and a mistyped option answer at once
+    from harness.json_record import DamagedRecord, as_text
     from harness.progress import chosen_progress
-    from harness.records import DamagedRecord
-    from scenes.errors import InputError
+    from scenes.errors import InputError, readable
 
-    silent = getattr(options, "quiet", False) or getattr(options, "dry_run", False)
-    show = chosen_progress(silent)
+    show = chosen_progress(getattr(options, "quiet", False) or getattr(options, "dry_run", False))
     try:
-        if options.command == "sweep":
-            return _sweep(options, show)
-        if options.command == "repair":
-            return _repair(options, show)
-        if options.command == "equivalence":
-            return _equivalence(options, show)
-        if options.command == "omissions":
-            return _omissions(options, show)
-        if options.command == "speed":
-            return speed_options.run_speed(options, show)
-        if options.command == "stability":
-            return stability_options.run_stability(options, show)
-        if options.command == "evidence":
-            return evidence_options.run_evidence(options, show)
-        if options.command == "render":
-            return filming_options.run_render(options, show)
-        if options.command == "serving":
-            return serving_options.run_serving(options, show)
-        if options.command == "gate":
-            return gate_options.run_gate(options, show)
-        if options.command == "view":
-            return viewer_options.run_view(options, show)
-        return _run(options, show, shlex.join(["python", "-m", "harness", *arguments]))
+        if options.command == "completion":
+            return completion_options.run_completion(options, parser())
+        ours = {"sweep": _sweep, "repair": _repair, "equivalence": _equivalence, "omissions": _omissions}
+        if chosen := {**OTHERS, **ours}.get(options.command):
+            return chosen(options, show)
+        return _run(options, show, as_text(shlex.join(["python", "-m", "harness", *arguments])))
     except (InputError, DamagedRecord) as mistake:
         show.close()
         print(f"error: {mistake}", file=sys.stderr)
         return 2
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
+        names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM)
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
             raise
         show.close()
-        print(f"error: {error.filename}: {error.strerror}; mend that and go on with --resume", file=sys.stderr)
+        where = readable(str(error.filename))
+        print(f"error: {where}: {error.strerror}; mend that and go on with --resume", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
         show.close()
-        print(f"interrupted: {str(stop) or 'finished cells are kept; go on with --resume and --out'}", file=sys.stderr)
+        left = "finished cells are kept; go on with --resume and --out" if "resume" in options else "nothing is kept"
+        print(f"interrupted: {str(stop) or left}", file=sys.stderr)
         return 130
     finally:
         show.close()
+        leave()
 
 
-def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
-    from harness.device import chosen_device, multiplies_bfloat16
+def _planned(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
     from harness.plan import planned
 
-    device = chosen_device(options.device)
-    precision = options.precision
-    if precision == "auto":
-        # without bfloat16 products the processor is faster in float32
-        precision = None if multiplies_bfloat16(device) else "float32"
     plan = planned(
         options.profile,
         scenes=options.scenes,
@@ -173,49 +179,49 @@ def _planned(options: argparse.Namespace) -> "tuple[Plan, torch.device]":
         budget_steps=options.budget_steps,
         budget_seconds=options.budget_seconds,
         resolution=options.resolution,
-        view_set=options.view_set,
-        precision=precision,
+        **scene_options.chosen(options),
+        precision=None if options.precision == "auto" else options.precision,
         without=options.without,
         need=options.need,
         no_need=options.no_need,
         ray_attention=options.ray_attention,
     )
+    # last, as it may join a cluster
+    device, bfloat16 = device_and_bfloat16(options, *say)
+    if options.precision == "auto" and not bfloat16:
+        plan = plan.in_float32()  # the processor is faster in it
     return plan, device
 
 
 def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
-    from harness.device import available_cores
-    from harness.output_folder import claim, fresh_folder, latest_folder, point_latest_to, release
-    from harness.plan import Machine
+    from harness.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
     from harness.runner import outcome, plan_lines, run
     from scenes.errors import InputError
 
-    plan, device = _planned(options)
+    board_options.checked(options)
+    plan, device = _planned(options, show.line)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
         raise InputError(
             f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
         )
-    cores = available_cores()
-    if options.workers is not None and not 1 <= options.workers <= 256:
-        raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
-    workers = min(options.workers or (cores if device.type == "cpu" else 1), len(plan.groups()))
-    machine = Machine(device.type, workers, max(1, cores // workers))
+    machine = chosen_machine(options, device, len(plan.groups()), show.line)
+    extras = options.verify_omissions, not options.no_serving
     if options.dry_run:
         from harness.cost import estimate_lines
 
-        print("\n".join([*plan_lines(plan, machine), *estimate_lines(plan, device, workers, machine.threads)]))
+        lines = estimate_lines(plan, machine, options.view_sets, *extras, options.out if options.resume else None)
+        print(*plan_lines(plan, machine), *lines, sep="\n")
         return 0
     for line in plan_lines(plan, machine):
         show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
     before = latest_folder()
-    claim(out, plan, machine, options.resume)
-    point_latest_to(out)
     try:
-        extras = options.verify_omissions, not options.no_serving
-        code = run(plan, out, options.view_sets, machine, command, show, *extras)
+        with claimed(out, plan, machine, options.resume, show.line):
+            point_latest_to(out)
+            told = board_options.also_written(options, out, show)
+            code = run(plan, out, options.view_sets, machine, command, told, *extras)
     except InputError:
-        release(out)
         if before is not None and not out.exists():
             point_latest_to(before)
         raise
@@ -225,7 +231,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
 
 def _sweep(options: argparse.Namespace, show: "Progress") -> int:
     from harness.device import use_threads
-    from harness.records import write_json
+    from harness.json_record import write_json
     from harness.runner import view_set_folders
     from harness.sweep import as_json, sweep
 
@@ -245,7 +251,7 @@ def _sweep(options: argparse.Namespace, show: "Progress") -> int:
 
 def _repair(options: argparse.Namespace, show: "Progress") -> int:
     from harness.device import chosen_device, multiplies_bfloat16, use_threads
-    from harness.records import write_json
+    from harness.json_record import write_json
     from harness.repair_search import as_json, search, search_plan
     from harness.runner import view_set_folders
 
@@ -267,7 +273,7 @@ def _repair(options: argparse.Namespace, show: "Progress") -> int:
 def _equivalence(options: argparse.Namespace, show: "Progress") -> int:
     from harness.device import available_cores
     from harness.equivalence import as_json, pairs
-    from harness.records import write_json
+    from harness.json_record import write_json
     from harness.runner import view_set_folders
 
     plan, _ = _planned(options)
@@ -287,7 +293,7 @@ def _equivalence(options: argparse.Namespace, show: "Progress") -> int:
 
 def _omissions(options: argparse.Namespace, show: "Progress") -> int:
     from harness.device import available_cores
-    from harness.records import write_json
+    from harness.json_record import write_json
     from harness.runner import view_set_folders
     from harness.verification import as_json, line_of, too_costly, verified
 
@@ -312,7 +318,12 @@ def _check_file(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    code = main(sys.argv[1:])
+    from scenes.installed import packages_needed
+    from scenes.stopping import stop_on_signals
+
+    stop_on_signals()
+    with packages_needed():
+        code = main(sys.argv[1:])
     sys.stdout.flush()
     sys.stderr.flush()
     # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for

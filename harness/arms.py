@@ -17,6 +17,7 @@ from baselines.contract import Precision
 from harness.needed import kept, with_needs
 from harness.plan import Plan
 from harness.settings import TrainSettings
+from harness.stopping import end_with_parent, end_workers
 
 if TYPE_CHECKING:
     import torch
@@ -90,9 +91,14 @@ class TrainedCell:
 
 
 def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[TrainedCell]:
-    """In the order of the tasks, on `workers` processes of one thread."""
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(trained_cell, tasks)
+    """In the order of the tasks, on `workers` processes of one thread, which end with this one."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=end_with_parent) as pool:
+        try:
+            yield from pool.map(trained_cell, tasks)
+        except BaseException:
+            end_workers()  # the pool would wait for the cells that are in training
+            raise
 
 
 def trained_cell(task: CellTask) -> TrainedCell:

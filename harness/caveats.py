@@ -1,9 +1,12 @@
 """What a reader must know: where a run departs from the paper's text, and what it does not test."""
 
+from pathlib import Path
+
 from harness.attention.drawing import ATTENDED_SHARE
 from harness.plan import Plan
 from harness.schedule import Budget
 from harness.settings import TrainSettings
+from scenes.foreign import source_of
 from scenes.needs import PARTS
 
 ALWAYS = [
@@ -15,7 +18,7 @@ ALWAYS = [
     "Positions are normalised by the scene's box before they are encoded (longest half-extent 1); the paper does not "
     "say what its coordinates are.",
     "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
-    "integral. A view set from elsewhere is taken to lie within ±1.5.",
+    "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
     "Vanilla NeRF's density is a scaled softplus (25 per scene unit, shifted by −4.4: a fresh field is thin fog) "
     "instead of ReLU, which can die for good; Eq. 4 acts on the same density. Listing 2 has its own sigmoid "
@@ -76,6 +79,10 @@ def deviations(plan: Plan) -> list[str]:
             "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
             "such choice."
         )
+    if plan.view_set is not None and Path(plan.view_set).exists():
+        rows += [f"Of the view set: {note}" for note in source_of(Path(plan.view_set)).notes]
+    if plan.views.region is not None:
+        rows.append("Where the view set has what is seen (bounds, near or far) was given by hand.")
     for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
         if names:
             parts = ", ".join(PARTS[name].what for name in names)
@@ -87,7 +94,7 @@ def not_tested(plan: Plan) -> list[str]:
     """What a reader of the paper might expect and this plan does not do."""
     full = Budget(steps=200_000, seconds=None)
     missing = []
-    if plan.view_set is None:
+    if plan.view_set is None and plan.scene_file is None:
         missing.append(
             "The original NeRF synthetic images: the scenes are procedural analogues of them, so absolute scores "
             "are not comparable with the paper's."

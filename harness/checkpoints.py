@@ -9,6 +9,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
+from harness.json_record import write_whole
+from harness.records import checkpoint_name
 from scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +21,7 @@ OCCUPIED = "occupied"
 
 
 def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
-    return out / "checkpoints" / f"{scene}.{method}.{seed}.safetensors"
+    return out / checkpoint_name(scene, method, seed)
 
 
 def tensors_of(learner: "Learner") -> dict[str, Tensor]:
@@ -32,17 +34,8 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
 
 def save_checkpoint(learner: "Learner", path: Path) -> None:
     """Whole or not at all; raises `OSError`, naming the file, where it cannot be written."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    data = save({name: value.cpu() for name, value in tensors_of(learner).items()})
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        # not by safetensors itself, whose own error would hide a full disk
-        beside.write_bytes(data)
-        beside.replace(path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        beside.unlink(missing_ok=True)
+    # not by safetensors itself, whose own error would hide a full disk
+    write_whole(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
 
 def load_checkpoint(learner: "Learner", path: Path, step: int) -> None:

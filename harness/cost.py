@@ -1,66 +1,169 @@
-"""What a plan will cost on this machine, from a few measured steps; printed before anything is done."""
+"""What a plan will cost on this machine, as a range; printed before anything is done."""
 
-import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import torch
+from harness.ground_truth import MEGASAMPLE, MEGASAMPLE_CORES, is_cached
+from harness.json_record import DamagedRecord
+from harness.plan import Machine, Plan
+from harness.records import cell_path, read_cell
+from harness.time_left import span
+from harness.unfinished import ENDED
 
-from baselines.contract import Box, Rays
-from harness.plan import Plan
-from harness.seeds import generator_for
-from harness.trainer import Trainer
+if TYPE_CHECKING:
+    from harness.probe import Pace, Probe
 
-SECONDS_PER_MEGASAMPLE = 0.8
-"""Mitsuba's path tracer at its slower (`scalar_rgb` on two cores), over the eight scenes."""
-GRID_COST = 0.7
-"""A step, or a rendered ray, once empty space is skipped, relative to what is measured here before."""
+SERVED_VIEWS = 1000
+"""Rendered to measure view cache and attention at the end of a run."""
+BESIDE = (1.0, 1.3)
+"""Reading views, batches, writing records and pictures, scores that only the last checkpoint has: on top of all."""
+HISTOGRAM_POINTS = 32**3
+PROPERTY_POINTS = 48**3
+BUSY = 1.3
+"""Wall seconds a processor second from which the machine is not ours alone."""
+
+Range = tuple[float, float]
 
 
-def step_seconds(plan: Plan, device: torch.device, threads: int) -> tuple[float, float]:
-    """Measured seconds of a training step and of rendering one ray, of vanilla NeRF on random rays in a unit box.
+@dataclass(frozen=True)
+class Extent:
+    """How much of a plan is still to be done, and what besides."""
 
-    Before the occupancy grid is in use.
+    missing: int
+    """View sets of the catalogue that are not in the cache."""
+    groups: int
+    """That lack a cell."""
+    verify: bool
+    """What is left out is tried with and without."""
+    serving: bool
+    """View cache and attention are measured at the end."""
+
+
+def estimate_lines(
+    plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
+) -> list[str]:
+    """Estimated wall time in words, by phase; nothing of a cluster, on which nothing was trained yet.
+
+    `view_sets` is the cache of rendered ones, `before` the output folder that is gone on with.
     """
-    torch.set_num_threads(threads)
-    generator = generator_for("cost")
-    box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
-    origins = 4.0 * torch.nn.functional.normalize(torch.randn(plan.train.rays, 3, generator=generator), dim=-1)
-    aims = torch.randn(plan.train.rays, 3, generator=generator) * 0.5
-    directions = torch.nn.functional.normalize(aims - origins, dim=-1)
-    rays = Rays(origins.to(device), directions.to(device), 2.0, 6.0)
-    colours = torch.rand(plan.train.rays, 3, generator=generator).to(device)
-    trainer = Trainer("nerf", box, plan.train, plan.budget, 0, device)
-    trainer.warm_up(rays, colours)
-    steps = 0
-    while steps < 2 or (trainer.clock.seconds < 1.0 and steps < 20):
-        trainer.train_on(rays, colours)
-        steps += 1
-    began = time.perf_counter()
-    trainer.render(rays, plan.score.chunk)
-    return trainer.clock.seconds / steps, (time.perf_counter() - began) / plan.train.rays
+    if machine.executor == "ray":
+        return ["estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"]
+    import torch
+
+    from harness.device import available_cores
+    from harness.probe import probed
+
+    probe = probed(plan, torch.device(machine.device), machine.threads)
+    rendered = () if plan.view_set or plan.scene_file else plan.scenes
+    missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
+    extent = Extent(missing, groups_left(plan, before), verify, serving)
+    return lines_of(plan, machine, probe, extent, available_cores())
 
 
-def estimate_lines(plan: Plan, device: torch.device, workers: int, threads: int) -> list[str]:
-    """Estimated wall time in words, by phase."""
-    step, ray = step_seconds(plan, device, threads)
-    views = plan.views
-    cells = len(plan.cells())
-    cheaper = GRID_COST if plan.train.grid.cells else 1.0
-    first = plan.train.grid.first_step if plan.train.grid.cells else 0
-    by_steps = (first + cheaper * max(plan.budget.steps - first, 0)) * step if plan.budget.steps else float("inf")
-    training = cells / workers * min(by_steps, plan.budget.seconds or float("inf"))
-    scoring = cells / workers * plan.score.checkpoints * views.test * views.resolution**2 * ray * cheaper
+def groups_left(plan: Plan, before: Path | None) -> int:
+    """Groups of which an output folder lacks a cell that has ended; all without a folder."""
+    if before is None:
+        return len(plan.groups())
+
+    def is_there(path: Path) -> bool:
+        try:
+            return path.exists() and read_cell(path).status in ENDED
+        except DamagedRecord:
+            return False
+
+    return sum(
+        not all(is_there(cell_path(before, scene, method, seed)) for method in plan.methods)
+        for scene, seed in plan.groups()
+    )
+
+
+def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
+    """As `estimate_lines`, from what was measured, on a machine of so many `cores`."""
+    paces, groups = list(probe.paces.values()), extent.groups
+    phases = {
+        "rendering": rendering_seconds(plan, extent.missing, cores),
+        "training": shared(groups, machine, [training_seconds(plan, pace) for pace in paces]),
+        "scoring": shared(groups, machine, [scoring_seconds(plan, pace, probe) for pace in paces]),
+    }
+    # this process and the workers, one after the other
+    low, high = (2 * probe.start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
+    if extent.serving:
+        name = "view cache and attention"
+        phases[name] = serving_seconds(plan, paces, (low, high))
+        low, high = low + phases[name][0], high + phases[name][1]
+    at_most = {"scoring"} if plan.view_set else set()  # how many test views it has was not read
+    notes = {"rendering": _where_from(plan, extent.missing)}
+    found = [f"estimated cost: {span(low, high)}"]
+    if probe.delayed > BUSY:
+        found[0] += " if nothing else ran here; now others use this machine, and it takes "
+        found[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
+    for name, phase in phases.items():
+        if phase[1] > 0 or name in notes:
+            length = span(*phase) if phase[1] > 0 else "none"
+            most = "at most, " if name in at_most else ""
+            note = f" ({notes[name]})" if notes.get(name) else ""
+            found.append(f"  {name} {most}{length}{note}")
+    if groups < len(plan.groups()):
+        found.append(f"  {len(plan.groups()) - groups} of {len(plan.groups())} groups of cells are finished, not in it")
+    if extent.verify:
+        found.append("  verification of omissions is not in it: it trains cells again")
+    if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
+        found.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
+    found += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
+    return found
+
+
+def training_seconds(plan: Plan, pace: "Pace") -> Range:
+    """Of a cell, on its own clock."""
+    most = plan.budget.seconds or float("inf")
+    if not plan.budget.steps:
+        return most, most
+    first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0
+    low, high = (first * pace.first_step + (plan.budget.steps - first) * step for step in pace.step)
+    return min(low, most), min(high, most)
+
+
+def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
+    """Of a cell: its checkpoints, and what is measured once at its end."""
+    score, views = plan.score, plan.views
+    rendered = score.checkpoints * views.test + score.train_views + 2
+    points = score.checkpoints * HISTOGRAM_POINTS + PROPERTY_POINTS
+    compared = (score.checkpoints + 1) * views.test * probe.compared + points * pace.point
+    low, high = (rendered * views.resolution**2 * ray + compared for ray in pace.ray)
+    return low, high
+
+
+def shared(groups: int, machine: Machine, cells: list[Range]) -> Range:
+    """Of so many groups on the machine's workers; `cells` are those of one group."""
+    if not groups:
+        return 0.0, 0.0
+    rounds = -(-groups // machine.workers)  # the last may leave workers idle
+    low, high = (sum(cell[end] for cell in cells) for end in (0, 1))
+    return BESIDE[0] * max(1.0, groups / machine.workers) * low, BESIDE[1] * rounds * high
+
+
+def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
+    """On all cores, at best so much faster than on those that it was measured on, or slower on fewer."""
+    views, scale = plan.views, MEGASAMPLE_CORES / cores
     samples = (views.train + views.val) * views.spp_train + views.test * views.spp_test
-    megasamples = len(plan.scenes) * samples * views.resolution**2 / 1e6
-    rendering = 0.0 if plan.view_set else megasamples * SECONDS_PER_MEGASAMPLE
-    total = training + scoring + rendering
-    return [
-        f"estimated cost: {_duration(total)} ({step * 1e3:.1f} ms a step before empty space is skipped)",
-        f"  rendering at most {_duration(rendering)} unless cached, training {_duration(training)}, "
-        f"scoring {_duration(scoring)}",
-    ]
+    megasamples = missing * samples * views.resolution**2 / 1e6
+    return scale * MEGASAMPLE[0] * megasamples, max(scale, 1.0) * MEGASAMPLE[1] * megasamples
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:
+    """After a run of so many seconds, a part of which it may take; nothing is measured where it would take longer."""
+    from harness.serving.runner import MOST_SECONDS, MOST_SHARE, WIDTH
+
+    rays = SERVED_VIEWS * min(WIDTH, plan.views.resolution) ** 2
+    low, high = (max((pace.ray[end] for pace in paces), default=0.0) * rays for end in (0, 1))
+    least, most = (max(MOST_SECONDS, MOST_SHARE * seconds) for seconds in run)
+    return (0.0 if high > least else low), min(high, most)
+
+
+def _where_from(plan: Plan, missing: int) -> str:
+    if plan.view_set:
+        return "the images are yours"
+    if plan.scene_file:
+        return "that of a scene of your own is not known beforehand, and not in it"
+    return f"{missing} of {len(plan.scenes)} view sets are not in the cache" if missing else "all view sets are cached"

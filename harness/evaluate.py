@@ -8,9 +8,10 @@ import torch
 
 from baselines.contract import Rays, Rendering
 from harness import metrics
+from harness.json_record import finite_or_none
 from harness.learner import Learner
 from harness.rays import Cameras
-from harness.records import ViewScore, finite_or_none
+from harness.records import ViewScore
 from harness.seeds import generator_for
 from harness.trainer import Diverged
 from scenes.pixels import over_white
@@ -167,10 +168,12 @@ def floor_psnr(views: ViewSet) -> float | None:
 
 
 @torch.no_grad()
-def density_histogram(trainer: Learner, points: int = 32) -> dict[str, list[float]]:
+def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, points: int = 32) -> dict[str, list[float]]:
     """Shares of a regular grid of points over the box by density, before and after the amplifier.
 
-    Bins are linear over [0, 1] where the method's density is bounded to it, else logarithmic from 1e-3 to 1e3.
+    Bins are linear over [0, 1] where the method's density is bounded to it, else logarithmic from 1e-3 to 1e3. With the
+    true occupancy of the points, bool [points, points, points], the same for those inside and outside matter, and how
+    many of them there are; it is looked at here alone, never trained on.
     """
     axis = (torch.arange(points, device=trainer.device) + 0.5) / points
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
@@ -179,13 +182,22 @@ def density_histogram(trainer: Learner, points: int = 32) -> dict[str, list[floa
         raise Diverged(trainer.step, "density after the amplifier")
     bounded = trainer.field.bounded
     edges = np.linspace(0.0, 1.0, HISTOGRAM_BINS + 1) if bounded else np.geomspace(1e-3, 1e3, HISTOGRAM_BINS + 1)
+    sides = {
+        name: np.clip(values.double().cpu().numpy().reshape(-1), edges[0], edges[-1])
+        for name, values in (("before", before), ("after", after))
+    }
+    found = {"edges": edges.tolist(), **{name: _shares(values, edges) for name, values in sides.items()}}
+    if occupied is None:
+        return found
+    inside = occupied.reshape(-1)
+    for where, chosen in (("inside", inside), ("outside", ~inside)):
+        found |= {f"{name}_{where}": _shares(values[chosen], edges) for name, values in sides.items()}
+    return {**found, "points": [float(inside.sum()), float((~inside).sum())]}
 
-    def shares(values: torch.Tensor) -> list[float]:
-        inside = np.clip(values.double().cpu().numpy(), edges[0], edges[-1])
-        counts, _ = np.histogram(inside, edges)
-        return [float(share) for share in counts / len(inside)]
 
-    return {"edges": edges.tolist(), "before": shares(before), "after": shares(after)}
+def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
+    counts, _ = np.histogram(values, edges)
+    return [float(share) for share in counts / max(len(values), 1)]
 
 
 @torch.no_grad()

@@ -3,14 +3,14 @@
 This module imports the standard library, `harness.records` and `harness.chart_record` alone, as reports read it.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from harness.chart_record import Series, Table, with_gaps
-from harness.records import DamagedRecord, write_json
+from harness.json_record import DamagedRecord, load_record, write_record
+from harness.record_types import sound
 
 EVIDENCE_SCHEMA = 1
 EVIDENCE_FILE = "evidence.json"
@@ -124,17 +124,17 @@ def write_evidence(path: Path, record: EvidenceRecord) -> None:
     data = asdict(record)
     for study in data["studies"]:
         with_gaps(study)
-    write_json(path, data)
+    write_record(path, data)
 
 
 def read_evidence(path: Path) -> EvidenceRecord:
     """Raises `DamagedRecord` where the file is not what this version writes."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_record(path)
         if data.get("schema") != EVIDENCE_SCHEMA or set(data) != {one.name for one in fields(EvidenceRecord)}:
             raise ValueError(f"not an evidence record of schema {EVIDENCE_SCHEMA}")
-        return EvidenceRecord(**{**data, "studies": [_study(row) for row in data["studies"]]})
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        return sound(EvidenceRecord(**{**data, "studies": [_study(row) for row in data["studies"]]}), EvidenceRecord)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; run `nox -s evidence` again") from error
 
 

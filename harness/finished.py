@@ -14,15 +14,19 @@ from baselines.contract import Box
 from harness.camera import Camera
 from harness.camera_paths import mean_distance
 from harness.checkpoints import checkpoint_path, load_checkpoint
+from harness.json_record import DamagedRecord, shown
 from harness.learner import Learner, learner_for
 from harness.lockstep import needs_view_direction_of, stream_of
 from harness.needed import with_needs
 from harness.plan import known_names
+from harness.plugins import require_methods
 from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cell, read_run, records_folder
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings
 from scenes.errors import InputError
-from scenes.transforms import read_transforms, transforms_file
+from scenes.foreign import source_of
+from scenes.source import Region
+from scenes.transforms import transforms_file
 from scenes.view_set import ViewSet, read_view_set
 from scenes.viewpoints import RADIUS
 
@@ -63,7 +67,12 @@ class FinishedRun:
         """Raises `InputError` where there is no run, and `DamagedRecord` where it cannot be read."""
         if not (records_folder(out) / "run.json").is_file():
             raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
-        return FinishedRun(out, read_run(out))
+        run = read_run(out)
+        for name in (*run.methods, *(part for scene in run.scenes for part in (scene.name, scene.view_set))):
+            # they become parts of paths, of files that are read and of films that are written
+            if not name.isprintable() or set(name) & set("/\\") or name in ("", ".", ".."):
+                raise DamagedRecord(f"{records_folder(out) / 'run.json'}: {name!r} is no name; run again")
+        return FinishedRun(out, run)
 
     def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
         """Those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not have."""
@@ -90,18 +99,31 @@ class FinishedRun:
         cell = read_cell(path)
         if cell.status != "done":
             raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
+        require_methods([method])
         if method not in CATALOG:
-            raise InputError(f"{path}: method {method!r} is not in this version's catalogue: {' '.join(CATALOG)}")
+            raise InputError(
+                f"{path}: method {method!r} is not in this version's catalogue, and no installed package offers it: "
+                f"{' '.join(CATALOG)}"
+            )
         settings = from_plain(TrainSettings, cell.settings.get("train"), path)
         budget = from_plain(Budget, cell.settings.get("budget"), path)
         from_plain(ScoreSettings, cell.settings.get("score"), path)
         if not isinstance(cell.settings.get("view_set"), dict) or "focal" not in cell.settings["view_set"]:
             raise InputError(f"{path}: recorded before the focal length of its views was; run again to look at it")
+        checkpoint = checkpoint_path(self.out, scene.name, method, seed)
+        _require_possible(settings, path, checkpoint, CATALOG[method].parts is not None)
+        if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
+            raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are no box; run again")
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
         directed = needs_view_direction_of([row.what for row in scene.left_out])
         learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
-        load_checkpoint(learner, checkpoint_path(self.out, scene.name, method, seed), cell.steps)
-        return TrainedCell(scene, cell, learner)
+        load_checkpoint(learner, checkpoint, cell.steps)
+        found = TrainedCell(scene, cell, learner)
+        try:
+            found.camera(np.eye(4))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise DamagedRecord(f"{path}: no camera of {scene.name}: {error}; run again") from error
+        return found
 
     def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
         """The folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was given
@@ -109,7 +131,8 @@ class FinishedRun:
         """
         given = self.run.settings.get("view_set")
         places = [Path(given)] if given else [cache / scene.view_set, self.out.parent / "view_sets" / scene.view_set]
-        found = next((place for place in places if transforms_file(place, "train").is_file()), None)
+        found = next((place for place in places if given or transforms_file(place, "train").is_file()), None)
+        found = found if found is not None and found.exists() else None
         if found is None:
             tried = " or ".join(str(place) for place in places)
             raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
@@ -131,7 +154,7 @@ class FinishedRun:
         Raises `InputError` for whatever is wrong with the view set, and for another rendering than the methods were
         trained on.
         """
-        folder, asked = self.view_set(scene, cache), self.run.settings.get("views", {})
+        asked, region, folder = self._needs_asked(), self._region(scene), self.view_set(scene, cache)
         found = read_view_set(
             folder,
             resolution=width or scene.width,
@@ -140,13 +163,29 @@ class FinishedRun:
             test_count=scene.views["test"],
             geometry=("test",) if geometry else (),
             scratch=scratch,
+            region=region,
         )
         if found.rendered.get("digest") != scene.rendered.get("digest"):
             raise InputError(
                 f"{folder}: another rendering than the one that {scene.name} was trained on; name its cache with "
                 "--view-sets"
             )
-        return with_needs(found, tuple(asked.get("need", ())), tuple(asked.get("no_need", ())))
+        return with_needs(found, *asked)
+
+    def _region(self, scene: SceneRecord) -> Region:
+        try:
+            return Region(tuple(np.ravel(scene.bounds).tolist()), scene.near, scene.far)
+        except InputError as error:
+            raise DamagedRecord(f"{records_folder(self.out) / 'run.json'}: {scene.name}: {error}; run again") from error
+
+    def _needs_asked(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of parts that its settings force in and out."""
+        views = self.run.settings.get("views", {})
+        found = [views.get(name, []) for name in ("need", "no_need")] if isinstance(views, dict) else [None]
+        if not all(isinstance(one, list) and all(isinstance(name, str) for name in one) for one in found):
+            path = records_folder(self.out) / "run.json"
+            raise DamagedRecord(f"{path}: settings.views {shown(views)} names no parts that were forced; run again")
+        return tuple(found[0] or []), tuple(found[1] or [])
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
         """How far from the origin its cameras stand, in scene units: known of our own scenes, of others the mean over
@@ -154,7 +193,38 @@ class FinishedRun:
         """
         if scene.rendered:
             return RADIUS
-        return mean_distance(read_transforms(self.view_set(scene, cache), "train").camera_to_world)
+        frames = source_of(self.view_set(scene, cache)).frames("train")
+        return RADIUS if frames is None else mean_distance(frames.camera_to_world)
+
+
+def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, ours: bool) -> None:
+    """Raises `InputError` for sizes that no run has, before memory is taken for them; `ours` are networks made of
+    our parts."""
+    network = settings.network
+    sizes = {
+        "depth": (network.depth, 64),
+        "width": (network.width, 8192),
+        "colour_layers": (network.colour_layers, 64),
+        "colour_width": (network.colour_width, 8192),
+        "position_bands": (network.position_bands, 64),
+        "direction_bands": (network.direction_bands, 64),
+        "grid.cells": (settings.grid.cells, 512),
+        "voxels.finest": (settings.voxels.finest, 512),
+        "voxels.bins": (settings.voxels.bins, 1 << 16),
+        "bins": (settings.bins, 1 << 16),
+        "first_bins": (settings.first_bins, 1 << 16),
+        "fine_bins": (settings.fine_bins, 1 << 16),
+        "rays": (settings.rays, 1 << 24),
+    }
+    for name, (value, most) in sizes.items():
+        if not 0 <= value <= most:
+            raise InputError(f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again")
+    least = 4 * max(0, network.depth - 2) * network.width**2
+    if ours and checkpoint.is_file() and least > checkpoint.stat().st_size:
+        raise InputError(
+            f"{checkpoint}: has fewer bytes than the weights of {network.depth} layers of {network.width}, which its "
+            "record names; run again"
+        )
 
 
 def from_plain(kind: type[One], data: Any, path: Path) -> One:

@@ -4,10 +4,13 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from harness.records import CellRecord, cell_path, write_cell
+from harness.executors import KEPT_EVERY
+from harness.records import CellRecord, cell_path, with_files, write_cell
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings, ViewSettings
+from harness.unfinished import drop_ended
 from harness.unscored import unscored
 from scenes.errors import InputError
 
@@ -27,19 +30,30 @@ class GroupTask:
     device: str
     threads: int
     out: Path
+    keep_every: float = KEPT_EVERY
+    """Seconds between two times that the cells are kept in the middle of their training."""
 
 
-def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Callable[[CellRecord], None]) -> None:
+def run_group(
+    task: GroupTask,
+    on_progress: Callable[[float], None],
+    on_cell: Callable[[CellRecord], None],
+    placed: dict[str, Any] | None = None,
+    on_notice: Callable[[str], None] = lambda text: None,
+) -> None:
     """Train, score and write every method of the group; an error of ours ends in records of status `error`.
 
+    `placed` is what the executor knows of the place, for the cells' provenance: `own_cores`, `cores`, `node`, …
     Raises `OSError` where nothing can be written: a record could not be either.
     """
     import torch
 
+    from harness.cell_training import GroupSettings
     from harness.device import keep_freed_memory, use_threads
     from harness.ground_truth import read_views
-    from harness.lockstep import GroupSettings, train_group
+    from harness.lockstep import train_group
     from harness.needed import for_scene
+    from harness.plugins import origins, require_methods
     from harness.provenance import provenance
 
     try:
@@ -49,9 +63,13 @@ def run_group(task: GroupTask, on_progress: Callable[[float], None], on_cell: Ca
         device = torch.device(task.device)
         views = read_views(task.view_set, task.views, task.out)
         settings = GroupSettings(task.methods, for_scene(task.train, views), task.score, task.budget)
-        origin = provenance(device)
-        for cell in train_group(views, task.scene, task.seed, settings, device, task.out, origin, on_progress):
+        require_methods(task.methods)
+        origin = {**provenance(device), **origins(task.methods), **(placed or {})}
+        paired = (views, task.scene, task.seed, settings, device, task.out, origin, on_progress)
+        for cell in train_group(*paired, keep_every=task.keep_every, on_notice=on_notice):
+            cell = with_files(task.out, cell)
             write_cell(task.out, cell)
+            drop_ended(task.out, cell)
             on_cell(cell)
     except OSError:
         raise

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from baselines.catalog import CATALOG
 from baselines.contract import Box, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from harness.clipping import Clipping
+from harness.plugins import method_named
 from harness.schedule import Budget
 from harness.settings import TrainSettings
 from harness.stopwatch import Stopwatch
@@ -106,6 +106,14 @@ class Learner(Protocol):
         """What `harness.checkpoints.tensors_of` gave after `step` steps, put back."""
         ...
 
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        """What the optimiser remembers of the steps so far; names without an order."""
+        ...
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        """What `optimiser_tensors` gave, put back after `restore`."""
+        ...
+
     def amplifier_scalars(self) -> dict[str, float | None]: ...
 
 
@@ -118,8 +126,10 @@ def learner_for(
     device: torch.device,
     view_dependent: bool = True,
 ) -> Learner:
-    """The method ready to be trained. Raises `NotAvailable` where this machine lacks what it needs."""
-    if CATALOG[method].kind == "network":
+    """The method ready to be trained. Raises `NotAvailable` where this machine lacks what it needs, and `InputError`
+    where a user's own package that offers it cannot be loaded.
+    """
+    if method_named(method).kind == "network":
         return Trainer(method, box, settings, budget, seed, device, view_dependent)
     backend = drjit_backend(device)
     from harness.voxel_trainer import VoxelTrainer

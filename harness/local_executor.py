@@ -7,29 +7,37 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from typing import Any
 
+from harness.cores import own_cores
+from harness.gpus import gpu_masks
 from harness.group import GroupTask, failed_cells, run_group
 from harness.records import CellRecord
+from harness.stopping import end_with_parent
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a group: training went on, or a cell ended."""
+    """Something that happened in a group: training went on, a cell ended, or a reader should know."""
 
     task: GroupTask
     share: float | None = None
     cell: CellRecord | None = None
+    notice: str | None = None
 
 
 @dataclass
 class _Worker:
     process: BaseProcess
     connection: Connection
+    number: int
     task: GroupTask | None = field(default=None)
 
 
 def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-    """Run all tasks, at most `workers` at a time. A worker that dies costs its group, which is recorded as an error.
+    """Run all tasks, at most `workers` at a time, each on cores and a GPU of its own as far as there are as many.
+
+    A worker that dies costs its group, which is recorded as an error.
 
     Raises the `OSError` of a worker that cannot write its records: no other could. Closing the generator (Ctrl-C)
     ends the workers at once; what they had finished is on disk.
@@ -37,13 +45,15 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
     context = multiprocessing.get_context("spawn")
     waiting = list(tasks)
     pool: list[_Worker] = []
+    masks = gpu_masks(workers, tasks[0].device) if tasks else []
 
     def start() -> _Worker:
         ours, theirs = context.Pipe()
-        process = context.Process(target=_work, args=(theirs,), daemon=True)
+        number = min(set(range(workers)) - {worker.number for worker in pool})
+        process = context.Process(target=_work, args=(theirs, masks[number], tasks[0].threads), daemon=True)
         process.start()
         theirs.close()
-        return _Worker(process, ours)
+        return _Worker(process, ours, number)
 
     def feed(worker: _Worker) -> None:
         worker.task = waiting.pop(0) if waiting else None
@@ -77,11 +87,13 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
                     raise message
                 elif isinstance(message, float):
                     yield Event(task, share=message)
+                elif isinstance(message, str):
+                    yield Event(task, notice=message)
                 else:
                     yield Event(task, cell=message)
     finally:
         for worker in pool:
-            worker.process.terminate()
+            worker.process.kill()
         for worker in pool:
             worker.process.join()
 
@@ -92,9 +104,21 @@ def _ending(exit_code: int | None) -> str:
     return f"exit code {exit_code}"
 
 
-def _work(connection: Connection) -> None:
-    """Tasks in; progress (float), finished cells, None (task ended) and an `OSError` (cannot write) out."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+def _work(connection: Connection, gpu: dict[str, str], threads: int) -> None:
+    """On cores and a GPU of its own; in and out as in `_serve`."""
+    end_with_parent()
+    os.environ.update(gpu)
+    from harness.device import available_cores  # after that: torch asks for GPUs but once
+
+    machine = available_cores()
+    with own_cores(threads) as cores:
+        _serve(connection, {"cores": machine, "own_cores": cores})
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    os._exit(0)
+
+
+def _serve(connection: Connection, placed: dict[str, Any]) -> None:
+    """Tasks in; progress (float), finished cells, notices (str), None (task ended) and `OSError` (cannot write) out."""
     while (task := connection.recv()) is not None:
         last = 0.0
 
@@ -105,11 +129,9 @@ def _work(connection: Connection) -> None:
                 connection.send(share)
 
         try:
-            run_group(task, on_progress, connection.send)
+            run_group(task, on_progress, connection.send, placed, connection.send)
         except OSError as error:
             connection.send(OSError(error.errno, error.strerror, error.filename))
             break
         connection.send(None)
     connection.close()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
-    os._exit(0)

@@ -1,12 +1,14 @@
 """What a run is going to do: scenes × methods × seeds, how much, and on what. Profiles hold what differs."""
 
+import hashlib
 import re
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
+from harness.executors import KEPT_EVERY
 from harness.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.schedule import Budget
 from harness.settings import (
@@ -20,9 +22,13 @@ from harness.settings import (
 from scenes.catalog import CATALOG as SCENES
 from scenes.catalog import CLASSICS, RUNGS, STRESS
 from scenes.errors import InputError
+from scenes.scene_file import check_scene_file, name_of_file
+from scenes.source import Region
 
-LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096}
-SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8}
+APART = ("scenes", "methods", "seeds", "render_limit")
+"""What settings have elsewhere or not at all."""
+LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096, "render_limit": 3e7}
+SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8, "render_limit": 0.1}
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,13 @@ class Plan:
     score: ScoreSettings
     views: ViewSettings
     view_set: str | None = None
-    """A folder in the Blender format to train on, instead of rendering scenes."""
+    """Posed images to train on, in any format that is read (`scenes.foreign`), instead of rendering scenes."""
+    scene_file: str | None = None
+    """A file with a scene of the user's own (`scenes.scene_file`), to be rendered instead of the catalogue's."""
+    scene_file_digest: str | None = None
+    """SHA-256 of its bytes."""
+    render_limit: float | None = None
+    """Seconds that the scene file, or one of its views, may take, else the usual; no result depends on it."""
 
     def cells(self) -> list[tuple[str, str, int]]:
         """(scene, method, seed) in the order in which they are run."""
@@ -48,9 +60,17 @@ class Plan:
         """(scene, seed): its methods train in lockstep. Seeds outermost, so that a stopped run has every scene."""
         return [(scene, seed) for seed in self.seeds for scene in self.scenes]
 
+    def in_float32(self) -> "Plan":
+        """With products in float32, the rest as it is."""
+        return replace(self, train=replace(self.train, precision="float32"))
+
     def settings(self) -> dict[str, Any]:
         """Everything that the results depend on, as JSON."""
-        kept = {key: value for key, value in asdict(self).items() if key not in ("scenes", "methods", "seeds")}
+        kept = {key: value for key, value in asdict(self).items() if key not in APART}
+        if self.scene_file is None:
+            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are the same
+        if self.views.region is None:
+            del kept["views"]["region"]
         return {**kept, "scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
 
 
@@ -60,7 +80,20 @@ class Machine:
 
     device: str
     workers: int
+    """Processes; on Ray as many groups at once as the cluster has room for, and this of what is measured beside."""
     threads: int
+    executor: Literal["local", "ray"] = "local"
+    keep_every: float = KEPT_EVERY
+    """Seconds between two times that cells are kept in the middle of their training; changes no result."""
+
+    def of_a_group(self) -> dict[str, Any]:
+        """What a group's task takes from it."""
+        return {"device": self.device, "threads": self.threads, "keep_every": self.keep_every}
+
+    def settings(self) -> dict[str, Any]:
+        """As JSON; what is the usual is not said, so that runs from before there was a choice can be gone on with."""
+        usual = ("device", "workers", "threads")
+        return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}
 
 
 COMPARED = ("nerf", "nerf_matched", "qnerf")
@@ -155,6 +188,9 @@ def planned(
     budget_seconds: float | None = None,
     resolution: int | None = None,
     view_set: Path | None = None,
+    scene_file: Path | None = None,
+    render_limit: float | None = None,
+    region: Region | None = None,
     precision: Precision | None = None,
     without: list[str] | None = None,
     need: list[str] | None = None,
@@ -165,9 +201,10 @@ def planned(
 
     `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
     parts in and out, whatever a scene needs: `need` is also what switching off the acceleration that leaves it out is.
-    `ray_attention` None keeps the profile's.
+    `ray_attention` None keeps the profile's. `region` says where the images of `view_set` have what is seen.
     """
-    from baselines.catalog import CATALOG as METHODS
+    from harness.plugins import method_names, require_methods
+    from scenes.foreign import format_of
 
     if profile not in PROFILES:
         raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
@@ -176,6 +213,7 @@ def planned(
         "budget_steps": budget_steps,
         "budget_seconds": budget_seconds,
         "resolution": resolution,
+        "render_limit": render_limit,
     }.items():
         if value is not None and not SMALLEST[name] <= value <= LARGEST[name]:
             option = "--" + name.replace("_", "-")
@@ -183,12 +221,27 @@ def planned(
     plan = PROFILES[profile]
     if scenes is not None and view_set is not None:
         raise InputError("--scenes and --view-set exclude each other: a view set is one scene of its own")
+    if scene_file is not None and (scenes is not None or view_set is not None):
+        raise InputError("--scene-file excludes --scenes and --view-set: it is one scene of its own")
     if scenes is not None:
         plan = replace(plan, scenes=known_names("--scenes", scenes, list(SCENES)))
     if view_set is not None:
-        plan = replace(plan, scenes=(scene_name_of(view_set),), view_set=str(view_set))
+        try:
+            format_of(view_set)
+        except InputError as error:
+            raise InputError(f"--view-set {error}") from error
+        views = replace(plan.views, region=region)
+        plan = replace(plan, scenes=(scene_name_of(view_set),), view_set=str(view_set), views=views)
+    if scene_file is not None:
+        check_scene_file(scene_file)
+        digest = hashlib.sha256(scene_file.read_bytes()).hexdigest()
+        own = (name_of_file(scene_file),)
+        plan = replace(
+            plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
+        )
     if methods is not None:
-        plan = replace(plan, methods=known_names("--methods", methods, list(METHODS)))
+        plan = replace(plan, methods=known_names("--methods", methods, method_names()))
+    require_methods(plan.methods)
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))
     if budget_steps is not None or budget_seconds is not None:
@@ -228,7 +281,9 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
 
 def scene_name_of(view_set: Path) -> str:
     """A name for records, from the folder's: letters, digits, `-` and `_` alone."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", view_set.resolve().name).strip("-") or "view-set"
+    folder = view_set.resolve()
+    name = folder.stem if folder.suffix in (".npz", ".json") and folder.is_file() else folder.name
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "view-set"
 
 
 def known_names(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:

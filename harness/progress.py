@@ -2,9 +2,12 @@
 
 import sys
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from harness.records import CellRecord
+from harness.schedule import checkpoint_fractions
+from harness.time_left import ENOUGH, TimeLeft, in_turn
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
@@ -57,8 +60,9 @@ class Lines(Quiet):
 
     def __init__(self, every_seconds: float = 15.0) -> None:
         self._every = every_seconds
-        self._last = self._began = time.monotonic()
+        self._last = time.monotonic()
         self._tally = _Tally()
+        self._parts = _Parts()
 
     def line(self, text: str) -> None:
         sys.stdout.write(text + "\n")
@@ -67,27 +71,30 @@ class Lines(Quiet):
     def rendered(self, event: "Rendered", scenes: int) -> None:
         if event.path is not None:
             self.line(f"view set {event.scene}: {event.path}")
-        elif self._due():
-            self.line(f"rendering {event.scene}: view {event.done} of {event.total}")
+            return
+        left = self._parts.left(event.scene, event.share)
+        if self._due():
+            kept = f" ({event.kept} from before)" if event.kept else ""
+            done = f"{event.done} of {event.total} views done{kept}, " if event.total else ""
+            self.line(_joined(f"rendering {event.scene}: {done}{event.doing}", left))
 
     def start_training(self, cells: int, missing: int) -> None:
-        self._began = time.monotonic()
-        self._tally = _Tally()  # there may have been another training before
-        self._tally.expected = missing
+        self._tally = _Tally(missing)  # there may have been another training before
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
 
     def trained(self, task: "GroupTask", share: float) -> None:
-        self._tally.update(task, share)
+        left = self._tally.left(task, share)
         if self._due():
-            self.line(f"trained {self._tally.share():.0%}, {_remaining(self._began, self._tally.share())}")
+            self.line(_joined(f"trained {self._tally.share():.0%}", left))
 
     def cell(self, cell: CellRecord) -> None:
         self.line(cell_line(cell))
 
     def part(self, what: str, done: int, total: int) -> None:
+        left = self._parts.left(str(total), done / max(total, 1))
         if self._due():
-            self.line(f"{what}: {done} of {total}")
+            self.line(_joined(f"{what}: {done} of {total}", left))
 
     def _due(self) -> bool:
         now = time.monotonic()
@@ -101,14 +108,14 @@ class Bars(Quiet):
     """Bars that stay on the terminal: rendering and training, or whatever else has parts."""
 
     def __init__(self) -> None:
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
         self._bars = Progress(
             TextColumn("{task.description}"),
-            BarColumn(),
+            BarColumn(24),
             TextColumn("{task.percentage:>3.0f} %"),
             TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),  # rich's own goes by the last half minute alone
         )
         self._bars.start()
         self._render: TaskID | None = None
@@ -116,53 +123,138 @@ class Bars(Quiet):
         self._part: TaskID | None = None
         self._scenes_done = 0
         self._tally = _Tally()
+        self._parts = _Parts()
 
     def line(self, text: str) -> None:
         self._bars.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def rendered(self, event: "Rendered", scenes: int) -> None:
         if self._render is None:
-            self._render = self._bars.add_task("rendering", total=scenes)
+            self._render = self._bars.add_task("rendering", total=scenes, left="")
         self._scenes_done += event.path is not None
         partly = 0.0 if event.path else event.done / max(event.total, 1)
-        self._bars.update(self._render, completed=self._scenes_done + partly, description=f"rendering {event.scene}")
+        left = "" if event.path else self._parts.left(event.scene, event.share)
+        self._bars.update(
+            self._render,
+            completed=self._scenes_done + partly,
+            description=f"rendering {event.scene}",
+            left=_joined(event.doing, left and f"{left} of it"),
+        )
 
     def start_training(self, cells: int, missing: int) -> None:
-        self._tally = _Tally()  # there may have been another training before
-        self._tally.expected = missing
+        self._tally = _Tally(missing)  # there may have been another training before
         self._render, self._scenes_done = None, 0
-        self._train = self._bars.add_task("training", total=1.0)
+        self._train = self._bars.add_task("training", total=1.0, left="")
 
     def trained(self, task: "GroupTask", share: float) -> None:
-        self._tally.update(task, share)
+        left = self._tally.left(task, share)
         if self._train is not None:
-            self._bars.update(self._train, completed=self._tally.share())
+            self._bars.update(self._train, completed=self._tally.share(), left=left)
 
     def cell(self, cell: CellRecord) -> None:
         self.line(cell_line(cell))
 
     def part(self, what: str, done: int, total: int) -> None:
         if self._part is None:
-            self._part = self._bars.add_task(what, total=total)
-        self._bars.update(self._part, completed=done, total=total, description=what)
+            self._part = self._bars.add_task(what, total=total, left="")
+        left = self._parts.left(str(total), done / max(total, 1))
+        self._bars.update(self._part, completed=done, total=total, description=what, left=left)
 
     def close(self) -> None:
         self._bars.stop()
 
 
-class _Tally:
-    """How much of all missing cells is trained."""
+class _Parts:
+    """Pieces of work that are done part by part."""
 
     def __init__(self) -> None:
-        self.expected = 0
-        self._shares: dict[tuple[str, int], tuple[float, int]] = {}
+        self._known: dict[str, tuple[float, TimeLeft]] = {}
 
-    def update(self, task: "GroupTask", share: float) -> None:
-        self._shares[task.scene, task.seed] = (share, len(task.methods))
+    def left(self, name: str, share: float) -> str:
+        """Of this piece, `share` of which is done, in words; empty where nothing can be said yet. One with less done
+        than before is another."""
+        before, clock = self._known.get(name, (0.0, TimeLeft()))
+        if share < before:
+            clock = TimeLeft()
+        self._known[name] = share, clock
+        return clock.words(share, share >= ENOUGH)
+
+
+@dataclass
+class _Group:
+    """Of cells, from its first report on. One that was interrupted has come some way before that."""
+
+    cells: int
+    share_before: float
+    done_before: float
+    began: float
+    share: float = 0.0
+    """Trained."""
+    done: float = 0.0
+    """Cells' worth of work."""
+    latest: float = 0.0
+    """Clock at the last report."""
+
+
+class _Tally:
+    """How much of all missing cells is trained, and what the rest takes."""
+
+    def __init__(self, expected: int = 0) -> None:
+        self._expected = expected
+        self._groups: dict[tuple[str, int], _Group] = {}
+        self._at_once = 1
+        """Groups, at most so far: as many workers are there."""
+        self._clock = TimeLeft()
+        self._enough = False
+
+    def left(self, task: "GroupTask", share: float) -> str:
+        """In words; empty until a group has come far enough since its first report."""
+        now, done = time.monotonic(), _work(task, share) * len(task.methods)
+        group = self._groups.setdefault((task.scene, task.seed), _Group(len(task.methods), share, done, now))
+        group.share, group.done, group.latest = share, done, now
+        self._at_once = max(self._at_once, len(self._unfinished()))
+        self._enough = self._enough or share - group.share_before >= ENOUGH
+        kept = sum(one.done_before for one in self._groups.values()) / max(self._expected, 1)
+        return self._clock.words(self.share(), self._enough, kept, self._at_least())
 
     def share(self) -> float:
-        done = sum(share * cells for share, cells in self._shares.values())
-        return done / self.expected if self.expected else 1.0
+        return sum(one.done for one in self._groups.values()) / self._expected if self._expected else 1.0
+
+    def _unfinished(self) -> list[_Group]:
+        return [one for one in self._groups.values() if one.share < 1.0]
+
+    def _at_least(self) -> float:
+        """Seconds: a group is one worker's, however many have nothing to do."""
+        groups = self._groups.values()
+        gained = sum(one.done - one.done_before for one in groups)
+        if gained <= 0:
+            return 0.0
+        cell = sum(one.latest - one.began for one in groups) / gained
+        size = max(one.cells for one in groups)
+        waiting = -(-(self._expected - sum(one.cells for one in groups)) // size)
+        return in_turn(
+            [(one.cells - one.done) * cell for one in self._unfinished()], self._at_once, waiting, size * cell
+        )
+
+
+def _work(task: "GroupTask", share: float) -> float:
+    """Share of a group's work, scoring included, once it has trained `share` of its steps."""
+    if not task.budget.steps:
+        return share
+    trained = TRAINED_RAY * task.budget.steps * task.train.rays
+    scored = SCORED_RAY * task.score.checkpoints * task.views.test * task.views.resolution**2
+    due = checkpoint_fractions(task.score.checkpoints, task.score.earliest)
+    ended = sum(share >= one for one in due) / len(due)
+    return (share * trained + ended * scored) / (trained + scored)
+
+
+TRAINED_RAY = 3.0
+SCORED_RAY = 2.0
+"""What a ray costs in training, and rendered and held against the truth, in the rendering of one."""
+
+
+def _joined(text: str, left: str) -> str:
+    return f"{text}, {left}" if left else text
 
 
 def cell_line(cell: CellRecord) -> str:
@@ -173,13 +265,6 @@ def cell_line(cell: CellRecord) -> str:
     psnr = cell.scores.get("psnr")
     score = "identical images" if psnr is None else f"{psnr:.2f} dB"
     return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s"
-
-
-def _remaining(began: float, share: float) -> str:
-    if share <= 0:
-        return "just begun"
-    seconds = (time.monotonic() - began) * (1 - share) / share
-    return f"about {seconds / 60:.0f} min left" if seconds > 90 else f"about {seconds:.0f} s left"
 
 
 def chosen_progress(quiet: bool) -> Progress:

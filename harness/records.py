@@ -2,30 +2,37 @@
 
     OUT/records/run.json                         RunRecord: plan, scenes, provenance, wall-clock phases
     OUT/records/cells/<scene>.<method>.<seed>.json   CellRecord
-    OUT/records/comparisons.json                 list of Comparison
+    OUT/records/comparisons.json                 "rows": list of Comparison
     OUT/records/targets.json                     TargetsRecord (`harness.targets_record`)
-    OUT/records/images/…png                      renders and ground truth that cells refer to
+    OUT/records/pictures/….safetensors           renders and ground truth (`harness.pictures_record`)
 
-A file is written beside its place and renamed into it, so a killed run leaves whole files or none.
-JSON here never holds NaN or Infinity: a number that is not finite is `None`, and a status says why.
 This module imports the standard library alone: reports are built without torch and without Mitsuba.
 """
 
-import json
-import math
-import os
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.json_record import damaged, file_digest, load_json, load_record, read_record, write_record
+from harness.record_types import first_mismatch, sound
+
 SCHEMA = 1
 
+PAPER_TABLES: dict[str, Any] = {
+    "table1": dict[str, float],
+    "table2": dict[str, dict[str, float]],
+    "table3": dict[str, Any],
+    "table4": list[dict[str, Any]],
+    "original_nerf": dict[str, float],
+    "ledger": list[dict[str, Any]],
+    "parameters_measured": dict[str, float],
+    "sloc_measured": float,
+    "sloc_files": dict[str, float],
+}
+"""What of `RunRecord.paper` a report reads, and of what kind it is where it is there."""
+
 Status = Literal["done", "diverged", "error", "not_available"]
-
-
-class DamagedRecord(ValueError):
-    """A record file is not what this version writes: the message names the file, the reason and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +49,11 @@ class Checkpoint:
     ssim: float | None
     density: dict[str, list[float]] | None = None
     """`edges` [bins + 1], `before` [bins], `after` [bins]: shares of points (sum 1, clipped into the outer bins)
-    over the scene's box, of the density entering the amplifier and of the density that is rendered."""
+    over the scene's box, of the density entering the amplifier and of the density that is rendered.
+
+    Where the true occupancy of the scene is known also `before_inside`, `after_inside`, `before_outside` and
+    `after_outside` [bins], shares of the points that truly lie inside and outside matter (sum 1, or 0 where there are
+    none), and `points` [2], how many are inside and outside (`scenes.occupancy`)."""
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
@@ -64,17 +75,6 @@ class ViewScore:
     depth_rmse: float | None
     opacity_iou: float | None
     psnr_ceiling: float | None
-
-
-@dataclass(frozen=True)
-class StoredImage:
-    """A test view kept for the report; paths relative to `OUT/records`, display colour over white, 8 bit."""
-
-    view: str
-    truth: str
-    render: str
-    opacity: str
-    """Grey image of Σ w."""
 
 
 @dataclass(frozen=True)
@@ -131,9 +131,13 @@ class CellRecord:
     steps, of which the gradient was clipped), …"""
     warnings: list[str]
     """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
-    images: list[StoredImage]
     settings: dict[str, Any]
     provenance: dict[str, Any]
+    pictures: str | None = None
+    """The renders that were kept (`harness.pictures_record`), a path relative to `OUT/records`; None where there are
+    none, or the run was recorded before they were kept like this."""
+    files: dict[str, str] = field(default_factory=dict)
+    """Every further file of the cell, a path relative to OUT → its SHA-256 (`with_files`)."""
     schema: int = SCHEMA
 
 
@@ -211,32 +215,6 @@ class Comparison:
     """As many comparisons are looked at together (`harness.comparisons.family_of`)."""
 
 
-def finite_or_none(value: float | None) -> float | None:
-    """`value` as a JSON number, or None where it is missing, NaN or infinite."""
-    if value is None:
-        return None
-    number = float(value)
-    return number if math.isfinite(number) else None
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Whole or not at all, also under `kill -9`; raises `ValueError` on NaN or Infinity."""
-    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with beside.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        # a failed write does not say of which file
-        raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        beside.unlink(missing_ok=True)
-
-
 def records_folder(out: Path) -> Path:
     return out / "records"
 
@@ -246,45 +224,78 @@ def cell_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 
 def write_cell(out: Path, cell: CellRecord) -> None:
-    write_json(cell_path(out, cell.scene, cell.method, cell.seed), asdict(cell))
+    write_record(cell_path(out, cell.scene, cell.method, cell.seed), asdict(cell))
+
+
+def checkpoint_name(scene: str, method: str, seed: int) -> str:
+    """The file of a cell's weights, relative to OUT."""
+    return f"checkpoints/{scene}.{method}.{seed}.safetensors"
+
+
+def with_files(out: Path, cell: CellRecord) -> CellRecord:
+    """The record with the digests of what else its cell left: weights and pictures. Raises `OSError`."""
+    names = [checkpoint_name(cell.scene, cell.method, cell.seed)] if cell.status == "done" else []
+    names += [f"records/{cell.pictures}"] if cell.pictures else []
+    return replace(cell, files={name: file_digest(out / name) for name in names if (out / name).is_file()})
 
 
 def write_run(out: Path, run: RunRecord) -> None:
-    write_json(records_folder(out) / "run.json", asdict(run))
+    write_record(records_folder(out) / "run.json", asdict(run))
 
 
 def write_comparisons(out: Path, comparisons: list[Comparison]) -> None:
-    write_json(records_folder(out) / "comparisons.json", [asdict(one) for one in comparisons])
+    write_record(records_folder(out) / "comparisons.json", {"rows": [asdict(one) for one in comparisons]})
 
 
 def read_cell(path: Path) -> CellRecord:
-    data = _read(path, CellRecord)
+    data = read_record(path, CellRecord, SCHEMA, formerly=("images",))
     try:
         data["curve"] = [Checkpoint(**one) for one in data["curve"]]
         data["views"] = [ViewScore(**one) for one in data["views"]]
-        data["images"] = [StoredImage(**one) for one in data["images"]]
-    except TypeError as error:  # keys missing or unknown further in
-        raise _damaged(path, error) from error
-    return CellRecord(**data)
+        return sound(CellRecord(**data), CellRecord)
+    except (TypeError, ValueError) as error:  # keys missing or unknown further in
+        raise damaged(path, error) from error
 
 
 def read_cells(out: Path) -> Iterator[CellRecord]:
     """Every finished cell, in the order of file names."""
-    for path in sorted((records_folder(out) / "cells").glob("*.json")):
-        yield read_cell(path)
+    yield from map(read_cell, cell_files(out))
+
+
+def read_cells_of(out: Path, keys: Iterable[tuple[str, str, int]]) -> Iterator[CellRecord]:
+    """Those of `keys` (scene, method, seed) that are finished, whatever else lies beside them."""
+    return (read_cell(path) for key in keys if (path := cell_path(out, *key)).exists())
+
+
+def cell_files(out: Path) -> list[Path]:
+    """Sorted; without hidden ones, which the system of a disk's other users may leave beside each file."""
+    found = (records_folder(out) / "cells").glob("*.json")
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 def read_run(out: Path) -> RunRecord:
     path = records_folder(out) / "run.json"
-    data = _read(path, RunRecord)
+    data = read_record(path, RunRecord, SCHEMA)
     scenes = []
     try:
         for scene in data["scenes"]:
             left_out = [LeftOut(**{**one, "interval": _pair(one["interval"])}) for one in scene["left_out"]]
             scenes.append(SceneRecord(**{**scene, "left_out": left_out}))
-    except (TypeError, KeyError) as error:
-        raise _damaged(path, error) from error
-    return RunRecord(**{**data, "scenes": scenes})
+        run = sound(RunRecord(**{**data, "scenes": scenes}), RunRecord)
+        _require_tables(run.paper)
+        return run
+    except (TypeError, KeyError, IndexError, ValueError) as error:
+        raise damaged(path, error) from error
+
+
+def _require_tables(paper: dict[str, Any]) -> None:
+    """Raises `ValueError` where a table of the paper is not as `RunRecord.paper` says."""
+    for name, kind in PAPER_TABLES.items():
+        if paper.get(name) is not None and (wrong := first_mismatch(paper[name], kind, f"paper.{name}")):
+            raise ValueError(wrong)
+    for scene, row in (paper.get("table2") or {}).items():
+        if not {"nerf", "qnerf"} <= set(row):
+            raise ValueError(f"paper.table2.{scene} lacks nerf or qnerf")
 
 
 def read_comparisons(out: Path) -> list[Comparison]:
@@ -292,32 +303,20 @@ def read_comparisons(out: Path) -> list[Comparison]:
     if not path.exists():
         return []
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
+        rows = _rows(path)
         pairs = [{name: _pair(row.get(name)) for name in ("interval", "simultaneous")} for row in rows]
-        return [Comparison(**{**row, **pair}) for row, pair in zip(rows, pairs, strict=True)]
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise _damaged(path, error) from error
+        found = [Comparison(**{**row, **pair}) for row, pair in zip(rows, pairs, strict=True)]
+        return sound(found, list[Comparison])
+    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise damaged(path, error) from error
 
 
-def _damaged(path: Path, why: Exception) -> DamagedRecord:
-    return DamagedRecord(f"{path}: {why}; delete it and run again with --resume")
+def _rows(path: Path) -> list[dict[str, Any]]:
+    """An earlier version wrote the list alone, without a digest."""
+    is_list = path.is_file() and path.read_bytes()[:1] == b"["
+    rows: list[dict[str, Any]] = load_json(path) if is_list else load_record(path)["rows"]
+    return rows
 
 
 def _pair(value: list[float] | None) -> tuple[float, float] | None:
     return None if value is None else (value[0], value[1])
-
-
-def _read(path: Path, kind: type) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise _damaged(path, error) from error
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-        raise DamagedRecord(f"{path}: schema {found!r}, this version reads {SCHEMA}; run again into a fresh folder")
-    known = {one.name for one in fields(kind)}
-    if set(data) != known:
-        raise DamagedRecord(
-            f"{path}: unexpected or missing keys {sorted(set(data) ^ known)}; delete it and run again with --resume"
-        )
-    return data

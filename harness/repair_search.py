@@ -3,7 +3,6 @@ verdict is taken from. Candidates and rule stood here before any result, the bud
 can be set.
 """
 
-import json
 import math
 import time
 from collections.abc import Iterator
@@ -19,11 +18,13 @@ from harness import evaluate
 from harness.batches import Batches
 from harness.evidence.trainings import SEARCHED
 from harness.ground_truth import read_views
+from harness.json_record import load_json
 from harness.learner import Learner, learner_for
 from harness.lockstep import box_of, needs_view_direction, stream_of
 from harness.needed import for_scene
 from harness.plan import PROFILES, Plan
 from harness.provenance import provenance
+from harness.record_types import sound
 from harness.schedule import Budget
 from harness.solo import psnr_on
 from harness.stopwatch import Stopwatch
@@ -102,15 +103,16 @@ class Search:
 def read_search(path: Path = PUBLISHED) -> Search:
     """Raises `InputError` where the file is not what `python -m harness repair` writes."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_json(path)
         rows, table = (data[name] for name in ("rows", "standings"))
-        return Search(
+        found = Search(
             [RepairRow(**row) for row in rows],
             [Standing(**one) for one in table],
             data["chosen"],
             data["history"],
             data["clock"],
         )
+        return sound(found, Search)
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path}: {error}; write it with `python -m harness repair --out {path}`") from error
 

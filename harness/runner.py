@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from harness.caveats import deviations, not_tested
+from harness.clocks import clocks_apart
 from harness.comparisons import compare
+from harness.executors import device_here, run_groups
 from harness.ground_truth import read_views, render_view_sets
 from harness.group import GroupTask
+from harness.json_record import finite_or_none
 from harness.local_executor import run_locally
 from harness.paper import printed
 from harness.plan import Machine, Plan
@@ -22,14 +25,15 @@ from harness.records import (
     RunRecord,
     SceneRecord,
     cell_path,
-    finite_or_none,
     read_cells,
+    read_cells_of,
     write_comparisons,
     write_run,
 )
 from harness.source_lines import core_module_lines
 from harness.survival import targets
 from harness.targets_record import write_targets
+from harness.unfinished import drop_folder
 
 
 def run(
@@ -45,9 +49,8 @@ def run(
     """Do what the plan says into `out`, which is ours already (`harness.output_folder`), leaving out finished cells.
 
     With `verify`, what each scene does not need is then tried with and without; with `serve`, view cache and attention
-    are measured last, which changes nothing of the run. Gives the exit code: 0, or 3 where a
-    cell diverged or failed or something that was left out costs more than its bound. Raises `InputError` before any
-    training where input is wrong.
+    are measured last, which changes nothing of the run. Exit code 0, or 3 where a cell diverged or failed or something
+    that was left out costs more than its bound. Raises `InputError` before any training where input is wrong.
     """
     import torch
 
@@ -57,27 +60,25 @@ def run(
     began = time.monotonic()
     phases: dict[str, float] = {}
     use_threads(machine.threads)
-    origin = provenance(torch.device(machine.device))
+    origin = {**provenance(torch.device(device_here(machine))), "executor": machine.executor}
     with _timed(phases, "render"):
         folders = view_set_folders(plan, view_sets, show)
         scenes = [_scene_record(plan, name, folders[name], out) for name in plan.scenes]
 
     def write(finished: bool) -> None:
         phases["total"] = time.monotonic() - began
-        write_run(out, _run_record(plan, command, scenes, origin, phases, finished))
+        write_run(out, _run_record(plan, command, scenes, origin, phases, finished, apart))
 
+    apart: list[str] = []
     write(finished=False)
-    with _timed(phases, "train"):
-        tasks = _tasks(plan, folders, machine, out)
-        show.start_training(len(plan.cells()), sum(len(task.methods) for task in tasks))
-        for event in run_locally(tasks, machine.workers):
-            if event.cell is not None:
-                show.cell(event.cell)
-            if event.share is not None:
-                show.trained(event.task, event.share)
-    cells = [cell for cell in read_cells(out) if (cell.scene, cell.method, cell.seed) in set(plan.cells())]
-    write_comparisons(out, compare(cells, list(plan.methods)))
-    write_targets(out, targets(cells, list(plan.methods)))
+    try:
+        with _timed(phases, "train"):
+            _train(plan, folders, machine, out, origin, show)
+    except KeyboardInterrupt:
+        write(finished=False)
+        raise KeyboardInterrupt(_kept(out, plan)) from None
+    cells = _compared(out, plan)
+    apart += clocks_apart(cells)
     costly = False
     write(finished=True)
     if verify:
@@ -89,13 +90,50 @@ def run(
 
         try:
             with _timed(phases, "serve"):
-                after_run(out, machine.device, view_sets, show)
+                after_run(out, device_here(machine), view_sets, show)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
     return 0 if ended == len(plan.cells()) and not costly else 3
+
+
+def _train(
+    plan: Plan, folders: dict[str, Path], machine: Machine, out: Path, origin: dict[str, Any], show: Progress
+) -> None:
+    """The cells that are missing; what the executor has to say is noted in `origin`."""
+    tasks = _tasks(plan, folders, machine, out)
+    show.start_training(len(plan.cells()), sum(len(task.methods) for task in tasks))
+    for event in run_groups(machine, tasks, origin["commit"], run_locally):
+        if event.notice is not None:
+            show.line(event.notice)
+            origin.setdefault("notices", []).append(event.notice)
+        if event.cell is not None:
+            show.cell(event.cell)
+        if event.share is not None:
+            show.trained(event.task, event.share)
+            if event.share == 1.0:
+                _compared(out, plan)
+    drop_folder(out)
+
+
+def _compared(out: Path, plan: Plan) -> list[CellRecord]:
+    """Comparisons and targets of the groups that are whole, written, so that a stopped run has some; all its cells."""
+    cells = list(read_cells_of(out, sorted(plan.cells())))
+    ended = Counter((cell.scene, cell.seed) for cell in cells)
+    whole = [cell for cell in cells if ended[cell.scene, cell.seed] == len(plan.methods)]
+    if whole:
+        write_comparisons(out, compare(whole, list(plan.methods)))
+        write_targets(out, targets(whole, list(plan.methods)))
+    return cells
+
+
+def _kept(out: Path, plan: Plan) -> str:
+    """What to do after a run was stopped."""
+    found = sum(1 for key in plan.cells() if cell_path(out, *key).exists())
+    report = f"`python -m reports {out} --partial` reports them; " if found else ""
+    return f"{found} of {len(plan.cells())} cells are kept; {report}go on with --resume --out {out}"
 
 
 def plan_lines(plan: Plan, machine: Machine) -> list[str]:
@@ -109,7 +147,8 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
         if text
     )
     network, views = plan.train.network, plan.views
-    source = plan.view_set or f"{views.train} train / {views.val} val / {views.test} test views a scene"
+    own = f"{plan.scene_file}: " if plan.scene_file else ""
+    source = plan.view_set or f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
     return [
         f"profile {plan.profile}: {len(plan.cells())} cells of {budget} each",
         f"  scenes   {' '.join(plan.scenes)}",
@@ -118,16 +157,29 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "
         f"{plan.train.rays} rays a step, {plan.train.precision} products",
-        f"  machine  {machine.device}, {machine.workers} workers of {machine.threads} threads",
+        f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} threads",
     ]
+
+
+def _at_once(machine: Machine) -> str:
+    if machine.executor == "ray":
+        return "as many groups at once as the Ray cluster has room for, each"
+    return f"{machine.workers} workers"
 
 
 def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
     """Scene → its view set: the user's own, or rendered, or from the cache."""
     if plan.view_set:
+        from scenes.foreign import source_of
+
+        for note in source_of(Path(plan.view_set)).notes:
+            show.line(f"view set {plan.scenes[0]}: {note}")
         return {plan.scenes[0]: Path(plan.view_set)}
     folders: dict[str, Path] = {}
-    for event in render_view_sets(plan.scenes, plan.views, cache):
+    for event in render_view_sets(plan.scenes, plan.views, cache, plan.scene_file, plan.render_limit):
+        if event.note:
+            show.line(event.note)
+            continue
         show.rendered(event, len(plan.scenes))
         if event.path is not None:
             folders[event.scene] = event.path
@@ -139,11 +191,16 @@ def _scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord
     import numpy as np
 
     from harness.evaluate import floor_psnr
+    from harness.kept_views import drop_truth, keep_truth
     from harness.metrics import psnr_from_mse
+    from harness.view_set_facts import finished_on
 
     views = read_views(folder, plan.views, out)
+    if not finished_on(out, [key for key in plan.cells() if key[0] == name], views):
+        drop_truth(out, name)
     noise = views.test.noise_mse
     ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(one)) for one in noise])))
+    keep_truth(out, name, views, plan.score.stored_views)
     manifest = views.rendered
     kept = ("variant", "integrator", "spp", "seconds", "versions", "digest")
     return SceneRecord(
@@ -185,7 +242,7 @@ def _verified(
     if not trained:
         return scenes, False
     one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
-    found, _ = verified(one_method, folders, out, machine.workers, show.line, machine.device)
+    found, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
     for one in too_costly(found):
         show.line(f"left out at too high a price: {line_of(one)}")
     told = [
@@ -197,7 +254,7 @@ def _verified(
 
 def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) -> list[GroupTask]:
     """The groups that still lack a cell, with the methods that they lack. A cell without its chance is tried again."""
-    for cell in list(read_cells(out)):
+    for cell in list(read_cells_of(out, plan.cells())):
         if cell.status in ("error", "not_available"):
             cell_path(out, cell.scene, cell.method, cell.seed).unlink()
     tasks = []
@@ -214,9 +271,8 @@ def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) ->
                     train=plan.train,
                     score=plan.score,
                     budget=plan.budget,
-                    device=machine.device,
-                    threads=machine.threads,
                     out=out,
+                    **machine.of_a_group(),
                 )
             )
     return tasks
@@ -229,22 +285,23 @@ def _run_record(
     origin: dict[str, Any],
     phases: dict[str, float],
     finished: bool,
+    apart: list[str],
 ) -> RunRecord:
-    from baselines.catalog import CATALOG
+    from harness.plugins import origins, title_of
 
     return RunRecord(
         profile=plan.profile,
         command=command,
         scenes=scenes,
-        methods={name: CATALOG[name].title for name in plan.methods},
+        methods={name: title_of(name) for name in plan.methods},
         deviations=deviations(plan),
         paper={**printed(), **_measured_beside()},
         seeds=list(plan.seeds),
         settings=plan.settings(),
-        provenance=origin,
+        provenance={**origin, **origins(plan.methods)},
         phases=dict(phases),
         finished=finished,
-        not_tested=not_tested(plan),
+        not_tested=[*not_tested(plan), *apart],
     )
 
 

@@ -4,12 +4,12 @@ The view cache (§8.1) and attention-prioritised rendering (§8.2). This module 
 `harness.records` alone, as reports read it.
 """
 
-import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.records import DamagedRecord, write_json
+from harness.json_record import DamagedRecord, load_record, write_record
+from harness.record_types import sound
 
 SERVING_SCHEMA = 2
 SERVING_FILE = "serving.json"
@@ -269,18 +269,21 @@ class ServingRecord:
     failed: list[str] = field(default_factory=list)
     """Titles of the studies that ended in an error, which is a sentence in `left_out`: nothing of them is here."""
     seconds: float = 0.0
+    files: dict[str, str] = field(default_factory=dict)
+    """Pictures of the attention's frames, relative to `OUT/records` → SHA-256; empty in earlier versions."""
     schema: int = SERVING_SCHEMA
 
 
 def write_serving(out: Path, record: ServingRecord) -> None:
     """Raises `ValueError` where a figure is not finite."""
-    write_json(out / SERVING_FILE, asdict(record))
+    write_record(out / SERVING_FILE, asdict(record))
 
 
 def read_serving(path: Path) -> ServingRecord:
     """Raises `DamagedRecord` where the file is not what this version writes."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_record(path)
+        data.setdefault("files", {})
         if data.get("schema") != SERVING_SCHEMA or set(data) != {one.name for one in fields(ServingRecord)}:
             raise ValueError(f"not a serving record of schema {SERVING_SCHEMA}, as this version writes it")
         made = {
@@ -288,8 +291,8 @@ def read_serving(path: Path) -> ServingRecord:
             "attention": data["attention"] and _attention(data["attention"]),
             "first_frame": data["first_frame"] and FirstFrame(**data["first_frame"]),
         }
-        return ServingRecord(**{**data, **made})
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+        return sound(ServingRecord(**{**data, **made}), ServingRecord)
+    except (OSError, RecursionError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; run `python -m harness serving {path.parent}` again") from error
 
 

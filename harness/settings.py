@@ -5,6 +5,7 @@ from typing import Literal, get_args
 
 from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.contract import NetworkSize, Precision
+from scenes.source import Region
 
 RayAttention = Literal["none", "gradients"]
 RAY_ATTENTION: tuple[RayAttention, ...] = get_args(RayAttention)
@@ -103,3 +104,5 @@ class ViewSettings:
     """Parts that are kept whatever the scene says (`harness.needed.FORCEABLE`)."""
     no_need: tuple[str, ...] = ()
     """Parts that are left out whatever the scene says."""
+    region: Region | None = None
+    """Where things lie, as the user says it of images that are not ours."""

@@ -3,13 +3,13 @@
 This module imports the standard library, `harness.records` and `harness.chart_record` alone, as reports read it.
 """
 
-import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from harness.chart_record import Series, Table
-from harness.records import DamagedRecord, write_json
+from harness.json_record import DamagedRecord, load_record, write_record
+from harness.record_types import sound
 
 SPEED_SCHEMA = 1
 
@@ -77,24 +77,24 @@ def write_speed(path: Path, record: SpeedRecord) -> None:
     data = asdict(record)
     for row, one in zip(data["measurements"], record.measurements, strict=True):
         row["met"] = one.met
-    write_json(path, data)
+    write_record(path, data)
 
 
 def read_speed(path: Path) -> SpeedRecord:
-    """Raises `DamagedRecord` where the file is not what this version writes."""
+    """Raises `DamagedRecord` where the file cannot be read, and where it is not what this version writes."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_record(path)
         if data.get("schema") != SPEED_SCHEMA or set(data) != {one.name for one in fields(SpeedRecord)}:
             raise ValueError(f"not a speed record of schema {SPEED_SCHEMA}")
         for row in data["measurements"]:
             row.pop("met", None)
-        return SpeedRecord(
-            **{
-                **data,
-                "measurements": [Measurement(**row) for row in data["measurements"]],
-                "series": [Series(**row) for row in data["series"]],
-                "tables": [Table(**row) for row in data["tables"]],
-            }
-        )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        made = {
+            "measurements": [Measurement(**row) for row in data["measurements"]],
+            "series": [Series(**row) for row in data["series"]],
+            "tables": [Table(**row) for row in data["tables"]],
+        }
+        return sound(SpeedRecord(**{**data, **made}), SpeedRecord)
+    except OSError as error:
+        raise DamagedRecord(f"{path}: {error.strerror}; name a speed.json that `nox -s speed` wrote") from error
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; run `nox -s speed` again") from error

@@ -3,14 +3,14 @@
 This module imports the standard library, `harness.records` and `harness.chart_record` alone, as reports read it.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from harness.chart_record import Series, Table, with_gaps
-from harness.records import DamagedRecord, write_json
+from harness.json_record import DamagedRecord, load_record, write_record
+from harness.record_types import sound
 
 STABILITY_SCHEMA = 1
 STABILITY_FILE = "stability.json"
@@ -157,17 +157,17 @@ def write_stability(path: Path, record: StabilityRecord) -> None:
     data = asdict(record)
     for case in data["cases"]:
         with_gaps(case)
-    write_json(path, data)
+    write_record(path, data)
 
 
 def read_stability(path: Path) -> StabilityRecord:
     """Raises `DamagedRecord` where the file is not what this version writes."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_record(path)
         if data.get("schema") != STABILITY_SCHEMA or set(data) != {one.name for one in fields(StabilityRecord)}:
             raise ValueError(f"not a stability record of schema {STABILITY_SCHEMA}")
-        return StabilityRecord(**{**data, "cases": [_case(row) for row in data["cases"]]})
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        return sound(StabilityRecord(**{**data, "cases": [_case(row) for row in data["cases"]]}), StabilityRecord)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; run `nox -s stability` again") from error
 
 

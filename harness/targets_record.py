@@ -3,12 +3,13 @@
 This module imports the standard library and `harness.records` alone, as reports read it.
 """
 
-import json
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.records import DamagedRecord, records_folder, write_json
+from harness.json_record import DamagedRecord, load_record, write_record
+from harness.record_types import sound
+from harness.records import records_folder
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
@@ -116,7 +117,7 @@ class TargetsRecord:
 
 def write_targets(out: Path, record: TargetsRecord) -> None:
     """Raises `ValueError` where a figure is not finite."""
-    write_json(records_folder(out) / TARGETS_FILE, asdict(record))
+    write_record(records_folder(out) / TARGETS_FILE, asdict(record))
 
 
 def read_targets(out: Path) -> TargetsRecord | None:
@@ -125,7 +126,7 @@ def read_targets(out: Path) -> TargetsRecord | None:
     if not path.exists():
         return None
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = load_record(path)
         if data.get("schema") != TARGETS_SCHEMA or set(data) != {one.name for one in fields(TargetsRecord)}:
             raise ValueError(f"not a record of schema {TARGETS_SCHEMA}")
         lists = {
@@ -133,8 +134,8 @@ def read_targets(out: Path) -> TargetsRecord | None:
             "curves": [ReachCurve(**one) for one in data["curves"]],
             "comparisons": [TargetComparison(**_with_pairs(one)) for one in data["comparisons"]],
         }
-        return TargetsRecord(**{**data, **lists})
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+        return sound(TargetsRecord(**{**data, **lists}), TargetsRecord)
+    except (OSError, RecursionError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; delete it and run again with --resume") from error
 
 

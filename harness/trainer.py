@@ -1,6 +1,7 @@
 """One method in training: its field, optimiser, occupancy grid and clock. Prints and writes nothing."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from functools import cached_property
@@ -10,14 +11,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.catalog import CATALOG
-from baselines.contract import Box, Precision, Rays, Rendering
-from baselines.field import NetworkField, training_step
+from baselines.contract import Box, FieldAsked, Precision, Rays, Rendering
+from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.checkpoints import OCCUPIED
 from harness.clipping import Clipping
+from harness.plugins import method_named, origins
 from harness.schedule import Budget, learning_rate
 from harness.seeds import generator_for
 from harness.settings import TrainSettings
@@ -46,11 +47,9 @@ class Trainer:
         device: torch.device,
         view_dependent: bool = True,
     ) -> None:
-        parts = CATALOG[method].parts
-        if parts is None:
-            raise ValueError(f"{method} is not made of parts; it has a trainer of its own")
+        described = method_named(method)
         self.method = method
-        self.parts = parts
+        self.parts = described.parts
         self.settings = settings
         self.budget = budget
         self.seed = seed
@@ -62,17 +61,16 @@ class Trainer:
         # a direction that no colour depends on is left out, unless that is switched off
         self.view_dependent = view_dependent = view_dependent or not on.directions
 
-        def field(name: str) -> NetworkField:
-            return NetworkField(
-                parts, settings.network, box, settings.precision, f"{seed}/{name}", view_dependent, on
-            ).to(device)
+        def field(name: str) -> Any:
+            asked = FieldAsked(settings.network, box, settings.precision, f"{seed}/{name}", view_dependent)
+            return field_of(described, asked, on).to(device)
 
         self.coarse = field("coarse")
         self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
         # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
-        self.whole_rays = parts.quadrature == "listing4"
-        self.quadrature = parts.quadrature
+        self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
+        self.whole_rays = self.quadrature == "listing4"
         has_grid = on.grid and settings.grid.cells > 0 and not self.whole_rays
         self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold) if has_grid else None
         self.clock = Stopwatch(device)
@@ -89,8 +87,8 @@ class Trainer:
         return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
 
     @property
-    def field(self) -> NetworkField:
-        """The field that is rendered in the end."""
+    def field(self) -> Any:
+        """The field that is rendered in the end (`baselines.field.field_of`)."""
         return self.fine or self.coarse
 
     @property
@@ -160,7 +158,7 @@ class Trainer:
 
     def amplifier_scalars(self) -> dict[str, float | None]:
         """α and β of the amplifier, None where the method has none."""
-        amplifier = self.field.amplifier
+        amplifier = getattr(self.field, "amplifier", None)
         return {
             name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
         }
@@ -168,7 +166,8 @@ class Trainer:
     def rendered_by(self) -> dict[str, Any]:
         return {
             "method": self.method,
-            "parts": asdict(self.parts),
+            "parts": asdict(self.parts) if self.parts is not None else None,
+            **origins([self.method]),
             "sampling": asdict(self._sampling()),
             "network": asdict(self.settings.network),
             "precision": self.settings.precision,
@@ -190,6 +189,24 @@ class Trainer:
                 raise ValueError(f"an occupancy grid of {occupied.dtype} {tuple(occupied.shape)}")
             self.grid.occupied = occupied.to(self.device)
         self.step = step
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        state = self.optimiser.state_dict()["state"]
+        return {f"{weight}.{name}": value for weight, one in state.items() for name, value in one.items()}
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        remembered: dict[int, dict[str, Tensor]] = defaultdict(dict)
+        for key, value in tensors.items():
+            number, name = key.split(".")
+            remembered[int(number)][name] = value
+        state: dict[int, dict[str, Tensor]] = {}
+        for place, weight in enumerate(self.fields.parameters()):
+            if found := remembered.get(place):
+                # with the strides of the weight: a fused step looks at none
+                moments = {name: torch.empty_like(weight).copy_(found[name]) for name in ("exp_avg", "exp_avg_sq")}
+                state[place] = {"step": found["step"], **moments}
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": state, "param_groups": groups})
 
     def _sampling(self) -> Sampling:
         grid = self.settings.grid

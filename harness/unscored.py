@@ -20,7 +20,6 @@ def unscored(scene: str, method: str, seed: int, status: Status, reason: str) ->
         parameters={},
         properties={},
         warnings=[],
-        images=[],
         settings={},
         provenance={},
     )

@@ -119,11 +119,11 @@ def _root(square: float) -> float:
 
 
 def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omission | None:
-    """None for a view set from elsewhere, and where the medium is needed."""
+    """None for a view set or a scene from elsewhere, and where the medium is needed."""
     from harness.ground_truth import read_views
 
     need = needs_of(read_views(folder, plan.views, scratch)).get("participating_media")
-    if plan.view_set or need is None or need.needed:
+    if plan.view_set or plan.scene_file or need is None or need.needed:
         return None
     views = plan.views
     samples = ((views.train + views.val) * views.spp_train + views.test * views.spp_test) * views.resolution**2

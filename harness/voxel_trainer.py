@@ -139,8 +139,15 @@ class VoxelTrainer:
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         self.field = self.field.filled(tensors)
-        self._stages = []
+        self._stages = [stage for stage in self._stages if stage[1] > max(self.field.shape)]
         self.step = step
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        return self._optimiser.state_dict()
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        self._optimiser = Adam(self.field)
+        self._optimiser.load_state_dict(tensors)
 
     def amplifier_scalars(self) -> dict[str, float | None]:
         return {"alpha": None, "beta": None}

@@ -31,7 +31,7 @@ def around_point(regions: Regions, row: float, column: float, radius: float) -> 
     if not (math.isfinite(radius) and radius > 0.0):
         raise BadAttention(f"point of interest: radius {radius:g} px; must be finite and above 0")
     down, right = _offsets(regions, row, column)
-    return _mean(regions, 1.0 / (1.0 + (down**2 + right**2) / radius**2), "point of interest")
+    return _mean(regions, 1.0 / (1.0 + (down / radius) ** 2 + (right / radius) ** 2), "point of interest")
 
 
 def foveal(

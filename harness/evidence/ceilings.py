@@ -5,13 +5,13 @@ import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from harness.cell_training import REFERENCE_LIMITED_DB
 from harness.chart_record import Series, Table
 from harness.evidence.noise_process import noise_rows
 from harness.evidence.scores_at_hand import scores_at_hand
 from harness.evidence.situation import Finding, Situation
 from harness.evidence.wording import listed
 from harness.evidence_record import Check
-from harness.lockstep import REFERENCE_LIMITED_DB
 from harness.metrics import psnr_from_mse
 from harness.runner import view_set_folders
 from harness.statistics import critical

@@ -57,7 +57,7 @@ def _asked(
             code = process.wait()
         finally:
             if process.poll() is None:
-                process.terminate()
+                process.kill()
                 process.wait()
             process.stdout.close()
         complaints.seek(0)

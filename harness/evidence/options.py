@@ -37,6 +37,7 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
 
     from harness.device import available_cores, chosen_device
     from harness.evidence_record import EVIDENCE_FILE
+    from harness.folder_lock import locked_folder
     from harness.output_folder import fresh_folder
     from harness.plan import Machine, known_names
     from scenes.errors import InputError
@@ -53,6 +54,7 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
     workers = options.workers or (cores if device.type == "cpu" else 1)
     machine = Machine(device.type, workers, max(1, cores // workers))
     out = options.out or fresh_folder("evidence", resume=False)
-    code = run(list(studies), out, options.view_sets, machine, options.quick, options.resume, show)
+    with locked_folder(out):
+        code = run(list(studies), out, options.view_sets, machine, options.quick, options.resume, show)
     show.line(f"studies in {out / EVIDENCE_FILE}")
     return code

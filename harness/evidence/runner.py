@@ -12,7 +12,7 @@ import torch
 from harness.chart_record import Series, Table
 from harness.comparisons import METRICS
 from harness.device import keep_freed_memory, multiplies_bfloat16, use_threads
-from harness.evidence.situation import Situation, folder_of, lacks_cells
+from harness.evidence.situation import TRAININGS_FOLDER, Situation
 from harness.evidence.studies import STUDIES, Study, measure_of
 from harness.evidence_record import (
     EVIDENCE_FILE,
@@ -24,10 +24,11 @@ from harness.evidence_record import (
     read_evidence,
     write_evidence,
 )
-from harness.output_folder import claim_beside
+from harness.output_folder import gone_on_with
 from harness.plan import Machine
 from harness.progress import Progress
 from harness.provenance import provenance
+from harness.stopping import ON, told_when_stopped
 from scenes.errors import InputError
 
 
@@ -44,11 +45,21 @@ def run(
     keep_freed_memory()
     interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
     settings = {"quick": quick, "device": machine.device, "smallest_of_interest": interest}
-    record = _claimed(out, resume, settings, device)
-    missing = [name for name in studies if name not in {one.info.id for one in record.studies}]
-    show.line(f"evidence: {len(missing)} studies, about {sum(STUDIES[name].seconds for name in missing) / 60:.0f} min")
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
+    record = _claimed(out, resume, settings, device, show)
+
+    def kept() -> str:
+        whole = sum(one.info.id in studies for one in record.studies)
+        return f"{whole} of {len(studies)} studies are kept; `python -m reports {out}` reports them; {ON} {out}"
+
+    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
         situation = Situation(out, view_sets, Path(scratch), machine, multiplies_bfloat16(device), quick, show)
+        if resume:
+            record = _with_sound_trainings(record, studies, situation)
+            # before any training is whole again: from then on nothing tells that figures were of other cells
+            write_evidence(out / EVIDENCE_FILE, record)
+        missing = [name for name in studies if name not in {one.info.id for one in record.studies}]
+        minutes = sum(STUDIES[name].seconds for name in missing) / 60
+        show.line(f"evidence: {len(missing)} studies, about {minutes:.0f} min")
         for place, name in enumerate(missing):
             show.line(f"[{place + 1}/{len(missing)}] {name}: {STUDIES[name].info.question}")
             record = _with_study(record, measured(STUDIES[name], situation))
@@ -97,19 +108,26 @@ def _with_study(record: EvidenceRecord, study: StudyRecord) -> EvidenceRecord:
     return replace(record, studies=studies, finished=False)
 
 
-def _claimed(out: Path, resume: bool, settings: dict[str, Any], device: torch.device) -> EvidenceRecord:
-    """The record to go on with, or a fresh one. Raises `InputError`, `DamagedRecord`."""
-    fresh = EvidenceRecord(provenance(device), settings)
-    if not claim_beside(out, EVIDENCE_FILE, resume):
-        write_evidence(out / EVIDENCE_FILE, fresh)
-        return fresh
-    record = read_evidence(out / EVIDENCE_FILE)
+def _claimed(out: Path, resume: bool, settings: dict[str, Any], device: torch.device, show: Progress) -> EvidenceRecord:
+    """The record to go on with, or a fresh one. Raises `InputError`."""
+    record = gone_on_with(
+        out, EVIDENCE_FILE, resume, read_evidence, show.line, beside=True, folders=(TRAININGS_FOLDER,)
+    )
+    if record is None:
+        record = EvidenceRecord(provenance(device), settings)
+        write_evidence(out / EVIDENCE_FILE, record)
     if record.settings != json.loads(json.dumps(settings)):
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
-    kept = [one for one in record.studies if one.info.id in STUDIES and not _is_to_be_redone(one.info.id, out)]
-    return replace(record, studies=kept, finished=False)
+    return replace(record, studies=[one for one in record.studies if one.info.id in STUDIES], finished=False)
 
 
-def _is_to_be_redone(study: str, out: Path) -> bool:
-    """Its trainings are gone on with where cells failed, and other cells are other figures."""
-    return any(lacks_cells(folder_of(out, name)) for name in STUDIES[study].trainings)
+def _with_sound_trainings(record: EvidenceRecord, studies: list[str], situation: Situation) -> EvidenceRecord:
+    """Without the studies, asked for now or not, on a training of `studies` that has to be gone on with, as other cells
+    are other figures. Trainings of none of `studies` stay as they are, and so do their figures."""
+    trainings = {name for study in studies for name in STUDIES[study].trainings}
+    lost = {name for name in sorted(trainings) if situation.mended(name)}
+    dropped = {one.info.id: sorted(lost & set(STUDIES[one.info.id].trainings)) for one in record.studies}
+    for name, ended in dropped.items():
+        if ended:
+            situation.show.line(f"{name}: its figures are dropped, as {', '.join(ended)} has to be gone on with")
+    return replace(record, studies=[one for one in record.studies if not dropped[one.info.id]])

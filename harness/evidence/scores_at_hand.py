@@ -5,7 +5,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from harness.evidence.trainings import TRAININGS
-from harness.records import DamagedRecord, read_cells
+from harness.json_record import DamagedRecord
+from harness.records import read_cells
 
 
 def scores_at_hand(out: Path, width: int) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """What every study gets to work with."""
 
 import json
-import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -11,12 +10,16 @@ from pathlib import Path
 from harness.chart_record import Series, Table
 from harness.evidence.trainings import TRAININGS, plan_of
 from harness.evidence_record import Check, Effect
+from harness.json_record import DamagedRecord
 from harness.plan import Machine, Plan
 from harness.progress import Progress
-from harness.records import CellRecord, DamagedRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
+from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
+from harness.soundness import DAMAGED, aside, mend, plan_of_cells
 
 Finding = str | Check | Effect | Series | Table
 """A string is a sentence that answers the study's question; the first is its answer."""
+TRAININGS_FOLDER = "studies"
+"""Under OUT."""
 Measure = Callable[["Situation"], Iterator[Finding]]
 
 
@@ -51,22 +54,31 @@ class Situation:
 
     def trained(self, name: str) -> Trained:
         """The training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained again,
-        but for those that had no chance (`lacks_cells`).
+        but for those that had no chance (`lacks_cells`); what is there of another plan is moved to OUT/damaged.
 
         Studies may ask for the same one, one after another.
         """
         from harness.runner import run
 
         plan, folder = self.plan(name), folder_of(self.out, name)
-        before = _run_of(folder)
-        if before is not None and before.settings != json.loads(json.dumps(plan.settings())):
-            shutil.rmtree(folder)
-            before = None
-        whole = before is not None and before.finished and all(cell_path(folder, *one).exists() for one in plan.cells())
-        if not whole or lacks_cells(folder):
+        if _is_of_another_plan(folder, plan):
+            self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
+            aside(self.out, folder.relative_to(self.out).as_posix())
+        if lacks_cells(folder, plan):
             folder.mkdir(parents=True, exist_ok=True)
             run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return Trained(folder, plan, read_run(folder).scenes, list(read_cells(folder)))
+
+    def mended(self, name: str) -> bool:
+        """Leaves nothing in the folder of a training that is not as it was written; whether it has to be gone on with.
+
+        One that is not there or is of another plan is left as it is: its figures were taken when it was.
+        """
+        plan, folder = self.plan(name), folder_of(self.out, name)
+        if not folder.exists() or _is_of_another_plan(folder, plan):
+            return False
+        mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
+        return lacks_cells(folder, plan)
 
     def scale(self, *names: str) -> str:
         """Of trainings, in one line, and where the code may have changed since they were done."""
@@ -104,12 +116,24 @@ class Situation:
 
 def folder_of(out: Path, training: str) -> Path:
     """Where the run of a training lies."""
-    return out / "studies" / training
+    return out / TRAININGS_FOLDER / training
 
 
-def lacks_cells(folder: Path) -> bool:
-    """Whether a run holds cells that failed without having had their chance: only running it again tries them again."""
+def lacks_cells(folder: Path, plan: Plan) -> bool:
+    """Whether only running it again makes a training whole: it is not finished, something is missing, or cells failed
+    without having had their chance."""
+    run = _run_of(folder)
+    if run is None or not run.finished or not all(cell_path(folder, *one).exists() for one in plan.cells()):
+        return True
     return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
+
+
+def _is_of_another_plan(folder: Path, plan: Plan) -> bool:
+    """By its record, or by its cells where that is lost."""
+    run = _run_of(folder)
+    if run is None:
+        return bool(plan_of_cells(folder, plan))
+    return run.settings != json.loads(json.dumps(plan.settings()))
 
 
 def _names_the_code(commit: str) -> bool:

@@ -66,7 +66,8 @@ def empty_trainer(plan: Plan, views: ViewSet, stream: str, method: str, device: 
 
 
 def _settings_of(stored: Path) -> object:
-    from harness.records import DamagedRecord, read_run
+    from harness.json_record import DamagedRecord
+    from harness.records import read_run
 
     try:
         return read_run(stored).settings

@@ -50,7 +50,7 @@ class Tally:
 def filmed(plan: Plan, fps: int, show: "Progress") -> Iterator[str]:
     """Scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
     tallies = {part.method: Tally() for part in plan.parts}
-    total, done = sum(len(part.keys) for part in plan.parts), 0
+    total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan says what is there
     for name in dict.fromkeys(part.take.scene.name for part in plan.parts):
         parts = [part for part in plan.parts if part.take.scene.name == name]
         for part in parts:
@@ -68,12 +68,9 @@ def filmed(plan: Plan, fps: int, show: "Progress") -> Iterator[str]:
 
 
 def _frames(plan: Plan, part: Part, tally: Tally) -> Iterator[int]:
-    """Yields the number of each frame as soon as its files are there."""
-    missing = set(part.missing)
-    there = [number for number in range(len(part.keys)) if number not in missing]
-    tally.there += len(there)
-    yield from there
-    if not missing:
+    """Yields the number of each missing frame as soon as its files are there."""
+    tally.there += len(part.keys) - len(part.missing)
+    if not part.missing:
         return
     cell = plan.run.trained(part.take.scene, part.method, plan.wish.seed, plan.device)
     cached = CachedMethod(cell.learner, plan.store, cell.chunk, frozen=True)

@@ -6,13 +6,16 @@ DIR/<scene>/side_by_side/0000.png …
 DIR/<scene>/<path>.webp           the animation
 """
 
-import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.records import write_json
+from harness.filming.frames import LISTING
+from harness.folder_lock import LOCK_FILE
+from harness.json_record import load_record, write_record
+from harness.soundness import DAMAGED, aside
 from scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,34 +25,37 @@ RECORD = "film.json"
 SIDE_BY_SIDE = "side_by_side"
 
 
-def claim(folder: Path, wish: "Wish", out: Path) -> None:
-    """Makes the folder this film's. Scenes and methods may come later; everything else must be as it was.
+def claim(folder: Path, wish: "Wish", out: Path, say: Callable[[str], None]) -> None:
+    """Makes the folder this film's, of which this process has the lock. Scenes and methods may come later; everything
+    else must be as it was. Where the record is lost, `say` is told: frames know for themselves what they show.
 
     Raises `InputError` for a folder that is something else's, holds another film, or cannot be written.
     """
     # relative to the folder: a run may be moved with its films
     now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}
     try:
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"--to {folder}: is a file; name a folder")
-        used = folder.exists() and any(folder.iterdir())
-        if used and not (folder / RECORD).is_file():
-            raise InputError(f"--to {folder}: the folder is in use by something else; name another one")
-        if used:
-            _same_film(folder, now)
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(folder / RECORD, now)
+        for part in folder.glob(f".{RECORD}.*.part"):  # of a writer that was killed
+            part.unlink()
+        used = any(one.name not in (LOCK_FILE, DAMAGED) for one in folder.iterdir())
+        if used and not (folder / RECORD).exists() and any(folder.glob(f"*/*/{LISTING}")):
+            say(f"{folder / RECORD}: missing: written again")
+        elif used and not (folder / RECORD).is_file():
+            raise InputError(f"--to {folder}: the folder is in use by something else; name another one")
+        elif used:
+            _same_film(folder, now, say)
+        write_record(folder / RECORD, now)
     except OSError as error:
         raise InputError(f"--to {folder}: cannot be written ({error.strerror}); name another folder") from error
 
 
-def _same_film(folder: Path, now: dict[str, Any]) -> None:
+def _same_film(folder: Path, now: dict[str, Any], say: Callable[[str], None]) -> None:
     try:
-        before = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        before = load_record(folder / RECORD)
     except ValueError as error:
-        raise InputError(f"{folder / RECORD}: {error}; delete the folder or name another one with --to") from error
-    if not isinstance(before, dict):
-        raise InputError(f"{folder / RECORD}: not the record of a film; name another folder with --to")
+        say(f"{folder / RECORD}: {error}: written again")
+        aside(folder, RECORD)
+        return
     changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
     if changed:
         what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)

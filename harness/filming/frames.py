@@ -6,14 +6,13 @@ FOLDER/frames.json   frame → key of the view and digests of both files, writte
 """
 
 import hashlib
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from harness.evaluate import View
-from harness.records import write_json
+from harness.json_record import load_json, write_json
 from scenes.images import read_image, write_channels, write_png
 from scenes.pixels import decode_srgb
 
@@ -99,7 +98,7 @@ def _digest(file: Path) -> str | None:
 def _read_listing(path: Path) -> dict[str, dict[str, str]]:
     """Empty where it cannot be read: frames are then rendered again, which costs time and nothing else."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = load_json(path)
     except (OSError, ValueError):
         return {}
     if not isinstance(found, dict):

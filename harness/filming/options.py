@@ -56,6 +56,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     from harness.filming.plan import planned
     from harness.filming.takes import Wish
     from harness.finished import FinishedRun
+    from harness.folder_lock import locked_folder
 
     device = chosen_device(options.device)
     use_threads(options.threads or rendering_threads())
@@ -78,9 +79,10 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
             (print if options.dry_run else show.line)(line)
         if options.dry_run:
             return 0
-        claim(folder, wish, run.out)
-        for line in filmed(plan, options.fps, show):
-            show.line(line)
+        with locked_folder(folder, "--to"):
+            claim(folder, wish, run.out, show.line)
+            for line in filmed(plan, options.fps, show):
+                show.line(line)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO):
             raise

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from baselines.catalog import CATALOG
 from baselines.contract import Rays
+from harness.cell_training import GroupSettings
 from harness.comparisons import compare
 from harness.gate.catalog import SCORES, TRAINED_METHODS, TRAINED_SCENES, Gate
 from harness.gate.limits import SIMULATED
@@ -24,7 +25,7 @@ from harness.gate.outcome import Sample
 from harness.gate.situation import Situation
 from harness.gate.training import a_a, gate_plan
 from harness.learner import Learner, learner_for
-from harness.lockstep import GroupSettings, box_of, train_group
+from harness.lockstep import box_of, train_group
 from harness.records import CellRecord, Checkpoint
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings
@@ -238,7 +239,7 @@ def effect_found(units: int) -> float:
 def _cell(scene: str, method: str, seed: int, psnr: float) -> CellRecord:
     point = Checkpoint(1, 1.0, 1, psnr, None, None)
     empty: dict[str, Any] = {"reason": None, "views": [], "trace": {}, "parameters": {}, "properties": {},
-                             "warnings": [], "images": [], "settings": {}, "provenance": {}}  # fmt: skip
+                             "warnings": [], "settings": {}, "provenance": {}}  # fmt: skip
     return CellRecord(
         scene, method, seed, "done", steps=1, train_seconds=1.0, scores={"psnr": psnr}, curve=[point], **empty
     )

@@ -120,7 +120,7 @@ def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Ren
         raise InputError(ended.stderr.strip().removeprefix("scenes: "))
     if ended.returncode:
         raise RuntimeError(f"rendering ended with exit code {ended.returncode}: {ended.stderr[-2000:]}")
-    return {scene: np.load(folder / f"{scene}.npy").astype(np.float64) for scene in scenes}
+    return {scene: np.load(folder / f"{scene}.npy", allow_pickle=False).astype(np.float64) for scene in scenes}
 
 
 def _render(

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 from harness.gate.catalog import KINDS
 from harness.gate.outcome import Outcome, limits_in_words, line_of
+from harness.json_record import write_whole
 
 
 def write_junit(
@@ -35,4 +36,4 @@ def write_junit(
                 failure = ElementTree.SubElement(case, "failure", type="gate", message=message)
                 failure.text = f"{line_of(one)}\n{replay.get(one.gate.name, '')}\n"
     ElementTree.indent(top)
-    ElementTree.ElementTree(top).write(file, encoding="utf-8", xml_declaration=True)
+    write_whole(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))

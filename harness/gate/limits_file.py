@@ -9,6 +9,7 @@ from typing import Any
 
 from harness.gate.catalog import FALSE_ALARM, Gate, Kind, settings_of
 from harness.gate.limits import EXACT, Limit, exact_limit, limit_from
+from harness.json_record import load_json
 from scenes.errors import InputError
 
 SCHEMA = 1
@@ -70,7 +71,7 @@ def read_limits(file: Path) -> LimitsFile:
     remedy = "make it with `python -m harness gate --renew`, review it, and commit it"
     restore = f"get it back from version control, or {remedy}"
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = load_json(file)
     except FileNotFoundError as error:
         raise InputError(f"--limits {file}: there is no such file; {remedy}") from error
     except (OSError, ValueError) as error:
@@ -86,7 +87,7 @@ def read_limits(file: Path) -> LimitsFile:
             if limit.low is None and limit.high is None:
                 raise ValueError(f"{name} has neither a lower nor an upper limit")
         return LimitsFile(kinds, values, limits)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise InputError(f"--limits {file}: damaged ({error}); {restore}") from error
 
 

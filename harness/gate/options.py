@@ -33,6 +33,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         print(f"{len(gates())} gates, together at most {FALSE_ALARM:.0%} false alarms")  # noqa: T201
         return 0
 
+    from harness.folder_lock import locked_folder
     from harness.gate.limits_file import read_limits
     from harness.gate.runner import GATE_FILE, cleared, renew, run
     from harness.output_folder import claim_for, fresh_folder
@@ -40,16 +41,17 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
     if not options.renew:
         read_limits(options.limits)  # before a folder is made
     out = options.out or fresh_folder("gate", resume=False)
-    claim_for(out, GATE_FILE, resume=False)
-    try:
-        if options.renew:
-            return renew(table, options.limits, out, options.view_sets, show)
-        replay = ["python", "-m", "harness", "gate"]
-        if options.limits != LIMITS:
-            replay += ["--limits", str(options.limits)]
-        return run(table, options.limits, out, options.view_sets, show, shlex.join(replay))
-    finally:
-        cleared(out)
+    with locked_folder(out):
+        claim_for(out, GATE_FILE, resume=False)
+        try:
+            if options.renew:
+                return renew(table, options.limits, out, options.view_sets, show)
+            replay = ["python", "-m", "harness", "gate"]
+            if options.limits != LIMITS:
+                replay += ["--limits", str(options.limits)]
+            return run(table, options.limits, out, options.view_sets, show, shlex.join(replay))
+        finally:
+            cleared(out)
 
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:

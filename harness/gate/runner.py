@@ -18,9 +18,10 @@ from harness.gate.limits import EXACT
 from harness.gate.limits_file import KindFacts, LimitsFile, changes, read_limits, source_of, write_limits
 from harness.gate.outcome import Outcome, Pictures, Sample, judged, line_of
 from harness.gate.situation import Measure, Renew, Situation
+from harness.json_record import write_json
 from harness.progress import Progress
 from harness.provenance import provenance
-from harness.records import write_json
+from harness.soundness import sweep
 from scenes.errors import InputError
 from scenes.images import write_png
 
@@ -174,3 +175,4 @@ def _record(outcomes: Sequence[Outcome], seconds: Mapping[str, float], commands:
 def cleared(out: Path) -> None:
     """Removes what takes room and is not looked at again."""
     shutil.rmtree(out / "renders", ignore_errors=True)
+    sweep(out)

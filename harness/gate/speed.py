@@ -25,6 +25,7 @@ from harness.learner import Learner
 from harness.lockstep import box_of
 from harness.speed.drawn_views import write_disc
 from harness.speed.timing import interleaved, quotients
+from harness.stopping import end_with_parent
 from harness.trainer import Trainer
 from scenes.view_set import ViewSet, read_view_set
 
@@ -61,13 +62,16 @@ def in_a_process(names: tuple[str, ...], out: Path) -> dict[str, float]:
         found: dict[str, float] | str = ours.recv()
     except EOFError:
         found = "it ended without an answer"
-    process.join()
+    finally:
+        process.kill()  # it has said what it had to
+        process.join()
     if isinstance(found, str):
         raise RuntimeError(f"the process that is timed: {found}")
     return found
 
 
 def _answer(connection: Connection, names: tuple[str, ...], out: Path) -> None:
+    end_with_parent()
     try:
         connection.send(ratios(names, out))
     except Exception as error:

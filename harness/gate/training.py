@@ -19,13 +19,13 @@ from harness.gate.catalog import (
 )
 from harness.gate.outcome import Pictures, Sample
 from harness.gate.situation import Renewal, Situation
+from harness.pictures_record import last_of, read_renders, read_truth, truth_pictures
 from harness.plan import SHORT_TRAINING, Machine, Plan
 from harness.records import CellRecord, read_cells, records_folder
 from harness.runner import run
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, ViewSettings
 from scenes.errors import InputError
-from scenes.images import read_image
 
 Cells = dict[tuple[str, str, int], CellRecord]
 AGAIN = "nerf_again"
@@ -116,15 +116,17 @@ def sample_of(gate: Gate, cells: Cells, seeds: Sequence[int], out: Path) -> Samp
     why = [f"{cell.scene} {cell.method} seed {cell.seed} is {cell.status}: {cell.reason}" for cell in used
            if cell is not None and cell.status != "done"]  # fmt: skip
     why += ["a cell is missing"] if None in used else []
-    shown = next((cell for cell in used if cell is not None and cell.images), None)
+    shown = next((cell for cell in used if cell is not None and cell.pictures), None)
     pictures = None if shown is None else pictures_of(shown, out)
     return Sample(values_of(gate, cells, seeds), "; ".join(why), pictures)
 
 
 def pictures_of(cell: CellRecord, out: Path) -> Pictures:
-    """A stored test view of the cell beside the truth."""
-    stored = cell.images[0]
-    image, truth = (read_image(records_folder(out) / name)[..., :3] for name in (stored.render, stored.truth))
+    """A kept test view of the cell beside the truth."""
+    folder = records_folder(out)
+    shown = last_of(read_renders(folder / (cell.pictures or "")))[0]
+    found = next(one for one in read_truth(folder / truth_pictures(cell.scene)) if one.view == shown.view)
+    image, truth = (np.clip(one.astype(np.float32), 0.0, 1.0) for one in (shown.colour, found.display))
     return Pictures(image, truth, np.abs(image - truth))
 
 

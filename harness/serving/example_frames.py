@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.json_record import finite_or_none
 from harness.metrics import psnr
-from harness.records import finite_or_none, records_folder
+from harness.records import records_folder
 from harness.serving.anytime import Seen
 from harness.serving_record import ExampleFrame
 from scenes.images import write_png

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from harness.json_record import finite_or_none
 from harness.metrics import psnr
-from harness.records import finite_or_none
 from harness.serving.cache_study import cells_of
 from harness.serving.situation import Situation
 from harness.serving_record import FirstFrame

@@ -37,8 +37,10 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
 
     from harness.device import chosen_device
     from harness.finished import FinishedRun
+    from harness.folder_lock import locked_folder
     from harness.serving.runner import Asked, run
     from harness.serving_record import SERVING_FILE
+    from harness.stopping import told_when_stopped
 
     finished = FinishedRun.of(options.out)
     scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
@@ -46,6 +48,8 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
     asked = Asked([one.name for one in scenes], methods, options.seed, options.width, options.quick, options.threads)
-    record = run(finished, asked, chosen_device(options.device), options.view_sets, show)
+    kept = f"studies that were finished are kept in {options.out / SERVING_FILE}; the same command begins again"
+    with told_when_stopped(lambda: kept), locked_folder(options.out):
+        record = run(finished, asked, chosen_device(options.device), options.view_sets, show)
     show.line(f"figures in {options.out / SERVING_FILE}")
     return 3 if record.failed or (record.cache is None and record.attention is None) else 0

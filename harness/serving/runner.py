@@ -15,14 +15,16 @@ import torch
 from harness.checkpoints import checkpoint_path
 from harness.device import keep_freed_memory, use_threads
 from harness.finished import FinishedRun
+from harness.json_record import DamagedRecord, file_digest
 from harness.progress import Progress
 from harness.provenance import provenance
-from harness.records import DamagedRecord, records_folder
+from harness.records import records_folder
 from harness.serving import attention_study, cache_study, first_frame
 from harness.serving.attention_maps import KINDS
 from harness.serving.plan import estimated_seconds, plan_lines
 from harness.serving.situation import Situation
 from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, write_serving
+from harness.soundness import mend_serving
 from harness.trainer import Diverged
 from harness.view_cache.keys import ROOT, code_digest
 from scenes.errors import InputError
@@ -78,6 +80,7 @@ def run(
     keep_freed_memory()
     settings = settings_of(finished, asked, device)
     record = ServingRecord(provenance(device), settings, None, None)
+    mend_serving(finished.out, show.line)
     with tempfile.TemporaryDirectory(prefix=".serving-", dir=finished.out, ignore_cleanup_errors=True) as scratch:
         deadline = None if most_seconds is None else began + most_seconds
         situation = _situation(finished, asked, device, view_sets, Path(scratch), show, deadline)
@@ -202,7 +205,9 @@ def _write(out: Path, record: ServingRecord, scratch: Path) -> bool:
         if (pictures / frame.image).is_file():  # else put there with an earlier study's record
             (target / frame.image).parent.mkdir(parents=True, exist_ok=True)
             (pictures / frame.image).replace(target / frame.image)
-    write_serving(out, record)
+    frames = record.attention.frames if record.attention else ()
+    digests = {one.image: file_digest(target / one.image) for one in frames if (target / one.image).is_file()}
+    write_serving(out, replace(record, files=digests))
     return True
 
 

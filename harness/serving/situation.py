@@ -13,10 +13,11 @@ from harness.camera import Camera
 from harness.camera_paths import orbit
 from harness.evaluate import View, render_view
 from harness.finished import FinishedRun, TrainedCell
+from harness.json_record import DamagedRecord
 from harness.learner import Learner
 from harness.metrics import mse
 from harness.progress import Progress
-from harness.records import DamagedRecord, SceneRecord
+from harness.records import SceneRecord
 from scenes.errors import InputError
 from scenes.pixels import over_white
 from scenes.view_set import ViewSet

@@ -108,7 +108,7 @@ def seconds_a_view(scene: str, order: Order, variant: Variant, cache: Path) -> f
         code = process.wait()
     finally:
         if process.poll() is None:
-            process.terminate()
+            process.kill()
             process.wait()
         process.stdout.close()
         process.stderr.close()

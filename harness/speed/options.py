@@ -30,6 +30,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     """0; raises `InputError` for what cannot be."""
     from harness.device import chosen_device
+    from harness.folder_lock import locked_folder
     from harness.output_folder import fresh_folder
     from scenes.errors import InputError
 
@@ -49,6 +50,7 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     from harness.speed.runner import run, speed_file
 
     out = options.out or fresh_folder("speed", resume=False)
-    run(sorted(set(items)), out, device, options.view_sets, seconds, options.quick, options.resume, show)
+    with locked_folder(out):
+        run(sorted(set(items)), out, device, options.view_sets, seconds, options.quick, options.resume, show)
     show.line(f"figures in {speed_file(out)}")
     return 0

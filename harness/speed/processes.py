@@ -1,7 +1,6 @@
 """Question 10: steps a second of the reduced profile, by how the cores are shared out."""
 
 import multiprocessing
-import signal
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 
@@ -9,6 +8,7 @@ from harness.device import available_cores
 from harness.speed.situation import Situation
 from harness.speed.timing import measured, not_measured, quotients
 from harness.speed_record import Measurement
+from harness.stopping import end_with_parent
 
 ITEM = 10
 WINDOW_SECONDS = 4.0
@@ -98,7 +98,7 @@ def rates_by_sharing(situation: Situation, cores: int) -> dict[str, list[float]]
                     rates[name].append(rate)
     finally:
         for process in processes:
-            process.terminate()
+            process.kill()  # they do not listen to SIGTERM
         for process in processes:
             process.join()
     return rates
@@ -112,7 +112,7 @@ def _work(
     connection: Connection, index: int, device: str, quick: bool, view_sets: str, scratch: str, window: float
 ) -> None:
     """Number of threads in, steps a second out."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+    end_with_parent()
     from pathlib import Path
 
     import torch

@@ -12,7 +12,7 @@ import torch
 
 from harness.chart_record import Series, Table
 from harness.device import available_cores, keep_freed_memory, use_threads
-from harness.output_folder import claim_for
+from harness.output_folder import gone_on_with
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.speed import (
@@ -30,6 +30,7 @@ from harness.speed import (
 )
 from harness.speed.situation import Situation, paper_settings, reduced_plan
 from harness.speed_record import QUESTIONS, Measurement, SpeedRecord, read_speed, write_speed
+from harness.stopping import ON, told_when_stopped
 from scenes.errors import InputError
 
 Finding = Measurement | Series | Table
@@ -78,8 +79,13 @@ def run(
     threads = 1 if quick else available_cores()
     use_threads(threads)
     keep_freed_memory()
-    record = read_speed(speed_file(out)) if claim_for(out, SPEED_FILE, resume) else None
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
+    record = gone_on_with(out, SPEED_FILE, resume, read_speed, show.line)
+
+    def kept() -> str:
+        whole = sum(str(item) in record.seconds for item in items) if record else 0
+        return f"{whole} of {len(items)} questions are kept; `python -m reports {out}` reports them; {ON} {out}"
+
+    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
         situation = Situation(device, threads, quick, plain_seconds, view_sets, Path(scratch), show)
         fresh = SpeedRecord(provenance(device), settings_of(situation))
         if record is None:

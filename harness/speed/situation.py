@@ -11,7 +11,7 @@ from torch import Tensor
 from baselines.accelerations import Accelerations
 from baselines.contract import Box, NetworkSize, Precision, Rays
 from harness.batches import Batches
-from harness.device import multiplies_bfloat16
+from harness.device import has_amx, multiplies_bfloat16
 from harness.evaluate import cameras_of
 from harness.ground_truth import read_views
 from harness.plan import Plan, planned
@@ -65,11 +65,6 @@ class Situation:
 
     def repeats(self, usual: int) -> int:
         return 2 if self.quick else usual
-
-
-def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
-    """Whether the processor multiplies bfloat16 matrices in tiles."""
-    return cpuinfo.exists() and "amx_bf16" in cpuinfo.read_text(encoding="utf-8")
 
 
 def paper_settings(situation: Situation, precision: Precision | None = None) -> TrainSettings:

@@ -15,8 +15,8 @@ from baselines.field import NetworkField
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.encoding import PHI
 from harness.chart_record import Series, Table
+from harness.json_record import finite_or_none
 from harness.metrics import psnr_from_mse
-from harness.records import finite_or_none
 from harness.seeds import generator_for
 from harness.stability.situation import PRINTED, Finding, Situation, whose
 from harness.stability.small_training import at_an_end, new_trainer, not_made_of_parts, setup, trained
@@ -134,7 +134,7 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     # where densities depend on the call every one of them is NaN, and the first is as guilty as any
     expected = int(inside[nth if trainer.field.pointwise else 0])
     first = trainer.coarse
-    trainer.coarse = Spoilt(first, nth)  # type: ignore[assignment]
+    trainer.coarse = Spoilt(first, nth)
     try:
         trainer.render(rays, len(rays))
     except Diverged as error:

@@ -8,8 +8,9 @@ import torch
 
 from harness import evaluate
 from harness.batches import Batches
+from harness.cell_training import warnings_of
 from harness.ground_truth import read_views
-from harness.lockstep import box_of, warnings_of
+from harness.lockstep import box_of
 from harness.schedule import Budget
 from harness.settings import TrainSettings, ViewSettings
 from harness.trainer import Trainer

@@ -157,7 +157,7 @@ def spike(situation: Situation) -> Iterator[Finding]:
     yield judged(
         "O2", "trained again", "ours", sum(one != other for one, other in zip(base, again, strict=True)), 0,
         what="steps whose loss differs in any bit when a cell is trained again",
-        why="a run is resumed by whole cells: an interrupted one is trained again from its start",
+        why="a cell that cannot go on where it was kept is trained again from its start, to the same result",
     )  # fmt: skip
 
 

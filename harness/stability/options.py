@@ -30,6 +30,7 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
         return 0
 
     from baselines.catalog import CATALOG
+    from harness.folder_lock import locked_folder
     from harness.output_folder import fresh_folder
     from harness.plan import known_names
     from harness.stability.situation import METHODS
@@ -44,6 +45,7 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     from harness.stability.runner import run
 
     out = options.out or fresh_folder("stability", resume=False)
-    code = run(list(cases), methods, out, options.view_sets, options.quick, options.resume, show)
+    with locked_folder(out):
+        code = run(list(cases), methods, out, options.view_sets, options.quick, options.resume, show)
     show.line(f"outcomes in {out / STABILITY_FILE}")
     return code

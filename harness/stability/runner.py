@@ -11,12 +11,13 @@ import torch
 
 from harness.chart_record import Series, Table
 from harness.device import available_cores, keep_freed_memory, use_threads
-from harness.output_folder import claim_for
+from harness.output_folder import gone_on_with
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.stability.catalog import CASES, Case, measure_of
 from harness.stability.situation import Situation
 from harness.stability_record import (
+    PICTURES_FOLDER,
     STABILITY_FILE,
     CaseRecord,
     Outcome,
@@ -26,6 +27,7 @@ from harness.stability_record import (
     read_stability,
     write_stability,
 )
+from harness.stopping import ON, told_when_stopped
 from scenes.errors import InputError
 
 
@@ -40,10 +42,15 @@ def run(
     use_threads(workers)
     keep_freed_memory()
     settings: dict[str, Any] = {"methods": list(methods), "quick": quick, "precision": "float32"}
-    record = _claimed(out, resume, settings)
+    record = _claimed(out, resume, settings, show)
     missing = [name for name in cases if name not in {one.info.id for one in record.cases}]
     show.line(f"stability: {len(missing)} cases, about {sum(CASES[name].seconds for name in missing) / 60:.0f} min")
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
+
+    def kept() -> str:
+        whole = sum(one.info.id in cases for one in record.cases)
+        return f"{whole} of {len(cases)} cases are kept; `python -m reports {out}` reports them; {ON} {out}"
+
+    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
         situation = Situation(methods, out, view_sets, Path(scratch), workers, quick, show, tuple(missing))
         for place, name in enumerate(missing):
             show.line(f"[{place + 1}/{len(missing)}] {name} {CASES[name].info.title}")
@@ -83,13 +90,12 @@ def _with_case(record: StabilityRecord, case: CaseRecord) -> StabilityRecord:
     return replace(record, cases=cases, finished=False)
 
 
-def _claimed(out: Path, resume: bool, settings: dict[str, Any]) -> StabilityRecord:
-    """The record to go on with, or a fresh one. Raises `InputError`, `DamagedRecord`."""
-    fresh = StabilityRecord(provenance(torch.device("cpu")), settings)
-    if not claim_for(out, STABILITY_FILE, resume):
-        write_stability(out / STABILITY_FILE, fresh)
-        return fresh
-    record = read_stability(out / STABILITY_FILE)
+def _claimed(out: Path, resume: bool, settings: dict[str, Any], show: Progress) -> StabilityRecord:
+    """The record to go on with, or a fresh one. Raises `InputError`."""
+    record = gone_on_with(out, STABILITY_FILE, resume, read_stability, show.line, folders=(PICTURES_FOLDER,))
+    if record is None:
+        record = StabilityRecord(provenance(torch.device("cpu")), settings)
+        write_stability(out / STABILITY_FILE, record)
     if record.settings != json.loads(json.dumps(settings)):
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
     return replace(record, cases=[one for one in record.cases if one.info.id in CASES], finished=False)

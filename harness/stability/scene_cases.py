@@ -9,10 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from harness.cell_training import BILLBOARD_GAP_DB
 from harness.chart_record import Table
 from harness.evaluate import View, view_scores
 from harness.ground_truth import read_views
-from harness.lockstep import BILLBOARD_GAP_DB
 from harness.records import CellRecord
 from harness.stability.billboard import STEPS, planted_billboard
 from harness.stability.scene_findings import (

@@ -129,7 +129,8 @@ def dead_share(trainer: Trainer) -> float:
     by the amplifier, or at the end of a sigmoid or softplus in float32.
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("dead share")))
-    return float(at_an_end(*trainer.field.density_before_and_after(x), trainer.field.amplifier.bounded).float().mean())
+    before, after = trainer.field.density_before_and_after(x)
+    return float(at_an_end(before, after, trainer.field.amplifier.bounded).float().mean())
 
 
 def at_an_end(

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from harness.chart_record import Table
-from harness.records import CellRecord, DamagedRecord, RunRecord, read_cells, read_run, records_folder
+from harness.json_record import DamagedRecord
+from harness.pictures_record import last_of, read_renders
+from harness.records import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
+from harness.soundness import mend
 from harness.stability.situation import Situation, whose
 from harness.stability_record import Outcome, Status
-from scenes.images import read_image
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,10 @@ def trained(situation: Situation, profile: str, scenes: Iterable[str], folder: P
     wanted = {*scenes, *there}
     everything = situation.plan(profile)
     plan = situation.plan(profile, [name for name in everything.scenes if name in wanted])
-    if before is None or not before.finished or before.settings != json.loads(json.dumps(plan.settings())):
+    if folder.exists():
+        mend(folder, plan, lambda line: situation.show.line(f"  {folder.name}: {line}"))
+    whole = all(cell_path(folder, *one).exists() for one in plan.cells())
+    if not (whole and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
         folder.mkdir(parents=True, exist_ok=True)
         situation.trained(plan, folder)
     return read_trained(folder, situation.view_sets)
@@ -83,7 +88,7 @@ def unscored(case: str, cell: CellRecord, what: str) -> Outcome | None:
 
 @dataclass(frozen=True)
 class Shown:
-    """A test view as the record keeps it, 8 bits deep: what every method leaves behind, whatever it is made of."""
+    """A test view as the record keeps it, in float16: what every method leaves behind, whatever it is made of."""
 
     view: str
     render: np.ndarray
@@ -93,14 +98,11 @@ class Shown:
 
 
 def shown(found: Trained, cell: CellRecord) -> list[Shown]:
-    folder = records_folder(found.out)
+    if cell.pictures is None:
+        return []
     return [
-        Shown(
-            image.view,
-            read_image(folder / image.render)[..., :3].astype(np.float64),
-            read_image(folder / image.opacity)[..., 0].astype(np.float64),
-        )
-        for image in cell.images
+        Shown(one.view, np.clip(one.colour.astype(np.float64), 0.0, 1.0), one.opacity.astype(np.float64).clip(0.0, 1.0))
+        for one in last_of(read_renders(records_folder(found.out) / cell.pictures))
     ]
 
 

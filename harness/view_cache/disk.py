@@ -291,6 +291,8 @@ class DiskPictures:
 
     def _make_folders(self) -> None:
         for folder in (self._objects, self._keys, self._parts):
+            if folder.is_symlink():  # the whole cache may lie elsewhere, no part of it
+                raise OSError(errno.ELOOP, f"{folder.name} is a link; remove it")
             folder.mkdir(parents=True, exist_ok=True)
 
     @contextmanager

@@ -22,7 +22,7 @@ def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
     `seconds`, `LOCK_SECONDS` where that is None.
     """
     patience = LOCK_SECONDS if seconds is None else seconds
-    handle = os.open(folder / "ledger", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    handle = _opened(folder / "ledger")
     try:
         until = time.monotonic() + patience
         while True:
@@ -36,6 +36,16 @@ def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
         yield handle
     finally:
         let_go(handle)
+
+
+def _opened(ledger: Path) -> int:
+    """Made where it is not there. Raises `OSError`, of a link in words that a user can follow."""
+    try:
+        return os.open(ledger, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, f"{ledger.name} is a link; remove it") from error
+        raise
 
 
 def read_ledger(ledger: int) -> int | None:

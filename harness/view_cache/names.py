@@ -56,17 +56,24 @@ def entries(folder: Path, wanted: re.Pattern[str] | None = None) -> Iterator[os.
     for entry in found:
         if wanted is None:
             yield entry
-        elif len(entry.name) == 2:
+        elif len(entry.name) == 2 and not entry.is_symlink():
             inner = entries(Path(entry.path))
             yield from (one for one in inner if wanted.fullmatch(one.name) and one.name[:2] == entry.name)
 
 
 def rename(part: Path, file: Path) -> None:
+    drop_link(file.parent)
     file.parent.mkdir(exist_ok=True)
     if file.is_dir() and not file.is_symlink():
         remove(file)
     part.replace(file)
     touch(file)
+
+
+def drop_link(folder: Path) -> None:
+    """A link in the place of a folder of ours goes: what it leads to is not ours to change."""
+    if folder.is_symlink():
+        folder.unlink()
 
 
 def touch(file: Path) -> None:
@@ -78,6 +85,7 @@ def touch(file: Path) -> None:
 def remove(file: Path) -> None:
     """Whatever it is; what cannot be removed stays, and is found out again."""
     try:
+        drop_link(file.parent)
         file.unlink(missing_ok=True)
     except OSError:
         if file.is_dir():

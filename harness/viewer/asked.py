@@ -92,7 +92,7 @@ def _place(data: Any) -> int | Orbit:
 
 def _json(body: bytes) -> Any:
     def refuse(name: str) -> None:
-        raise BadRequest(f"{name} is not a number that can be shown")
+        raise BadRequest(f"the request: {name} is not a number that can be shown")
 
     if len(body) > LARGEST_BODY:
         raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")

@@ -46,7 +46,8 @@ class Attention:
         if self.kind not in ATTENTIONS:
             raise ValueError(f"attention {self.kind!r}: choose one of {' '.join(ATTENTIONS)}")
         if not (0.0 <= self.row <= 1.0 and 0.0 <= self.column <= 1.0):
-            raise ValueError(f"point of interest ({self.row}, {self.column}): both lie between 0 and 1")
+            where = f"row {self.row:g} and column {self.column:g} of the point of interest"
+            raise ValueError(f"{where}: both lie between 0 and 1")
 
 
 def attention_map(

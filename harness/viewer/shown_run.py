@@ -13,7 +13,8 @@ import torch
 
 from harness.camera import Camera
 from harness.finished import FinishedRun
-from harness.records import DamagedRecord, SceneRecord, cell_path, read_cell
+from harness.json_record import DamagedRecord
+from harness.records import SceneRecord, cell_path, read_cell
 from harness.view_cache.store import StoreStatistics, ViewStore
 from harness.viewer import engine
 from harness.viewer.asked import LARGEST_WIDTH, Asked, BadRequest

@@ -1,0 +1,318 @@
+"""One cell in training: steps, scores at checkpoints, is kept on its way, and ends in a record."""
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from harness import evaluate
+from harness.checkpoints import checkpoint_path, save_checkpoint
+from harness.cluster.sources import versions
+from harness.flops import flops_per_evaluation
+from harness.json_record import DamagedRecord
+from harness.kept_views import KeptRenders
+from harness.learner import Learner
+from harness.pictures_record import RENDER, Render
+from harness.plugins import origins
+from harness.records import CellRecord, Checkpoint, Status, ViewScore
+from harness.schedule import Budget, checkpoint_fractions
+from harness.settings import ScoreSettings, TrainSettings
+from harness.trainer import Diverged
+from harness.unfinished import (
+    Unfinished,
+    read_unfinished,
+    restore_training,
+    training_state,
+    unfinished_path,
+    write_unfinished,
+)
+from harness.view_set_facts import view_set_facts
+from scenes.occupancy_file import read_occupancy
+from scenes.view_set import Split, ViewSet
+
+COLLAPSED_OPACITY = 0.02
+"""Mean test opacity below which a method has learnt nothing but the background."""
+BILLBOARD_GAP_DB = 6.0
+"""Training views this much above test views, and these worse than a copy of the nearest training view: the images are
+painted in front of the cameras, not in the scene."""
+FLAGGED_GAP_DB = 3.0
+"""Training views this much above test views: the views are fitted better than what is between them."""
+REFERENCE_LIMITED_DB = 1.0
+"""Nearer to the ceiling than this, a score says more about the noise of the ground truth than about the method."""
+
+
+@dataclass(frozen=True)
+class GroupSettings:
+    """What a group of cells is trained with; the same for every method."""
+
+    methods: tuple[str, ...]
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+
+
+@dataclass
+class _LastViews:
+    """What the record takes from the last rendering of the test views, which are in memory one at a time."""
+
+    test: Split
+    rows: list[ViewScore] = field(default_factory=list)
+    opacities: list[np.floating[Any]] = field(default_factory=list)
+    """Mean of each view."""
+
+    def passing(self, images: Iterable[evaluate.View]) -> Iterator[evaluate.View]:
+        """The views themselves, each noted on its way."""
+        for index, image in enumerate(images):
+            self.rows.append(evaluate.view_scores(image, self.test, index))
+            self.opacities.append(image.opacity.mean())
+            yield image
+
+
+class Unfit(Exception):
+    """What was kept of a cell is not what this one needs, though it was written for it; says so in words."""
+
+
+class CellTraining:
+    """One method of a group, from its first step to its record."""
+
+    def __init__(
+        self,
+        trainer: Learner,
+        views: ViewSet,
+        scene: str,
+        seed: int,
+        settings: GroupSettings,
+        out: Path,
+        provenance: dict[str, Any],
+        floor: float | None,
+    ) -> None:
+        self.trainer = trainer
+        self.views = views
+        self.scene = scene
+        self.seed = seed
+        self.settings = settings
+        self.out = out
+        self.provenance = provenance
+        self.floor = floor
+        self.test = evaluate.cameras_of(views, views.test, trainer.device)
+        self.due = checkpoint_fractions(settings.score.checkpoints, settings.score.earliest)
+        self.curve: list[Checkpoint] = []
+        self.kept = KeptRenders.of(views.test, settings.score.stored_views, seed, settings.score.checkpoints)
+        self.occupied = read_occupancy(views)
+        self.ended = False
+        self.resumed_at: list[int] = []
+        """The steps at which it went on in another process than before."""
+        self.can_be_kept = True
+
+    @property
+    def progress(self) -> float:
+        return 1.0 if self.ended else self.trainer.progress
+
+    def warm_up(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """What comes before the clock; the record when the cell ends with it."""
+        try:
+            self.trainer.warm_up(rays, truth)
+        except Diverged as stop:
+            return self._stopped("diverged", str(stop))
+        except Exception as error:
+            return self._stopped("error", f"{type(error).__name__} before the first step: {error}")
+        return None
+
+    @property
+    def file(self) -> Path:
+        """Where it is kept until it has ended."""
+        return unfinished_path(self.out, self.scene, self.trainer.method, self.seed)
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}, {self.trainer.method}, seed {self.seed}"
+
+    def keep(self) -> str | None:
+        """Write all of it as it stands; in words why that cannot be done, at the first time. Raises `OSError`, naming
+        the file.
+        """
+        if not self.can_be_kept:
+            return None
+        try:
+            self._keep()
+        except OSError:
+            raise
+        except Exception as error:
+            # a method of somebody else's, with what no file of ours holds: no reason to end its training
+            self.can_be_kept = False
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            return f"{self.name}: cannot be kept in the middle of its training ({said})"
+        return None
+
+    def _keep(self) -> None:
+        training = training_state(self.trainer)
+        renders = {
+            f"render.{place}.{name}": getattr(render, name)
+            for place, render in enumerate(self.kept.renders)
+            for name in RENDER
+        }
+        listing = {
+            "made_with": self._made_with(),
+            "resumed_at": self.resumed_at,
+            "due": len(self.due),
+            "curve": [asdict(point) for point in self.curve],
+            "renders": [[render.view, render.step] for render in self.kept.renders],
+        }
+        write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
+
+    def go_on(self) -> str | None:
+        """From where it was kept, if it was, by the same code on the same kind of processor; what a reader should know
+        of it, in words. Raises `Unfit` where what was kept does not fit, seen too late for this one to begin at all.
+        """
+        if not self.file.exists():
+            return None
+        try:
+            kept = read_unfinished(self.file)
+            before, now = dict(kept.listing["made_with"]), self._made_with()
+        except (DamagedRecord, KeyError, TypeError, ValueError):
+            return f"{self.name}: trained from the start, as what was kept of it is damaged"
+        if unlike := [key for key, value in now.items() if before.get(key) != value]:
+            return f"{self.name}: trained from the start, as {unlike[0]} changed since it was kept"
+        try:
+            self._restore(kept)
+        except Exception as error:
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            raise Unfit(f"{self.name}: trained from the start, as what was kept of it does not fit ({said})") from error
+        return f"{self.name}: goes on at step {self.trainer.step}"
+
+    def _restore(self, kept: Unfinished) -> None:
+        restore_training(self.trainer, kept)
+        listing, arrays = kept.listing, kept.under("render")
+        if not 0 < listing["due"] <= len(self.due):
+            raise ValueError(f"{listing['due']} checkpoints to come of {len(self.due)}")
+        self.due = self.due[len(self.due) - listing["due"] :]
+        self.curve = [Checkpoint(**point) for point in listing["curve"]]
+        self.kept.renders = [
+            Render(view, step, **{part: arrays[f"{place}.{part}"] for part in RENDER})
+            for place, (view, step) in enumerate(listing["renders"])
+        ]
+        self.resumed_at = [*listing["resumed_at"], self.trainer.step]
+
+    def _made_with(self) -> dict[str, Any]:
+        """All that its next steps depend on but what training changed; as it comes back from JSON."""
+        place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
+        found = {
+            **versions(),
+            **{key: self.provenance.get(key) for key in place},
+            "package": origins([self.trainer.method]),
+            "settings": {key: value for key, value in asdict(self.settings).items() if key != "methods"},
+            "view set": {key: value for key, value in view_set_facts(self.views).items() if key != "name"},
+        }
+        return dict(json.loads(json.dumps(found)))
+
+    def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """One step and whatever is due after it; the record when the cell has ended."""
+        try:
+            self.trainer.train_on(rays, truth)
+            if self.trainer.progress < self.due[0]:
+                return None
+            while self.due and self.trainer.progress >= self.due[0]:
+                self.due.pop(0)
+            rendered = evaluate.render_split(self.trainer, self.test, self.settings.score.chunk)
+            images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
+            if self.due:
+                self.curve.append(self._checkpoint(images))
+                return None
+            last = _LastViews(self.views.test)
+            self.curve.append(self._checkpoint(last.passing(images)))
+            return self._finished(last)
+        except Diverged as stop:
+            return self._stopped("diverged", str(stop))
+        except OSError:
+            raise
+        except Exception as error:
+            # an error of ours costs its own cell, not those that train beside it
+            return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
+
+    def _stopped(self, status: Status, reason: str) -> CellRecord:
+        self.ended = True
+        return self._record(status, reason, {}, [], {})
+
+    def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
+        trainer = self.trainer
+        scores = evaluate.scores_along(images, self.views.test)
+        return Checkpoint(
+            step=trainer.step,
+            seconds=trainer.clock.seconds,
+            network_evaluations=trainer.network_evaluations,
+            density=evaluate.density_histogram(trainer, self.occupied),
+            **scores,
+            **trainer.amplifier_scalars(),
+        )
+
+    def _finished(self, last: _LastViews) -> CellRecord:
+        trainer, score = self.trainer, self.settings.score
+        scores = evaluate.mean_scores(last.rows)
+        scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
+        scores["psnr_floor"] = self.floor
+        save_checkpoint(trainer, checkpoint_path(self.out, self.scene, trainer.method, self.seed))
+        properties = evaluate.measured_properties(trainer, self.test)
+        properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
+        self.ended = True
+        return self._record("done", None, scores, last.rows, properties, float(np.mean(last.opacities)))
+
+    def _record(
+        self,
+        status: Status,
+        reason: str | None,
+        scores: dict[str, float | None],
+        rows: list[ViewScore],
+        properties: dict[str, float | str | None],
+        mean_opacity: float | None = None,
+    ) -> CellRecord:
+        trainer = self.trainer
+        settings = asdict(self.settings)
+        methods = settings.pop("methods")
+        return CellRecord(
+            scene=self.scene,
+            method=trainer.method,
+            seed=self.seed,
+            status=status,
+            reason=reason,
+            steps=trainer.step,
+            train_seconds=trainer.clock.seconds,
+            scores=scores,
+            curve=self.curve,
+            views=rows,
+            trace=trainer.trace,
+            parameters=trainer.field.parameter_counts(),
+            properties={
+                **properties,
+                "flops_per_evaluation": flops_per_evaluation(trainer.field),
+                "rays_per_step": self.settings.train.rays,
+            },
+            warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
+            pictures=self.kept.write(self.out, self.scene, trainer.method, self.seed),
+            settings={**settings, "view_set": view_set_facts(self.views)},
+            # those that trained beside it change no bit of it: after an interruption they may be others
+            provenance={**self.provenance, "in_lockstep": list(methods)}
+            | ({"resumed_at": self.resumed_at} if self.resumed_at else {}),
+        )
+
+
+def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
+    """States that a reader of the scores must know, in words."""
+    found = []
+    psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
+    if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
+        found.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
+    if grid_emptied:
+        found.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
+    if psnr is not None and floor is not None and psnr < floor:
+        found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
+    if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:
+        painted = train - psnr > BILLBOARD_GAP_DB and (floor is None or psnr < floor)
+        name = "billboard" if painted else "gap"
+        found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
+    if psnr is not None and ceiling is not None and psnr > ceiling - REFERENCE_LIMITED_DB:
+        found.append(f"reference-limited: {psnr:.2f} dB, an image without noise would have {ceiling:.2f} dB")
+    return found

@@ -1,0 +1,140 @@
+"""Cores of this machine for one worker alone: clocks that share a core measure each other.
+
+A core that is taken is an abstract socket with its number, which the system frees with the process that holds it,
+however that ends. So workers of several runs, and of several Ray nodes on one machine, keep out of each other's way;
+those of containers with a network of their own do not see each other's sockets.
+"""
+
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+NAME = "radiance-verdict-core-"
+CHOOSING = "choosing"
+"""Held while a worker chooses, so that two do not take half of what each needs."""
+LONGEST_CHOICE_SECONDS = 5.0
+PERIOD = "cpu.cfs_period_us"
+
+
+@contextmanager
+def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
+    """Bind all threads of this process to `count` cores that no other worker of ours has, as long as it lasts.
+
+    Hardware threads of one core stay together, and are left idle where there are cores enough. Gives the numbers of the
+    cores; none, and nothing is bound, where too few are free or a quota gives time on any core; None where the system
+    (all but Linux) has no such binding.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield None
+        return
+    allowed = os.sched_getaffinity(0)
+    if (quota_cores() or len(allowed)) < len(allowed):
+        yield []
+        return
+    with ExitStack() as held:
+        chosen = _taken(held, count, sorted(allowed), name)
+        if not chosen:
+            yield []
+            return
+        _bind(set(chosen))
+        try:
+            yield chosen
+        finally:
+            _bind(allowed)
+
+
+def physical_cores() -> int:
+    """Cores that this process may run on, hardware threads of one core counted once; no more than its quota."""
+    cores = len(own_siblings())
+    return min(cores, quota_cores() or cores)
+
+
+def own_siblings() -> list[tuple[int, ...]]:
+    """Cores that this process may run on, each as the numbers of its hardware threads."""
+    cpus = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+    return siblings(cpus)
+
+
+def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
+    """Whole cores that a container's quota of processor time (`docker run --cpus`) is worth, at least 1; None without.
+
+    Of the process's control group and those above it, of either version of the interface.
+    """
+    found = []
+    for line in _words(groups, "\n"):
+        _, controllers, path = [*line.split(":", 2), "", ""][:3]
+        if controllers and "cpu" not in controllers.split(","):
+            continue
+        top = root / controllers if controllers else root
+        inside = top / path.strip("/")
+        for folder in {top, *(one for one in (inside, *inside.parents) if one.is_relative_to(top))}:
+            # "max 100000" where there is none, as -1 in the first version
+            told = _words(folder / "cpu.max") or [*_words(folder / "cpu.cfs_quota_us"), *_words(folder / PERIOD)]
+            if len(told) == 2 and all(word.isdecimal() for word in told) and int(told[1]):
+                found.append(max(1, int(told[0]) // int(told[1])))
+    return min(found, default=None)
+
+
+def _words(file: Path, between: str | None = None) -> list[str]:
+    try:
+        return file.read_text(encoding="utf-8").split(between)
+    except (OSError, ValueError):
+        return []
+
+
+def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
+    """`cpus` by the core that they are hardware threads of, as the system tells it; else each is its own."""
+    by_core: dict[str, list[int]] = {}
+    for cpu in cpus:
+        listed = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
+        core = str(cpu)
+        with suppress(OSError):
+            core = listed.read_text(encoding="utf-8").strip() or core
+        by_core.setdefault(core, []).append(cpu)
+    return [tuple(group) for group in by_core.values()]
+
+
+def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> list[int]:
+    """`count` numbers of wholly free `cores`: their first threads, one each, then their others; none for too few. A
+    core of which somebody else has a thread is nobody's own."""
+    whole = [core for core in cores if set(core) <= free]
+    firsts = [core[0] for core in whole]
+    rest = [cpu for core in whole for cpu in core[1:]]
+    found = (firsts + rest)[:count]
+    return sorted(found) if len(found) == count else []
+
+
+def _taken(held: ExitStack, count: int, allowed: list[int], name: str) -> list[int]:
+    """Numbers of cores that are ours until `held` is closed; none where too few are free."""
+    with ExitStack() as choosing:
+        until = time.monotonic() + LONGEST_CHOICE_SECONDS
+        while not _take(choosing, f"{name}{CHOOSING}"):
+            if time.monotonic() > until:
+                return []
+            time.sleep(0.01)
+        trial = ExitStack()
+        with trial:
+            free = {cpu for cpu in allowed if _take(trial, f"{name}{cpu}")}
+        chosen = chosen_cores(count, siblings(allowed), free)
+        return chosen if all(_take(held, f"{name}{cpu}") for cpu in chosen) else []
+
+
+def _take(held: ExitStack, name: str) -> bool:
+    taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        taken.bind(f"\0{name}")
+    except OSError:
+        taken.close()
+        return False
+    held.callback(taken.close)
+    return True
+
+
+def _bind(cpus: set[int]) -> None:
+    """Every thread, those of torch that were started before included."""
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(OSError):  # it has ended meanwhile
+            os.sched_setaffinity(int(thread.name), cpus)

@@ -1,0 +1,138 @@
+"""One process at a time writes into an output folder.
+
+The lock is `flock` on a file in the folder: the system lets go of it when its holder dies, however that ends, so that
+a killed run leaves nothing to clear away. Children do not hold it: Python's files are not inherited.
+"""
+
+import errno
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from scenes.errors import InputError
+
+LOCK_FILE = ".lock"
+HOLDER_BYTES = 500
+"""More is not read of what the holder says about itself."""
+LEFT_SECONDS = 0.3
+"""A holder that was killed has workers, which end by themselves within this."""
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
+"""What file systems without locks answer."""
+
+
+class LockedFolder:
+    """Held until `release`, or until this process dies."""
+
+    def __init__(self, path: Path, file: int | None) -> None:
+        self._path = path
+        self._file = file
+
+    @property
+    def is_held(self) -> bool:
+        """False where the file system has no locks."""
+        return self._file is not None
+
+    def release(self) -> None:
+        if self._file is not None:
+            # while it is still held: nobody else can have made it theirs
+            with suppress(OSError):
+                self._path.unlink()
+            os.close(self._file)
+            self._file = None
+
+
+@contextmanager
+def locked_folder(out: Path, option: str = "--out") -> Iterator[LockedFolder]:
+    """Holds the lock of a folder, which is made where it is not there; one that was made and stays empty is removed.
+
+    Raises `InputError`, naming the `option` it is the value of, where another process has it, naming that, and where
+    the folder cannot be written.
+    """
+    fresh = False
+    with suppress(OSError):  # a name that cannot be is refused below
+        fresh = not out.exists()
+    lock = lock_folder(out, option)
+    try:
+        yield lock
+    finally:
+        lock.release()
+        if fresh:
+            with suppress(OSError):
+                out.rmdir()
+
+
+def lock_folder(out: Path, option: str = "--out") -> LockedFolder:
+    """Errors as in `locked_folder`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{option} {out}: is a file; name a folder") from None
+    except OSError as error:
+        raise InputError(f"{option} {out}: cannot be written ({error.strerror}); name another folder") from error
+    path = out / LOCK_FILE
+    try:
+        import fcntl
+    except ImportError:  # not a system of the Unix kind
+        return LockedFolder(path, None)
+    while True:
+        try:
+            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror}); name another folder") from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = _holder(file)
+            os.close(file)
+            if error.errno in NO_LOCKS:
+                return LockedFolder(path, None)
+            raise InputError(
+                f"{option} {out}: in use by {holder}; let that end first, or name another folder"
+            ) from error
+        if not _is_still(path, file):  # its holder removed it between our opening and our locking
+            os.close(file)
+            continue
+        if os.fstat(file).st_size:
+            time.sleep(LEFT_SECONDS)
+        said = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
+        with suppress(OSError):  # on a full disk it holds all the same
+            os.ftruncate(file, 0)
+            os.pwrite(file, said, 0)
+        return LockedFolder(path, file)
+
+
+def is_locked(out: Path) -> bool:
+    """Whether a process writes into the folder just now; False where that cannot be known."""
+    try:
+        import fcntl
+
+        file = os.open(out / LOCK_FILE, os.O_RDWR | os.O_CLOEXEC)
+    except (ImportError, OSError):
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in NO_LOCKS
+    finally:
+        os.close(file)
+    return False
+
+
+def _is_still(path: Path, file: int) -> bool:
+    try:
+        there, ours = path.stat(), os.fstat(file)
+    except OSError:
+        return False
+    return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
+
+
+def _holder(file: int) -> str:
+    try:
+        said = json.loads(os.pread(file, HOLDER_BYTES, 0))
+        return f"process {int(said['process'])} on {str(said['host'])[:100]!r}"
+    except (OSError, ValueError, TypeError, KeyError):
+        return "another process"
