@@ -1,7 +1,8 @@
-"""python -m reports OUT: records in, report.html and summary.json out; the page's path is printed last.
+"""python -m reports OUT [OUT …]: records in, report.html and summary.json out; the page's path is printed last.
 
 Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone. The studies of an
 evidence.json stand in report.html, or alone in evidence.html; what a serving.json holds stands in report.html.
+Several outputs are compared in outputs.html, each with the first.
 """
 
 import argparse
@@ -10,16 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
-from harness.records import DamagedRecord, records_folder
+from harness.json_record import DamagedRecord
+from harness.records import records_folder
 from harness.serving_record import SERVING_FILE
 from harness.speed_record import SpeedRecord
 from harness.stability_record import STABILITY_FILE, StabilityRecord, broken
+from scenes.installed import packages_needed
+from scenes.stopping import stop_on_signals
 
 if TYPE_CHECKING:
     from reports.beside import Beside
     from reports.load import Records
 
-OWN_ERROR, BAD_INPUT, SOME_FAILED = 1, 2, 3
+OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
+OUTPUTS_PAGE = "outputs.html"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -29,9 +34,24 @@ def parser() -> argparse.ArgumentParser:
         "stability.html from its stability.json, and the studies of its evidence.json, in report.html or alone in "
         "evidence.html. What its serving.json holds stands in report.html.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
-        "stability check of what is ours failed, or a check of the evidence does not hold.",
+        "stability check of what is ours failed, or a check of the evidence does not hold, 130 stopped.",
     )
-    made.add_argument("out", metavar="OUT", type=Path, help="the output folder of a run, for instance out/latest")
+    made.add_argument(
+        "out",
+        metavar="OUT",
+        type=Path,
+        nargs="+",
+        help="the output folder of a run, for instance out/latest; of several, each is compared with the first",
+    )
+    made.add_argument(
+        "--page",
+        metavar="FILE",
+        type=Path,
+        help="where the page of several outputs goes (default: outputs.html in the first)",
+    )
+    made.add_argument(
+        "--partial", action="store_true", help="of an unfinished or damaged run: report what is sound, and say so"
+    )
     made.add_argument("--quiet", action="store_true", help="print nothing but the paths of the pages")
     made.add_argument(
         "--publish", metavar="DIR", type=Path, help="also write the README's small plots and numbers to DIR"
@@ -41,29 +61,48 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
+    out = options.out[0]
     try:
-        return build(options.out, options.quiet, options.publish)
+        if len(options.out) > 1:
+            return build_outputs(options.out, options.quiet, options.publish, options.page, options.partial)
+        if options.page is not None:
+            print("--page: goes with several outputs alone; give a second one, or leave it out", file=sys.stderr)
+            return BAD_INPUT
+        return build(out, options.quiet, options.publish, options.partial)
+    except KeyboardInterrupt:
+        print("interrupted: pages that were written are whole; give the command again", file=sys.stderr)
+        return STOPPED
     except DamagedRecord as problem:  # found only when what it holds was to be shown
-        print(f"{options.out}: {problem}", file=sys.stderr)
+        print(f"{out}: {problem}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
-        where = error.filename or options.out
+        where = error.filename or out
         print(f"{where}: {error.strerror or error}; make room or choose a folder that can be written", file=sys.stderr)
         return BAD_INPUT
 
 
-def build(out: Path, quiet: bool, publish: Path | None) -> int:
-    """Reads, writes, prints; what is heavy is imported only once the records are known to be sound."""
+def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -> int:
+    """Reads, writes, prints, with `partial` of a damaged run what is sound; what is heavy is imported last."""
     from reports.beside import Beside
     from reports.evidence_load import find_evidence
     from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
     from reports.serving_load import find_serving, is_whole
+    from reports.sound import if_sound
     from reports.speed_load import FILE, find_speed
     from reports.stability_load import find_stability
 
     try:
-        speed, stability, evidence = find_speed(out), find_stability(out), find_evidence(out)
-        serving = find_serving(out)
+        if partial and publish is not None:
+            raise NotForPublishing("--partial: goes without --publish; finish the run first")
+        damaged: list[str] | None = [] if partial else None
+        speed, stability = (
+            if_sound(lambda: find_speed(out), None, damaged),
+            if_sound(lambda: find_stability(out), None, damaged),
+        )
+        evidence, serving = (
+            if_sound(lambda: find_evidence(out), None, damaged),
+            if_sound(lambda: find_serving(out), None, damaged),
+        )
         with_pages = {FILE: speed, STABILITY_FILE: stability, EVIDENCE_FILE: evidence}
         if publish is not None:
             for file, found in {**with_pages, SERVING_FILE: serving}.items():
@@ -84,7 +123,15 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
                 "give the output folder of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for "
                 "instance out/latest"
             )
-        records = read_records(out) if alone or holds_run(out) else None
+        records = read_records(out, partial) if alone or holds_run(out) else None
+        left_out = damaged or []
+        if partial and records is not None:
+            from reports.kept_pictures import damaged as damaged_pictures
+
+            records.left_out.extend([*damaged_pictures(records), *left_out])
+            left_out = records.left_out
+        if not quiet:
+            _tell(left_out)
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
         print(problem, file=sys.stderr)
         return BAD_INPUT
@@ -99,6 +146,37 @@ def build(out: Path, quiet: bool, publish: Path | None) -> int:
     if records is not None:
         codes.append(build_report(records, quiet, publish, Beside(stability, evidence, serving)))
     return max(codes)
+
+
+def _tell(left_out: list[str]) -> None:
+    for line in left_out:
+        print(f"left out: {line}")
+
+
+def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Path | None, partial: bool = False) -> int:
+    """The page on which several runs are held against the first, with `partial` what of each is sound; 3 where a cell
+    of any of them failed."""
+    from reports.load import NoRecords, read_records
+
+    twice = sorted({str(out) for out in outs if sum(out.resolve() == other.resolve() for other in outs) > 1})
+    if twice or publish is not None:
+        why = f"{twice[0]}: named twice; name each output once" if twice else "--publish: goes with one output alone"
+        print(why, file=sys.stderr)
+        return BAD_INPUT
+    try:
+        found = [read_records(out, partial) for out in outs]
+    except (NoRecords, DamagedRecord) as problem:
+        print(problem, file=sys.stderr)
+        return BAD_INPUT
+    from reports.outputs_page import write_outputs_page
+
+    page = page or outs[0] / OUTPUTS_PAGE
+    title = write_outputs_page(found, page)
+    if not quiet:
+        _tell([line for records in found for line in records.left_out])
+        print(title)
+    print(page)
+    return SOME_FAILED if any(records.failed for records in found) else 0
 
 
 def holds_run(out: Path) -> bool:
@@ -189,4 +267,6 @@ def build_report(records: "Records", quiet: bool, publish: Path | None, beside: 
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    stop_on_signals()
+    with packages_needed():
+        sys.exit(main())

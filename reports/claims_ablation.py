@@ -9,6 +9,7 @@ from reports.claims_scores import PAIRED, interval_judged, tried
 from reports.evidence_view import is_quick
 from reports.judging import judge_gain, rounded_away
 from reports.ledger import UNTESTED, Bench, Claim, Finding, Printed
+from reports.selection import behind_difference
 from reports.wording import counted, interval, signed
 
 STUDY = "factorial"
@@ -41,7 +42,7 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
     pair = interval_judged(one)
     verdict = judge_gain(entry.printed, rounding, one.difference, pair, one.left_aside)
     lost = f"{counted(one.left_aside, 'pair')} lost" if one.left_aside else ""
-    return Finding(verdict, how, one.difference, pair, note=lost)
+    return Finding(verdict, how, one.difference, pair, note=lost, runs=behind_difference(one))
 
 
 def doubts(evidence: EvidenceRecord) -> str:

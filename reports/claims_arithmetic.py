@@ -98,13 +98,16 @@ def source_of_baseline(bench: Bench, entry: Printed) -> Finding:
     """Whether the baseline was measured, or taken over: equal figures suggest, but do not prove."""
     how = "scenes whose printed NeRF score is the original NeRF paper’s, rounded (Mildenhall et al. 2020)"
     original, rows = bench.paper.get("original_nerf") or {}, bench.scenes_of_table2()
-    if not original or not rows:
+    known = [scene for scene in rows if scene in original]
+    if not known:
         return _absent(how)
-    same = [scene for scene, row in rows.items() if abs(original[scene] - row["nerf"]) <= DIGIT_DB + 1e-9]
+    unknown = [scene for scene in rows if scene not in original]
+    without = f" (without {listed(unknown)}, of which no original score is recorded)" if unknown else ""
+    same = [scene for scene in known if abs(original[scene] - rows[scene]["nerf"]) <= DIGIT_DB + 1e-9]
     note = (
-        f"equal in {len(same)} of {len(rows)} scenes; the original trained with 4096 rays a step for 100 000 to "
-        "300 000 steps. Scores of a training of its own would differ in some last digit, as seeds differ by more; "
-        "figures alone do not prove where they come from"
+        f"equal in {len(same)} of {len(known)} scenes{without}; the original trained with 4096 rays a step for "
+        "100 000 to 300 000 steps. Scores of a training of its own would differ in some last digit, as seeds differ by "
+        "more; figures alone do not prove where they come from"
     )
     return Finding("inconclusive", how, len(same), None, OWN_FIGURES, note)
 

@@ -1,10 +1,12 @@
 """Abstract and Table 2: how much better, and how good."""
 
-from harness.records import Comparison, finite_or_none
+from harness.json_record import finite_or_none
+from harness.records import Comparison
 from reports.headline import roles
 from reports.judging import half_unit, interval_of_mean, judge_gain, judge_level, rounded_away
 from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
 from reports.scale import strangers, unless_whole
+from reports.selection import Selection, behind_difference
 from reports.wording import counted, interval, listed, signed
 
 MARGINS = {"psnr": 0.2, "ssim": 0.005}
@@ -29,7 +31,7 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     verdict = judge_gain(entry.printed, rounded_away(entry), one.difference, pair, one.left_aside)
     if scene == "all":
         verdict = unless_whole(bench.records, verdict)
-    return Finding(verdict, how, one.difference, pair, note=_note(bench, scene))
+    return Finding(verdict, how, one.difference, pair, note=_note(bench, scene), runs=behind_difference(one))
 
 
 def tried(bench: Bench, one: Comparison) -> bool:
@@ -73,7 +75,8 @@ def range_of_gains(bench: Bench, entry: Printed) -> Finding:
     mean = f"mean {signed(one.difference)} {interval(pair)}".strip() if one.difference is not None else ""
     notes = [f"below it on {listed(below)}" if below else "", mean, _note(bench, "all")]
     ends = (min(there.values()), max(there.values())) if there else None
-    return Finding(verdict, how, ends, note="; ".join(filter(None, notes)))
+    behind = behind_difference(one) if set(bench.records.scenes) <= set(rows) else None
+    return Finding(verdict, how, ends, note="; ".join(filter(None, notes)), runs=behind)
 
 
 def score(bench: Bench, entry: Printed) -> Finding:
@@ -108,7 +111,9 @@ def score(bench: Bench, entry: Printed) -> Finding:
     printed = entry.printed if isinstance(entry.printed, int | float) else float("nan")
     verdict = "inconclusive" if missing or lost else judge_level(printed, MARGINS[metric], pair)
     notes.append("on the view sets that were given: whether these are the paper’s, this program cannot tell")
-    return Finding(verdict, how, measured, pair, note="; ".join(filter(None, notes)))
+    behind = Selection("" if scene == "all" else scene, method, metric=metric)
+    exactly = behind if scene != "all" or set(ran) == set(bench.records.scenes) else None
+    return Finding(verdict, how, measured, pair, note="; ".join(filter(None, notes)), runs=exactly)
 
 
 def _where(scene: str) -> str:

@@ -43,11 +43,12 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
     for claim in found:
         scale = "" if claim.verdict == UNTESTED or claim.scale == here else claim.scale
         row = [Entry(claim.statement), Entry(printed_text(claim), claim.source.replace(", ", "\n"))]
-        row.append(Entry(measured_text(claim), interval_text(claim)))
+        row.append(Entry(measured_text(claim), interval_text(claim), runs=claim.runs))
         row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
         row.append(Entry(claim.how, claim.note))
         rows.append(row)
-    return Grid(caption, columns, rows)
+    # without what was judged, it would read as if nothing had been
+    return Grid(caption, columns, rows, filtered=False)
 
 
 def tally_grid(found: list[Claim]) -> Grid:

@@ -12,6 +12,7 @@ from harness.targets_record import TargetComparison, TargetsRecord
 from reports.judging import judge_difference, rounded_away
 from reports.ledger import UNTESTED, Bench, Finding, Printed, Verdict
 from reports.scale import strangers, unless_whole
+from reports.selection import behind_saving
 from reports.wording import count, counted, number
 
 HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
@@ -34,7 +35,7 @@ def saving(bench: Bench, entry: Printed) -> Finding:
     verdict = verdict_of(entry.printed, rounded_away(entry), one, targets.printed)
     verdict = unless_whole(bench.records, verdict)
     note = "; ".join(filter(None, [_note(one, targets), strangers(bench.records)]))
-    return Finding(verdict, how, one.saving, pair, note=note)
+    return Finding(verdict, how, one.saving, pair, note=note, runs=behind_saving(one))
 
 
 def verdict_of(printed: float, rounding: float, one: TargetComparison, is_printed_target: bool) -> Verdict:

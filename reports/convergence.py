@@ -7,6 +7,7 @@ import pandas as pd
 from reports.figure import Panel, Trace, with_common_limits
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
+from reports.selection import Selection
 from reports.table import curves_frame
 
 Axis = Literal["step", "seconds"]
@@ -65,9 +66,11 @@ def traces_of(curves: pd.DataFrame, colours: dict[str, str], axis: Axis) -> tupl
             if points.empty:
                 continue
             x, y = tuple(map(float, points[axis])), tuple(map(float, points["psnr"]))
-            thin.append(Trace(f"{method} seed {seed}", colour, "thin", x, y))
+            steps, behind = tuple(map(int, points["step"])), behind_curve(points, method, int(seed))
+            thin.append(Trace(f"{method} seed {seed}", colour, "thin", x, y, runs=behind, steps=steps))
             if set(of_seed["status"]) == {"diverged"}:
-                crosses.append(Trace(f"{method} seed {seed} diverged", colour, "cross", x[-1:], y[-1:]))
+                words = f"{method} seed {seed} diverged"
+                crosses.append(Trace(words, colour, "cross", x[-1:], y[-1:], runs=behind, steps=steps[-1:]))
             elif set(of_seed["status"]) == {"done"}:
                 finished.append(points)
         if finished:
@@ -83,7 +86,15 @@ def _mean_trace(method: str, colour: str, finished: list[pd.DataFrame], axis: Ax
     )
     shared = by_step[by_step["many"] == len(finished)]
     x = shared.index if axis == "step" else shared["x"]
-    return Trace(f"{method} mean", colour, "line", tuple(map(float, x)), tuple(map(float, shared["y"])))
+    behind, steps = behind_curve(together, method), tuple(map(int, shared.index))
+    x, y = tuple(map(float, x)), tuple(map(float, shared["y"]))
+    return Trace(f"{method} mean", colour, "line", x, y, runs=behind, steps=steps)
+
+
+def behind_curve(points: pd.DataFrame, method: str, seed: int | None = None) -> tuple[Selection, ...]:
+    """The runs of a curve; without a scene where it is a mean over scenes."""
+    scenes = set(points["scene"]) if "scene" in points else set()
+    return (Selection(scenes.pop() if len(scenes) == 1 else "", method, metric="psnr", seed=seed),)
 
 
 def _panel(title: str, curves: pd.DataFrame, colours: dict[str, str], axis: Axis) -> Panel:

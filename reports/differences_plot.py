@@ -4,6 +4,7 @@ from reports.figure import Panel, Trace, with_common_limits
 from reports.headline import BUDGETS, roles
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
+from reports.selection import behind_difference
 from reports.wording import interval, signed
 
 
@@ -31,6 +32,7 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
     colour = colours_of(records.methods)[rival].light
     # of a family, the interval that the verdict is taken from
     with_interval = [(place, pair) for place, one in shown if (pair := one.simultaneous or one.interval)]
+    behind = {place: behind_difference(one) for place, one in shown}
     traces = [
         Trace("no difference", INK.light, "floor", (0.0, 0.0), (-0.5, len(rows) - 0.5)),
         Trace(
@@ -40,6 +42,7 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
             tuple(pair[0] for _, pair in with_interval),
             tuple(float(place) for place, _ in with_interval),
             tuple(pair[1] for _, pair in with_interval),
+            runs=tuple(behind[place] for place, _ in with_interval),
         ),
         Trace(
             "difference",
@@ -47,6 +50,7 @@ def _panel(records: Records, method: str, rival: str, budget: str, words: str) -
             "dots",
             tuple(one.difference for _, one in shown if one.difference is not None),
             tuple(float(place) for place, _ in shown),
+            runs=tuple(behind.values()),
         ),
     ]
     if rival == "nerf" and method == "qnerf":

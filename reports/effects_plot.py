@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from harness.evidence_record import Effect
 from reports.figure import tick
+from reports.grid import Entry
 from reports.table import METRICS, Metric
 from reports.wording import after, counted, interval, signed
 
@@ -45,8 +46,8 @@ class Row:
     name: str
     against: str
     note: str
-    difference: str
-    interval: str
+    figures: Entry
+    """The difference and its interval, with the numbers of both intervals."""
     verdict: str
     tone: str
     dot: float | None
@@ -77,6 +78,14 @@ class Forest:
     of_interest: str
     ticks: list[tuple[float, str]]
     family: str
+
+    @property
+    def keys(self) -> list[tuple[str, str]]:
+        """Class of each kind of mark, and what it means."""
+        found = {"dot": "difference", "alone": "its 95 % interval alone", "together": f"so wide that {self.family}"}
+        if self.band:
+            found["interest"] = f"{self.of_interest}, the smallest effect of interest"
+        return list(found.items())
 
 
 @dataclass(frozen=True)
@@ -195,8 +204,7 @@ def row_of(one: Effect, metric: Metric, axis: Axis) -> Row:
         one.name,
         one.against,
         note,
-        signed(one.difference, metric.digits),
-        interval(one.interval, metric.digits),
+        figures_of(one, metric),
         one.verdict,
         one.verdict,
         axis.place(one.difference) if one.difference is not None and inside else None,
@@ -204,6 +212,16 @@ def row_of(one: Effect, metric: Metric, axis: Axis) -> Row:
         axis.mark(one.simultaneous),
         told(one, metric),
     )
+
+
+def figures_of(one: Effect, metric: Metric) -> Entry:
+    ends = {
+        f"{words}{end}": value
+        for words, pair in (("", one.interval), ("simultaneous ", one.simultaneous))
+        for end, value in zip(("low", "high"), pair or (None, None), strict=True)
+    }
+    said = signed(one.difference, metric.digits)
+    return Entry(said, interval(one.interval, metric.digits), value=one.difference, parts=ends)
 
 
 def told(one: Effect, metric: Metric) -> str:

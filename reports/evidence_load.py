@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from harness.evidence_record import EVIDENCE_FILE, Effect, EvidenceRecord, StudyRecord, read_evidence
+from harness.record_types import first_mismatch
 from reports.load import find_record, uneven
 
 REMEDY = "run `nox -s evidence` again"
@@ -16,6 +17,9 @@ def find_evidence(out: Path) -> EvidenceRecord | None:
 
 def _contradiction(record: EvidenceRecord) -> str | None:
     """The first thing that no run writes, though every type is right."""
+    interest = record.settings.get("smallest_of_interest")
+    if interest is not None and (wrong := first_mismatch(interest, dict[str, float], "smallest_of_interest")):
+        return wrong
     twice = [name for name, many in Counter(study.info.id for study in record.studies).items() if many > 1]
     if twice:
         return f"study {twice[0]!r} is there twice"

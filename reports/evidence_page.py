@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+from markupsafe import Markup
+
 from harness.evidence_record import EvidenceRecord
 from reports import shell, wording
 from reports.evidence_view import evidence, sentences
+from reports.script import content_policy
 
 
 def evidence_page(record: EvidenceRecord) -> str:
@@ -14,8 +17,9 @@ def evidence_page(record: EvidenceRecord) -> str:
         shell.environment()
         .get_template("evidence_page.html")
         .render(
-            policy=shell.CONTENT_POLICY,
-            style=shell.style("page.css", "evidence.css"),
+            policy=content_policy(shell.code()),
+            script=Markup(shell.code()),
+            style=shell.style("page.css", "explore.css", "evidence.css"),
             colours={},
             title=shown.headline,
             evidence=shown,

@@ -6,13 +6,12 @@ and every id is made unique, so that many figures can live in one page.
 
 import io
 import math
-import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import matplotlib
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -20,6 +19,9 @@ from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from reports import palette
+from reports.inline_svg import inlined
+from reports.selection import Selection
+from reports.trace_data import as_element
 from reports.wording import MINUS, scientific, significant
 
 Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "zero", "band", "area"]
@@ -72,6 +74,10 @@ class Trace:
     marker: str = "D"
     hollow: bool = True
     size: float = 4.6
+    runs: tuple[Selection, ...] = field(default=(), compare=False)
+    """The runs behind it: those of the whole trace, or one a point."""
+    steps: tuple[int, ...] = field(default=(), compare=False)
+    """The training step of each point, where it has one."""
 
 
 @dataclass(frozen=True)
@@ -297,27 +303,11 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
 
 
 def svg(panel: Panel, name: str) -> Markup:
-    """One `<svg>` element for the page; `name` makes its ids unique there and is of letters, digits and dashes."""
+    """One `<svg>` element for the page, with its numbers beside it; `name` makes its ids unique there and is of
+    letters, digits and dashes.
+    """
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
-        draw(panel).savefig(buffer, format="svg", metadata={"Date": None})
-    return Markup(inlined(buffer.getvalue(), name, panel.alt))
-
-
-def inlined(text: str, name: str, alt: str) -> str:
-    """A standalone SVG of Matplotlib made fit for one page among many others."""
-    body = text[text.index("<svg") :]
-    box = re.search(r'viewBox="([^"]+)"', body)
-    inner = body[body.index(">") + 1 : body.rindex("</svg>")]
-    inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
-    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
-    inner = re.sub(r' id="([^"]+)"', lambda found: f' id="{name}-{found[1]}"' if found[1] in used else "", inner)
-    inner = re.sub(r'(xlink:href="#|url\(#)', lambda found: f"{found[1].removeprefix('xlink:')}{name}-", inner)
-    inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
-    inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)
-    inner = re.sub(r'="[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), inner)
-    inner = re.sub(r"\s*\n\s*", " ", inner)
-    for colour in palette.EVERY:
-        inner = inner.replace(colour.light, f"var({colour.variable})")
-    view = box[1] if box else "0 0 1 1"
-    return f'<svg class="plot" viewBox="{view}" role="img" aria-label="{escape(alt)}">{inner}</svg>'
+        drawn = draw(panel)
+        drawn.savefig(buffer, format="svg", metadata={"Date": None})
+    return Markup(inlined(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])

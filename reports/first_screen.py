@@ -13,6 +13,7 @@ from reports.headline import roles, smallest_detectable
 from reports.ledger import UNTESTED, Claim
 from reports.load import Records
 from reports.scale import in_a_line
+from reports.selection import Selection
 from reports.wording import NARROW, NOTHING, interval, listed, number, signed
 
 PRINCIPAL = {
@@ -44,6 +45,8 @@ class Line:
     tone: str
     note: str
     """What qualifies the verdict, and the scale where it is not the run's."""
+    runs: Selection | None
+    """Those of this report behind what was measured."""
 
 
 @dataclass(frozen=True)
@@ -76,17 +79,22 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
 
 def _line(words: str, claim: Claim, here: str) -> Line:
     # its first sentence; what else is to be known of a study's cells stands with the study
-    elsewhere = claim.scale.split(". ")[0] if claim.scale != here and claim.verdict != UNTESTED else ""
+    tested = claim.verdict != UNTESTED
+    elsewhere = claim.scale.split(". ")[0] if claim.scale != here and tested else ""
+    measured, between = measured_text(claim), interval_text(claim)
+    # a figure beside a verdict would be read as what the verdict is about
+    instead = f"measured instead: {measured} {between}".strip() if claim.measured is not None and not tested else ""
     return Line(
         words,
         claim.source,
         printed_text(claim),
-        measured_text(claim),
-        interval_text(claim),
+        measured if tested else NOTHING,
+        between if tested else "",
         claim.verdict,
         MARKS[claim.verdict],
         TONES[claim.verdict],
-        "; ".join(filter(None, [claim.note, elsewhere])),
+        "; ".join(filter(None, [instead, claim.note, elsewhere])),
+        claim.runs,
     )
 
 

@@ -2,15 +2,27 @@
 
 from dataclasses import dataclass, field
 
+from reports.selection import Selection
+
 
 @dataclass(frozen=True)
 class Entry:
-    """One cell of a table: its text, a smaller second line, and a tone that the page gives a look."""
+    """One cell of a table: its text, a smaller second line, and a tone that the page gives a look.
+
+    What is not seen takes no part in comparisons: two entries are equal where a reader sees the same.
+    """
 
     text: str
     small: str = ""
     tone: str = ""
     """`better`, `worse`, `equivalent`, `inconclusive`, `failed`, `muted`, or nothing."""
+    value: float | str | None = field(default=None, compare=False)
+    """What it is sorted by and saved as, where that is not what its text says: a number before it was rounded, the
+    scene where its name is not repeated."""
+    parts: dict[str, float | None] = field(default_factory=dict, compare=False)
+    """Further numbers of it for a file, by name: the ends of an interval, a standard deviation."""
+    runs: Selection | None = field(default=None, compare=False)
+    """The runs behind it."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +43,8 @@ class Grid:
     rows: list[list[Entry]]
     totals: list[list[Entry]] = field(default_factory=list)
     note: str = ""
+    filtered: bool = True
+    """Whether rows of scenes and methods that a reader takes out of sight go with them."""
 
 
 EMPTY = Entry("–", tone="muted")

@@ -7,6 +7,7 @@ from harness.records import CellRecord, Checkpoint
 from reports.figure import Panel, Scale, Trace, with_common_limits
 from reports.load import Records
 from reports.palette import MUTED, colours_of
+from reports.selection import Selection
 
 GOLDEN = (1 + 5**0.5) / 2
 SMALLEST_SHARE = 1e-5
@@ -23,7 +24,8 @@ def density_histograms(records: Records) -> list[Panel]:
             density = _mean_density([point.density for point in points if point.density])
             if density is not None and (points[0].alpha is not None or density["before"] != density["after"]):
                 several = len(amplified_methods(records)) > 1
-                panels.append(_panel(f"{scene}, {method}" if several else scene, density, colours[method].light))
+                title = f"{scene}, {method}" if several else scene
+                panels.append(_panel(title, density, colours[method].light, Selection(scene, method)))
     return with_common_limits(panels, "y")
 
 
@@ -61,11 +63,18 @@ def _is_histogram(one: dict[str, list[float]]) -> bool:
     return bins > 0 and len(one["before"]) == bins == len(one["after"])
 
 
-def _panel(title: str, density: dict[str, list[float]], colour: str) -> Panel:
+def _panel(title: str, density: dict[str, list[float]], colour: str, behind: Selection) -> Panel:
     edges = density["edges"]
     scale, linear_below = axis_of(edges)
     traces = tuple(
-        Trace(side, tone, "outline", tuple(edges), tuple(max(share, SMALLEST_SHARE) for share in [*shares, shares[-1]]))
+        Trace(
+            side,
+            tone,
+            "outline",
+            tuple(edges),
+            tuple(max(share, SMALLEST_SHARE) for share in [*shares, shares[-1]]),
+            runs=(behind,),
+        )
         for side, tone, shares in (
             ("before the amplifier", MUTED.light, density["before"]),
             ("after the amplifier", colour, density["after"]),
@@ -106,7 +115,8 @@ def amplifier_over_time(records: Records) -> list[Panel]:
             x, y = _finite_pairs(cell.trace.get("step", []), cell.trace.get(name, []))
             if len(x) > 1:
                 label = f"{cell.method} {cell.scene} seed {cell.seed}"
-                traces.append(Trace(label, colours[cell.method].light, "thin", x, y))
+                behind = (Selection(cell.scene, cell.method, seed=cell.seed),)
+                traces.append(Trace(label, colours[cell.method].light, "thin", x, y, runs=behind))
         if traces:
             ends = [trace.y[-1] for trace in traces]
             steps = [x for trace in traces for x in trace.x]

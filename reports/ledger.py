@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from harness.evidence_record import EvidenceRecord
-from harness.records import DamagedRecord
+from harness.json_record import DamagedRecord
 from harness.serving_record import ServingRecord
 from harness.targets_record import TargetsRecord
 from reports.load import REMEDY, Records
+from reports.selection import Selection
 
 Verdict = Literal["holds", "does not hold", "inconclusive", "not tested at this scale"]
 UNTESTED: Verdict = "not tested at this scale"
@@ -66,6 +67,8 @@ class Claim:
     digits: int = 0
     """Decimals of the printed number."""
     note: str = ""
+    runs: Selection | None = None
+    """The runs of this report that the verdict is taken from; None where it is of something else, or there is none."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,8 @@ class Finding:
     scale: str = ""
     """Where it is not that of the run."""
     note: str = ""
+    runs: Selection | None = None
+    """Of this report, all that `measured` is taken from."""
 
 
 def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
@@ -124,6 +129,7 @@ def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
         entry.unit,
         entry.digits,
         found.note,
+        found.runs if found.verdict != UNTESTED else None,
     )
 
 

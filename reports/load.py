@@ -3,28 +3,30 @@
 Whatever is wrong with a file is said once, naming the file and the remedy: no traceback reaches a reader.
 """
 
-import math
-import types
-import typing
+from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from harness.chart_record import Series, Table
+from harness.comparisons import compare
+from harness.json_record import DamagedRecord, shown
+from harness.record_types import first_mismatch
 from harness.records import (
     CellRecord,
     Comparison,
-    DamagedRecord,
     RunRecord,
     SceneRecord,
+    cell_files,
     read_cell,
     read_comparisons,
     read_run,
     records_folder,
 )
 from harness.targets_record import TARGETS_FILE, TargetsRecord, read_targets
+from reports.sound import if_sound
 
 One = TypeVar("One")
 REMEDY = "delete it and run again with --resume"
@@ -56,6 +58,8 @@ class Records:
     comparisons: list[Comparison]
     targets: TargetsRecord | None = None
     """When a score was reached; None in runs recorded before that was noted."""
+    left_out: list[str] = field(default_factory=list)
+    """With `--partial`: files that are damaged and therefore not shown, and why, a line each."""
 
     @property
     def folder(self) -> Path:
@@ -103,26 +107,38 @@ class Records:
         return None
 
 
-def read_records(out: Path) -> Records:
-    """Everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader."""
+def read_records(out: Path, partly: bool = False) -> Records:
+    """Everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader. A damaged file is
+    left out `partly`, and noted, unless nothing can be shown without it.
+    """
     folder = records_folder(out)
     if not out.is_dir():
         raise NoRecords(f"{out}: no such folder; give the output folder of a run, for instance out/latest")
     if not folder.is_dir():
         raise NoRecords(f"{out}: no records/ in it; give the output folder of a run, for instance out/latest")
-    paths = sorted((folder / "cells").glob("*.json"))
+    paths = cell_files(out)
     if not paths:
         raise NoRecords(f"{folder}: no finished cell yet; finish the run (python -m harness run --resume)")
     if not (folder / "run.json").is_file():
         raise NoRecords(f"{folder / 'run.json'}: missing; finish the run (python -m harness run --resume)")
     run = _sound(folder / "run.json", RunRecord, lambda: read_run(out))
-    cells = [_sound(path, CellRecord, partial(read_cell, path)) for path in paths]
-    comparisons = _sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out))
-    targets = _sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: read_targets(out))
+    left_out: list[str] | None = [] if partly else None
+
+    def sound(path: Path, hint: Any, read: Callable[[], Any], without: Any = None) -> Any:
+        return if_sound(lambda: _sound(path, hint, read), without, left_out)
+
+    cells = [cell for path in paths if (cell := sound(path, CellRecord, partial(read_cell, path))) is not None]
+    if not cells:
+        raise NoRecords(f"{folder}: no finished cell is sound; finish the run (python -m harness run --resume)")
+    comparisons = sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out), [])
+    known = Records(out, run, cells, comparisons).methods
+    targets = sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: _of_methods(read_targets(out), known))
+    if len(cells) < len(paths):  # both are of cells that are not shown
+        comparisons, targets = compare(of_whole_groups(cells, list(run.methods)), list(run.methods)), None
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, unsorted.methods
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
-    return Records(out, run, cells, comparisons, targets)
+    return Records(out, run, cells, comparisons, targets, left_out or [])
 
 
 def find_record(
@@ -139,6 +155,20 @@ def find_record(
     if problem is not None:
         raise DamagedRecord(f"{path}: {problem}; {remedy}")
     return record
+
+
+def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
+    """Those of the scenes and seeds of which every method is there: no others are compared."""
+    ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
+    return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
+
+
+def _of_methods(found: TargetsRecord | None, methods: list[str]) -> TargetsRecord | None:
+    """Raises `ValueError` where a curve is of none of the methods."""
+    stray = next((one.method for one in found.curves if one.method not in methods), None) if found else None
+    if stray is not None:
+        raise ValueError(f"a curve is of {shown(stray)}, which is no method of the run")
+    return found
 
 
 def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
@@ -159,43 +189,6 @@ def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
     return value
 
 
-def first_mismatch(value: Any, hint: Any, where: str = "") -> str | None:
-    """The first place where `value` is not what `hint` promises, or a number is not finite; None where all is well."""
-    origin, parts = typing.get_origin(hint), typing.get_args(hint)
-    here = where or "the record"
-    if hint is Any:
-        return _first_not_finite(value, here)
-    if is_dataclass(hint):
-        if not isinstance(value, typing.cast(type, hint)):
-            return f"{here} is not a {getattr(hint, '__name__', hint)}"
-        hints = typing.get_type_hints(hint)
-        found = (first_mismatch(getattr(value, name), of, f"{where}.{name}".strip(".")) for name, of in hints.items())
-        return next((wrong for wrong in found if wrong), None)
-    if origin in (types.UnionType, typing.Union):
-        wrong = [first_mismatch(value, part, where) for part in parts if part is not type(None)]
-        return None if (value is None and type(None) in parts) or None in wrong else wrong[0]
-    if origin is typing.Literal:
-        return None if value in parts else f"{here} is {value!r}, not one of {', '.join(map(str, parts))}"
-    if origin is list:
-        return _first_in(value, list, lambda: [(f"{where}[{i}]", one, parts[0]) for i, one in enumerate(value)], here)
-    if origin is dict:
-        return _first_in(value, dict, lambda: [(f"{where}.{key}", one, parts[1]) for key, one in value.items()], here)
-    if origin is tuple:
-        if not isinstance(value, tuple) or len(value) != len(parts):
-            return f"{here} is not a pair of numbers"
-        return _first_in(
-            value, tuple, lambda: [(where, one, part) for one, part in zip(value, parts, strict=True)], here
-        )
-    return _scalar_mismatch(value, hint, here)
-
-
-def _first_in(value: Any, kind: type, items: Callable[[], list[tuple[str, Any, Any]]], here: str) -> str | None:
-    if not isinstance(value, kind):
-        return f"{here} is {type(value).__name__}, not {kind.__name__}"
-    found = (first_mismatch(one, hint, where.strip(".")) for where, one, hint in items())
-    return next((wrong for wrong in found if wrong), None)
-
-
 def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
     """The first list of a line or a table that is longer or shorter than its partner."""
     found = [*map(_uneven_series, series), *map(_uneven_table, tables)]
@@ -213,17 +206,3 @@ def _uneven_series(one: Series) -> str | None:
 def _uneven_table(one: Table) -> str | None:
     wrong = next((row for row in one.rows if len(row) != len(one.columns)), None)
     return None if wrong is None else f"table {one.id!r} has {len(one.columns)} columns but a row of {len(wrong)}"
-
-
-def _scalar_mismatch(value: Any, hint: type, here: str) -> str | None:
-    accepted: tuple[type, ...] = (int, float) if hint is float else (hint,)
-    if not isinstance(value, accepted) or (isinstance(value, bool) and hint is not bool):
-        return f"{here} is {value!r}, not {hint.__name__}"
-    return _first_not_finite(value, here)
-
-
-def _first_not_finite(value: Any, here: str) -> str | None:
-    if isinstance(value, float) and not math.isfinite(value):
-        return f"{here} is {value}, which no record may hold"
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return next((wrong for one in inner if (wrong := _first_not_finite(one, here))), None)

@@ -3,7 +3,8 @@
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.psnr_table import TOGETHER, difference_entry, losses, tone_of
-from reports.table import METRICS, average_of, cells_frame, shared_scenes, spread_of
+from reports.selection import Selection
+from reports.table import METRICS, Metric, average_of, cells_frame, shared_scenes, spread_of
 from reports.wording import number
 
 
@@ -22,19 +23,27 @@ def metrics_grid(records: Records) -> Grid:
             if not cells:
                 continue
             lost = losses(cells)
-            row = [Entry(scene if place == 0 else ""), Entry(method, lost, tone_of(cells))]
+            behind = Selection(scene, method)
+            row = [Entry(scene if place == 0 else "", value=scene), Entry(method, lost, tone_of(cells), runs=behind)]
             for metric in shown:
                 mean = spread_of(frame, scene, method, metric.name).mean
-                row.append(Entry(number(mean, metric.digits)) if mean is not None else EMPTY)
+                row.append(score(mean, metric, scene, method))
             rows.append(row)
     for place, method in enumerate(records.methods if len(records.scenes) > 1 else []):
-        row = [Entry("mean" if place == 0 else ""), Entry(method)]
+        row = [Entry("mean" if place == 0 else "", value="mean"), Entry(method)]
         for metric in shown:
             mean = average_of(frame, method, metric.name, shared_scenes(frame, metric.name)).mean
-            row.append(Entry(number(mean, metric.digits)) if mean is not None else EMPTY)
+            row.append(score(mean, metric, "", method))
         totals.append(row)
     note = "; ".join(f"{metric.label}: {metric.meaning}" for metric in shown)
     return Grid("All scores", columns, rows, totals, f"Arrows point to the better side. {note}.")
+
+
+def score(mean: float | None, metric: Metric, scene: str, method: str) -> Entry:
+    """A mean with the runs that it is taken over."""
+    if mean is None:
+        return EMPTY
+    return Entry(number(mean, metric.digits), value=mean, runs=Selection(scene, method, metric=metric.name))
 
 
 def comparisons_grid(records: Records) -> Grid:
@@ -53,7 +62,7 @@ def comparisons_grid(records: Records) -> Grid:
                 Entry(labels.get(one.metric, one.metric)),
                 Entry("steps" if one.budget == "steps" else "time"),
                 difference_entry(one),
-                Entry(number(one.smallest_detectable, digits)),
+                Entry(number(one.smallest_detectable, digits), value=one.smallest_detectable),
                 Entry(str(one.pairs)),
             ]
         )

@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from reports import error_maps, palette, properties, shell, wording
+from reports import comparer, palette, properties, shell, wording
 from reports.beside import ALONE, Beside
 from reports.claims import claims
 from reports.claims_table import chapters
@@ -19,13 +19,17 @@ from reports.headline import headline, roles
 from reports.histograms import amplified_methods, amplifier_over_time, density_histograms
 from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.picture_data import PictureData, picture_data, remove_others, write_files
 from reports.pictures import views
 from reports.plots import Plot, plots
 from reports.psnr_table import differences_grids, scores_grid
+from reports.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.scale import facts, in_a_line, is_paper_scale, on_other_pictures
+from reports.script import as_data, content_policy, script
+from reports.selection import behind_difference
 from reports.serving_attention import about, attention
 from reports.serving_cache import cache
-from reports.shell import CONTENT_POLICY, SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
+from reports.shell import SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
 from reports.untested import not_tested
@@ -34,16 +38,26 @@ from reports.work_view import work
 
 def page(records: Records, beside: Beside = ALONE) -> str:
     """The whole page as text; what lies `beside` the run has sections of its own."""
+    return _page(records, beside, picture_data(records))
+
+
+def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
     environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
     environment.filters["signed"] = wording.signed
     environment.filters["interval"] = wording.interval
+    environment.filters["as_data"] = as_data
+    environment.filters["behind"] = behind_difference
     content = _content(records, beside) | _content_beside(records, beside)
+    code = script(*SCRIPTS)
     return environment.get_template("page.html").render(
         **content,
-        policy=CONTENT_POLICY,
+        policy=content_policy(code, files=bool(pixels and pixels.files)),
+        pixels=pixels,
+        script=Markup(code),
         style=_style(content),
+        data={"runs": as_data(runs_data(records)), "density": as_data(density_data(records))},
         title=content["headline"].title,
         stability_page=STABILITY_PAGE if beside.stability else "",
         speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
@@ -82,8 +96,11 @@ SHEETS = {
     "work": ("work.css",),
     "cache": ("serving.css",),
     "attention": ("work.css", "serving.css"),
+    "pictures": ("compare.css",),
 }
 """Section → the style sheets that it needs besides that of the page."""
+SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *comparer.SCRIPTS, shell.START)
+"""In this order, in one scope."""
 CHOOSING = ("work", "attention")
 """Sections in which a reader chooses, with rules of their own."""
 
@@ -92,7 +109,7 @@ def _style(content: dict[str, Any]) -> Markup:
     """What the sections that are there need, each sheet once."""
     own = dict.fromkeys(sheet for name, sheets in SHEETS.items() if content[name] for sheet in sheets)
     rules = Markup("").join(content[name].rules for name in CHOOSING if content[name])
-    return shell.style("page.css", *own) + rules
+    return shell.style("page.css", "explore.css", *own) + rules
 
 
 def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
@@ -137,8 +154,6 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "work": work(records),
         "reaching": reaching(records),
         "pictures": views(records),
-        "amplified_by": error_maps.AMPLIFIED,
-        "delta_e_white": error_maps.DELTA_E_WHITE,
         "metrics": metrics_grid(records),
         "amplifier": _some(
             density=plots(density_histograms(records), "density"),
@@ -209,5 +224,9 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
 
 
 def write_page(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Beside its place, then renamed: a reader never sees half a page."""
-    shell.write_whole(page(records, beside), path)
+    """Beside its place, then renamed: a reader never sees half a page, nor one without its pictures."""
+    pixels = picture_data(records)
+    files = pixels.files if pixels else {}
+    write_files(files, path.parent)
+    shell.write_whole(_page(records, beside, pixels), path)
+    remove_others(files, path.parent)

@@ -36,6 +36,23 @@ MUTED = Colour("--muted", "#6b6b70", "#a3a3aa")
 RULE = Colour("--rule", "#e3e3e6", "#38383d")
 PAPER = Colour("--paper", "#fefefe", "#151517")
 
+SURFACES = (
+    Colour("--raised", "#f6f6f7", "#1e1e21"),
+    Colour("--alert", "#fff4e5", "#36250f"),
+    Colour("--alert-ink", "#7a3d00", "#ffc98a"),
+    Colour("--link", "#0b57a4", "#84bdf2"),
+    Colour("--good", "#00654c", "#4cc9a0"),
+    Colour("--bad", "#a8330a", "#ff9a70"),
+    Colour("--memory-0", "#004f7c", "#8cc8f0"),
+    Colour("--memory-1", "#4f97c9", "#3a7fb0"),
+    Colour("--disk", "#d9a441", "#b07d1e"),
+    Colour("--rendered", "#c4c4c9", "#55555c"),
+    Colour("--finding", "#7a3d8c", "#d3a5e0"),
+    Colour("--finding-ground", "#f6eef8", "#2c2131"),
+    Colour("--bad-ground", "#fdeae3", "#3a1f16"),
+)
+"""Colours of the page itself, in no drawing."""
+
 EVERY = (*KNOWN.values(), *OTHERS, INK, MUTED, RULE, PAPER)
 
 

@@ -6,6 +6,7 @@ from harness.records import LeftOut
 from reports.claims_code import COMPONENTS
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
+from reports.selection import Selection
 from reports.wording import count, duration, interval, listed, signed, significant
 
 PROPERTY_NAMES = {
@@ -26,21 +27,22 @@ def properties_grid(records: Records) -> Grid:
         row = [Entry(PROPERTY_NAMES.get(name, name.replace("_", " ")), name if name in PROPERTY_NAMES else "")]
         for method in records.methods:
             found = [cell.properties.get(name) for cell in records.cells if cell.method == method]
-            row.append(_property_entry([value for value in found if value is not None]))
+            row.append(_property_entry([value for value in found if value is not None], Selection(method=method)))
         rows.append(row)
     return Grid("Measured properties", columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])])
 
 
-def _property_entry(values: list[float | str]) -> Entry:
+def _property_entry(values: list[float | str], behind: Selection) -> Entry:
     numbers = [float(value) for value in values if not isinstance(value, str)]
     words = list(dict.fromkeys(value for value in values if isinstance(value, str)))
     if words:
-        return Entry(", ".join(words))
+        return Entry(", ".join(words), runs=behind)
     if not numbers:
         return EMPTY
     low, high = min(numbers), max(numbers)
     small = "" if significant(low) == significant(high) else f"{significant(low)} – {significant(high)}"
-    return Entry(significant(sum(numbers) / len(numbers)), small)
+    mean = sum(numbers) / len(numbers)
+    return Entry(significant(mean), small, value=mean, parts={"low": low, "high": high}, runs=behind)
 
 
 def parameters_grid(records: Records) -> Grid:
@@ -76,7 +78,10 @@ def failures_grid(records: Records) -> Grid:
     words = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
     rows = [
         [
-            Entry(f"{cell.scene} · {cell.method} · seed {cell.seed}"),
+            Entry(
+                f"{cell.scene} · {cell.method} · seed {cell.seed}",
+                runs=Selection(cell.scene, cell.method, seed=cell.seed),
+            ),
             Entry(words[cell.status], tone="muted" if cell.status == "not_available" else "failed"),
             Entry(cell.reason or "no reason recorded"),
         ]
@@ -94,7 +99,12 @@ def warnings_grid(records: Records) -> Grid:
         for warning in cell.warnings:
             found.setdefault((cell.scene, cell.method, warning), []).append(cell.seed)
     rows = [
-        [Entry(scene), Entry(method), Entry(listed([str(seed) for seed in seeds])), Entry(warning)]
+        [
+            Entry(scene),
+            Entry(method),
+            Entry(listed([str(seed) for seed in seeds])),
+            Entry(warning, runs=Selection(scene, method, seed=seeds[0] if len(seeds) == 1 else None)),
+        ]
         for (scene, method, warning), seeds in found.items()
     ]
     return Grid("Warnings", columns, rows)
@@ -112,10 +122,12 @@ def left_out_grid(records: Records) -> Grid:
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
     rows = [
         [
-            Entry(scene.name),
+            Entry(scene.name, runs=Selection(scene.name)),
             Entry(one.what, one.concerns),
             Entry(one.reason),
-            Entry(duration(one.seconds_saved), one.clock) if one.seconds_saved is not None else EMPTY,
+            Entry(duration(one.seconds_saved), one.clock, value=one.seconds_saved)
+            if one.seconds_saved is not None
+            else EMPTY,
             _change(one),
             Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
             Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
@@ -135,5 +147,6 @@ def _change(one: LeftOut) -> Entry:
         return EMPTY
     if one.unit == "colour":
         between = "" if one.interval is None else f"[{significant(one.interval[0])}, {significant(one.interval[1])}]"
-        return Entry(f"{significant(one.difference)} of a colour", between)
-    return Entry(f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}", interval(one.interval, 3))
+        return Entry(f"{significant(one.difference)} of a colour", between, value=one.difference)
+    said = f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}"
+    return Entry(said, interval(one.interval, 3), value=one.difference)

@@ -4,6 +4,7 @@ from harness.records import CellRecord, Comparison
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.headline import BUDGETS, roles
 from reports.load import Records
+from reports.selection import Selection, behind_difference
 from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.wording import NOTHING, counted, interval, number, signed
 
@@ -31,7 +32,8 @@ def scores_grid(records: Records) -> Grid:
         for method in records.methods:
             test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
             ceiling = about.psnr_ceiling if about else None
-            row.append(score_entry(test, train, records.cells_of(scene, method), ceiling))
+            behind = Selection(scene, method, metric="psnr")
+            row.append(score_entry(test, train, records.cells_of(scene, method), ceiling, behind))
         row.append(Entry(number(about.psnr_ceiling if about else None, 1), tone="muted"))
         rows.append(row + [Entry(number(value, 1), tone="muted") for value in printed.get(scene.lower(), ())])
         rows[-1] += [EMPTY] * (len(columns) - len(rows[-1]))
@@ -54,7 +56,7 @@ def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]
     row = [Entry(name), _mean_entry([about.psnr_floor if about else None for about in levels])]
     for method in records.methods:
         test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
-        row.append(score_entry(test, train, []))
+        row.append(score_entry(test, train, [], behind=Selection(method=method, metric="psnr")))
     row.append(_mean_entry([about.psnr_ceiling if about else None for about in levels]))
     if with_paper:
         printed = [value for scene, value in _printed(records).items() if scene in scenes]
@@ -72,18 +74,21 @@ def _mean_entry(values: list[float | None]) -> Entry:
     return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
 
 
-def score_entry(test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None) -> Entry:
+def score_entry(
+    test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None, behind: Selection | None = None
+) -> Entry:
     """The mean of the finished seeds; whatever did not finish is named in the same cell, and so is a score that the
     noise of the ground truth holds down.
     """
     lost = losses(cells)
     if test.mean is None:
-        return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted")
+        return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted", runs=behind)
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
     parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - LIMITED_DB else []
     parts += [lost] if lost else []
-    return Entry(text, lines(*parts), tone_of(cells))
+    further = {"sd": test.sd, "train": train.mean}
+    return Entry(text, lines(*parts), tone_of(cells), test.mean, further, behind)
 
 
 def tone_of(cells: list[CellRecord]) -> str:
@@ -145,11 +150,13 @@ def difference_entry(one: Comparison | None) -> Entry:
     if one is None:
         return EMPTY
     aside = f"{counted(one.left_aside, 'cell')} left aside" if one.left_aside else ""
+    behind = behind_difference(one)
     if one.difference is None:
-        return Entry(NOTHING, lines(one.verdict, aside), one.verdict)
+        return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)
     digits = 2 if one.metric in ("psnr", "delta_e") else 4
     small = lines(interval(one.interval, digits), together(one, digits), one.verdict, aside)
-    return Entry(signed(one.difference, digits), small, one.verdict)
+    low, high = one.interval or (None, None)
+    return Entry(signed(one.difference, digits), small, one.verdict, one.difference, {"low": low, "high": high}, behind)
 
 
 def together(one: Comparison, digits: int) -> str:

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from reports.beside import ALONE, Beside
 from reports.figure import STYLE, Panel, paint
+from reports.kept_pictures import kept
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
-from reports.pictures import read, seed_shown
+from reports.pictures import as_picture, first_view, last_render, seed_shown
 from reports.psnr_table import tone_of
 from reports.summary import write_summary
 from reports.table import cells_frame
@@ -118,17 +119,15 @@ def contact(records: Records) -> Figure | None:
     rows = []
     for scene in records.scenes:
         seed = seed_shown(records, scene)
-        cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
-        first = next((cell.images[0] for cell in cells.values() if cell.images), None)
-        if first is None:
+        found = kept(records, scene, () if seed is None else (seed,))
+        view = first_view(found)
+        if view is None:
             continue
-        paths = [first.truth] + [
-            next((image.render for image in cells[method].images if image.view == first.view), "")
-            if method in cells
-            else ""
-            for method in records.methods
-        ]
-        rows.append((scene, [read(records.folder, path) if path else None for path in paths]))
+        cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+        renders = [last_render(found, cells[method], view) if method in cells else None for method in records.methods]
+        truth = found.truth.get(view)
+        halves = [truth.display if truth else None, *(one.colour if one else None for one in renders)]
+        rows.append((scene, [None if one is None else as_picture(one) for one in halves]))
     if not rows:
         return None
     names = ["ground truth", *records.methods]

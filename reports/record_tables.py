@@ -27,4 +27,6 @@ def _grid(table: Table, write: Callable[[float], str]) -> Grid:
 def _entry(value: str | float | None, write: Callable[[float], str]) -> Entry:
     if value is None:
         return EMPTY
-    return Entry(value.replace(" ± ", "\u00a0±\u00a0") if isinstance(value, str) else write(value))
+    if isinstance(value, str):
+        return Entry(value.replace(" ± ", "\u00a0±\u00a0"))
+    return Entry(write(value), value=float(value))

@@ -1,6 +1,6 @@
 """Attention-prioritised rendering as measured → what the report shows of it, as plain data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from markupsafe import Markup
@@ -17,11 +17,11 @@ from harness.serving_record import (
 )
 from reports.error_maps import smaller
 from reports.grid import EMPTY, Column, Entry, Grid
+from reports.inline_png import data_uri, read, side_for
 from reports.pens import key
-from reports.pictures import data_uri, read, side_for
 from reports.plots import Plot, plots
 from reports.series_charts import panel, panels_of
-from reports.serving_curves import ALLOCATED, PENS, allocation_series, anytime_panels
+from reports.serving_curves import ALLOCATED, PENS, SIZE, allocation_series, anytime_panels
 from reports.serving_load import is_quick, is_whole
 from reports.serving_races import ORDERS, Race, Times, first, races
 from reports.serving_said import allocated, answer, averaged, compared, phi_said, plainly, seen_first, totals
@@ -189,7 +189,7 @@ def _curves(curves: list[Anytime], found: AttentionRecord, measure: Measure, nam
 
 def _shared(found: list[Allocation], name: str) -> list[Plot]:
     drawn = panels_of(allocation_series(found))
-    return plots((panel(title, group, ALLOCATED) for title, group in drawn), f"{name}-samples")
+    return plots((replace(panel(title, group, ALLOCATED), size=SIZE) for title, group in drawn), f"{name}-samples")
 
 
 def races_grid(cases: list[Race]) -> Grid:

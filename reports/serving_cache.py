@@ -48,6 +48,8 @@ class Use:
     path: str
     where: str
     parts: list[Part]
+    counts: dict[str, int]
+    """Views by where they came from, for a file."""
     rate: str
     others: str
     """Hit rates of paths like it."""
@@ -214,6 +216,7 @@ def _use(one: PathUse) -> Use:
         path=one.path,
         where=f"{one.method} on {one.scene}",
         parts=[replace(part, share=round(part.share, 3)) for part in parts],
+        counts={words: one.hits.get(source, 0) for source, words in SOURCES.items()},
         rate=f"{number(100 * one.hit_rate, 1)}{NARROW}%",
         others=_others(one),
         seconds=brief(one.seconds),

@@ -7,9 +7,9 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from reports import palette, wording
+from reports import attributes, palette, wording
+from reports.script import script
 
-CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 RUN_PAGE = "report.html"
 SPEED_PAGE = "speed.html"
 SPEED_FILE = "speed.json"
@@ -17,6 +17,14 @@ STABILITY_PAGE = "stability.html"
 EVIDENCE_PAGE = "evidence.html"
 
 HERE = Path(__file__).parent
+SCRIPTS = (
+    *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
+    *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js", "drawn_tables.js"),
+    *("tables.js", "filter.js", "reading.js"),
+)
+"""What every page needs to sort, filter and save, in this order."""
+START = "start.js"
+"""The last script of a page."""
 
 
 def environment() -> Environment:
@@ -25,7 +33,16 @@ def environment() -> Environment:
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     made.filters["breakable"] = breakable
+    made.filters["cell_data"] = attributes.of_entry
+    made.filters["row_data"] = attributes.of_row
+    made.filters["as_json"] = attributes.as_json
+    made.filters["runs_data"] = attributes.of_runs
     return made
+
+
+def code() -> str:
+    """The script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
+    return script(*SCRIPTS, START)
 
 
 def breakable(name: str) -> Markup:
@@ -40,11 +57,16 @@ def style(*files: str) -> Markup:
 
 
 def variables() -> str:
-    """The palette as CSS: light, then dark."""
+    """The palette as CSS: light; dark where the system or the reader wants it so, and never on paper."""
     light, dark = (
-        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in palette.EVERY) for tone in ("light", "dark")
+        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in (*palette.EVERY, *palette.SURFACES))
+        for tone in ("light", "dark")
     )
-    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
+    return (
+        f":root{{color-scheme:light;{light}}}"
+        f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{color-scheme:dark;{dark}}}}}"
+        f"@media screen{{:root[data-theme=dark]{{color-scheme:dark;{dark}}}}}"
+    )
 
 
 def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:

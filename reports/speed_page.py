@@ -4,10 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from harness.speed_record import SpeedRecord
 from reports import shell, wording
 from reports.grid import Grid
 from reports.record_tables import tables_grids
+from reports.script import content_policy
 from reports.series_charts import Chart, charts
 from reports.speed_load import is_quick
 from reports.speed_tables import aims, headline, items, measurements_grid, question
@@ -29,8 +32,9 @@ def speed_page(record: SpeedRecord, beside_report: bool = False) -> str:
         shell.environment()
         .get_template("speed_page.html")
         .render(
-            policy=shell.CONTENT_POLICY,
-            style=shell.style("page.css", "speed_page.css"),
+            policy=content_policy(shell.code()),
+            script=Markup(shell.code()),
+            style=shell.style("page.css", "explore.css", "speed_page.css"),
             colours={},
             title=headline(targets),
             machine=machine(record.provenance),

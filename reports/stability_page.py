@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+from markupsafe import Markup
+
 from harness.stability_record import StabilityRecord
 from reports import shell, wording
+from reports.script import content_policy
 from reports.stability_view import stability
 
 
@@ -14,8 +17,9 @@ def stability_page(record: StabilityRecord, out: Path, beside_report: bool = Fal
         shell.environment()
         .get_template("stability_page.html")
         .render(
-            policy=shell.CONTENT_POLICY,
-            style=shell.style("page.css", "stability.css"),
+            policy=content_policy(shell.code()),
+            script=Markup(shell.code()),
+            style=shell.style("page.css", "explore.css", "stability.css"),
             colours={},
             title=shown.headline,
             stability=shown,

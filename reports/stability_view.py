@@ -6,7 +6,7 @@ from pathlib import Path
 from harness.stability_record import CHAPTERS, CaseInfo, CaseRecord, Outcome, Picture, StabilityRecord, broken
 from reports.error_maps import smaller
 from reports.grid import EMPTY, Column, Entry, Grid
-from reports.pictures import data_uri, read
+from reports.inline_png import data_uri, read
 from reports.record_tables import tables_grids
 from reports.series_charts import Chart, charts
 from reports.stability_matrix import Group, anchor, groups

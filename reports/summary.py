@@ -4,7 +4,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from harness.records import CellRecord, finite_or_none, write_json
+from harness.json_record import finite_or_none, write_json
+from harness.records import CellRecord
 from harness.serving_record import CacheRecord, ServingRecord
 from reports.beside import ALONE, Beside
 from reports.claims import claims
@@ -26,6 +27,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
         "schema": SCHEMA,
         "profile": run.profile,
         "finished": run.finished,
+        "damaged": records.left_out,
         "headline": headline(records).title,
         "command": run.command,
         "seeds": run.seeds,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from harness.records import finite_or_none
+from harness.json_record import finite_or_none
 from reports.load import Records
 
 

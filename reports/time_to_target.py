@@ -13,6 +13,7 @@ from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.palette import colours_of
 from reports.psnr_table import lines
+from reports.selection import Selection, behind_saving
 from reports.wording import NARROW, count, counted, interval, number, signed
 
 AXES: dict[Axis, tuple[str, str]] = {
@@ -69,13 +70,22 @@ def _panel(records: Records, record: TargetsRecord, scene: str, axis: Axis) -> P
     colours = {method: colour.light for method, colour in colours_of(records.methods).items()}
     start = min(time for one in curves for time in one.time) / BEFORE
     reaches = [one for one in record.reaches if one.axis == axis and scene in ("all", one.scene)]
+    everywhere = scene == "all"
     traces = [
-        Trace(one.method, colours[one.method], "outline", (start, *one.time), (0.0, *one.share)) for one in curves
+        Trace(
+            one.method,
+            colours[one.method],
+            "outline",
+            (start, *one.time),
+            (0.0, *one.share),
+            runs=(Selection("" if everywhere else scene, one.method),),
+        )
+        for one in curves
     ]
     for curve in curves:
         own = [one for one in reaches if one.method == curve.method and one.known == "never"]
         traces += _marks(curve, own, colours[curve.method])
-    title = EVERYWHERE if scene == "all" else scene
+    title = EVERYWHERE if everywhere else scene
     label = f"share of runs at {number(record.target, 1).removesuffix('.0')} dB"
     said = [f"{one.method} {one.share[-1]:.0%} by {one.time[-1]:.4g}" for one in curves]
     alt = f"{title}: {label} against {AXES[axis][0]}. {'; '.join(said)}."
@@ -92,7 +102,9 @@ def _marks(curve: ReachCurve, never: list[Reach], colour: str) -> list[Trace]:
         if x:
             words = "diverged or failed" if lost else "ended below the target"
             y = tuple(share_at(curve, time) for time in x)
-            found.append(Trace(f"{curve.method} {words}", colour, kind, x, y, marker="|", size=11.0))
+            ended = [one for one in never if is_lost(one) == lost]
+            behind = tuple(Selection(one.scene, one.method, seed=one.seed) for one in ended)
+            found.append(Trace(f"{curve.method} {words}", colour, kind, x, y, marker="|", size=11.0, runs=behind))
     return found
 
 
@@ -164,10 +176,13 @@ def saving_entry(one: TargetComparison | None) -> Entry:
     ]
     censored += [bound(one)] if one.saving is not None and censored else []
     aside = f"{counted(one.left_aside, 'pair')} left aside" if one.left_aside else ""
+    behind = behind_saving(one)
     if one.saving is None:
-        return Entry("–", lines(one.verdict, *censored, aside), one.verdict)
+        return Entry("–", lines(one.verdict, *censored, aside), one.verdict, runs=behind)
     small = lines(interval(one.simultaneous or one.interval, 1), one.verdict, *censored, aside)
-    return Entry(f"{signed(one.saving, 1)}{NARROW}%", small, one.verdict)
+    low, high = one.simultaneous or one.interval or (None, None)
+    said = f"{signed(one.saving, 1)}{NARROW}%"
+    return Entry(said, small, one.verdict, one.saving, {"low": low, "high": high}, behind)
 
 
 def detectable_entry(one: TargetComparison | None) -> Entry:

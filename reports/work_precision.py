@@ -16,6 +16,7 @@ from harness.records import CellRecord, Checkpoint
 from reports.figure import Panel, Trace, padded, with_common_limits
 from reports.load import Records
 from reports.palette import INK, colours_of
+from reports.selection import Selection
 from reports.table import cells_frame
 from reports.wording import counted, listed, of_any_size
 
@@ -186,19 +187,23 @@ def _notes(records: Records, title: str, points: list[Point], floor: float | Non
 def traces_of(points: list[Point], colours: dict[str, str]) -> list[Trace]:
     """Bands, then every seed as a thin line, then the means of the finished seeds, then a cross where a run ended."""
     bands, thin, thick, crosses = [], [], [], []
+    scene = next((one.scene for one in points if one.scene != EVERYWHERE), "")
     for method, colour in colours.items():
         finished = []
         for seed, run in grouped([one for one in points if one.method == method], lambda one: one.seed).items():
             x, y = tuple(one.cost for one in run), tuple(one.error for one in run)
-            thin.append(Trace(f"{method} seed {seed}", colour, "thin", x, y))
+            steps, behind = tuple(one.step for one in run), (Selection(scene, method, seed=seed),)
+            thin.append(Trace(f"{method} seed {seed}", colour, "thin", x, y, runs=behind, steps=steps))
             if run[0].status == "done":
                 finished.append(run)
             else:
-                crosses.append(Trace(f"{method} seed {seed} {ENDS[run[0].status]}", colour, "cross", x[-1:], y[-1:]))
+                words = f"{method} seed {seed} {ENDS[run[0].status]}"
+                crosses.append(Trace(words, colour, "cross", x[-1:], y[-1:], runs=behind, steps=steps[-1:]))
         middle = middle_of(finished)
         if middle:
             x, y = tuple(one.cost for one in middle), tuple(one.error for one in middle)
-            thick.append(Trace(f"{method} mean", colour, "line", x, y))
+            steps, behind = tuple(one.step for one in middle), (Selection(scene, method),)
+            thick.append(Trace(f"{method} mean", colour, "line", x, y, runs=behind, steps=steps))
         if len(finished) > 1 and middle:
             bands.append(Trace(f"{method} spread", colour, "area", *outline(middle)))
     return [*bands, *thin, *thick, *crosses]
@@ -215,6 +220,7 @@ class Middle:
     error: float
     cost_factor: float
     error_factor: float
+    step: int = 0
 
     @property
     def corners(self) -> list[tuple[float, float]]:
@@ -226,12 +232,13 @@ class Middle:
 def middle_of(finished: list[list[Point]]) -> list[Middle]:
     """At the steps that all of `finished` share, in their order."""
     found = []
-    for group in grouped([one for run in finished for one in run], lambda one: one.step).values():
+    for step, group in grouped([one for run in finished for one in run], lambda one: one.step).items():
         if len(group) == len(finished):
             columns = [[math.log(getattr(one, name)) for one in group] for name in ("cost", "error")]
             means = [fmean(logs) for logs in columns]
             spreads = [stdev(logs) if len(logs) > 1 else 0.0 for logs in columns]
-            found.append(Middle(*map(math.exp, [*means, *spreads])))
+            (cost, error), (wide, high) = ([math.exp(log) for log in logs] for logs in (means, spreads))
+            found.append(Middle(cost, error, wide, high, step))
     return found
 
 

@@ -1,0 +1,48 @@
+"""Pictures in the page as base64 PNGs, made smaller where many of them would otherwise make it heavy."""
+
+import base64
+import io
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+
+from reports.error_maps import Picture
+
+BYTES_A_PIXEL = 2.6
+"""Of a PNG in base64, about."""
+SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
+LARGEST_PIXELS = 1 << 24
+"""Of a picture that is read: 4096 × 4096. A damaged file may claim any number, for which memory would be asked."""
+
+
+def side_for(pictures: int, budget: int) -> int:
+    """The longest side at which so many pictures stay within a budget of bytes."""
+    fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= budget)
+    return next(fitting, SIZES[-1])
+
+
+def read(folder: Path, relative: str) -> Picture | None:
+    """A PNG file as display colour, or None where it is missing, unreadable or outside of the folder."""
+    path = (folder / relative).resolve()
+    if not path.is_relative_to(folder.resolve()) or not path.is_file():
+        return None
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)  # signature, then the first chunk: length, IHDR, width, height
+        if int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big") > LARGEST_PIXELS:
+            return None
+        picture = np.asarray(matplotlib.image.imread(path, format="png"), dtype=np.float64)
+    except Exception:  # what a decoder makes of a damaged file is of many kinds, too large for memory among them
+        return None
+    if picture.ndim == 2:
+        picture = np.repeat(picture[..., None], 3, axis=-1)
+    return picture[..., :3] if picture.shape[-1] >= 3 else np.repeat(picture[..., :1], 3, axis=-1)
+
+
+def data_uri(picture: Picture) -> str:
+    """PNG in base64, for an `<img>` that needs no other file."""
+    buffer = io.BytesIO()
+    eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
+    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

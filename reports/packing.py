@@ -1,0 +1,91 @@
+"""Pictures as the page's script reads them: quantised, delta-coded, deflated, in base64.
+
+The bytes are planes, one after the other: channel by channel, for 16 bits all high bytes of a channel and then all its
+low ones. In a plane every byte is its difference from the one on its left, the first of a row from the first of the row
+above, modulo 256.
+"""
+
+import base64
+import hashlib
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+DARKEST = 1e-4
+"""Linear light is coded as ln(value + DARKEST)."""
+DEPTH_STEPS = 4095
+"""Of the 65535 that 16 bits have: finer than float16 holds beyond a quarter of the range, and half the bytes."""
+LIGHT_STEPS = 16383
+"""Over at most ln(65504 / DARKEST) = 20.3: half a step is less than 0.07 % of a value."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A picture in base64, and what the page is told of it."""
+
+    ref: dict[str, Any]
+    """channels, bits, low, high, id, and log where the values are logarithms."""
+    text: str
+
+    @property
+    def id(self) -> str:
+        return str(self.ref["id"])
+
+
+def display(values: np.ndarray) -> Packed:
+    """0 … 1 in 8 bits, [h, w] or [h, w, 3]; what is outside is clipped."""
+    return _packed(np.round(np.clip(_float(values), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
+
+
+def depth(values: np.ndarray, far: float) -> Packed:
+    """0 … `far` in 16 bits, [h, w]; `far` is above 0, and what is outside is clipped."""
+    steps = np.round(np.clip(_float(values) / far, 0.0, 1.0) * DEPTH_STEPS)
+    return _packed(*_spread(steps, DEPTH_STEPS, 0.0, far))
+
+
+def light(values: np.ndarray) -> Packed:
+    """Linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its own least and largest."""
+    logarithms = np.log(np.maximum(_float(values), 0.0) + DARKEST)
+    low, high = float(logarithms.min()), float(logarithms.max())
+    steps = np.round((logarithms - low) / max(high - low, 1e-9) * LIGHT_STEPS)
+    return _packed(*_spread(steps, LIGHT_STEPS, low, high), log=True)
+
+
+def _float(values: np.ndarray) -> NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64)
+
+
+def _spread(steps: np.ndarray, most: int, low: float, high: float) -> tuple[np.ndarray, float, float]:
+    """Steps as 16-bit numbers whose last bits are 0, and the ends that 0 and 65535 then stand for."""
+    width = 65536 // (most + 1)
+    return (steps * width).astype(np.uint16), low, low + (high - low) * 65535 / (most * width)
+
+
+def _packed(levels: np.ndarray, low: float, high: float, log: bool = False) -> Packed:
+    levels = levels if levels.ndim == 3 else levels[..., None]
+    data = zlib.compress(planes(levels), 9)
+    bits = 8 * levels.dtype.itemsize
+    ref = {"channels": levels.shape[2], "bits": bits, "low": low, "high": high, "id": f"px{_name(data)}"}
+    return Packed({**ref, **({"log": True} if log else {})}, base64.b64encode(data).decode("ascii"))
+
+
+def _name(data: bytes) -> str:
+    """Equal pictures have one name, and are in the page once."""
+    return hashlib.blake2b(data, digest_size=6).hexdigest()
+
+
+def planes(levels: np.ndarray) -> bytes:
+    """uint8 or uint16 [h, w, channels] → the delta-coded planes."""
+    shifts = (8, 0) if levels.dtype == np.uint16 else (0,)
+    found = []
+    for channel in range(levels.shape[2]):
+        for shift in shifts:
+            plane = ((levels[..., channel] >> shift) & 255).astype(np.uint8)
+            coded = plane.copy()
+            coded[:, 1:] -= plane[:, :-1]
+            coded[1:, 0] -= plane[:-1, 0]
+            found.append(coded.tobytes())
+    return b"".join(found)

@@ -1,0 +1,43 @@
+"""The page's own script: files of `reports/script/` one after another in one function, and the policy that lets just
+that text run.
+"""
+
+import base64
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+HERE = Path(__file__).parent / "script"
+
+
+def script(*files: str) -> str:
+    """The files in order, sharing one scope that nothing else can see."""
+    parts = [(HERE / name).read_text(encoding="utf-8") for name in files]
+    return '(() => {\n"use strict";\n' + "\n".join(parts) + "})();\n"
+
+
+def content_policy(text: str = "", files: bool = False) -> str:
+    """The page's Content-Security-Policy: nothing from anywhere, and no script but `text`, if there is one.
+
+    `files` lets it load script files as well, from where the page itself is: its own server, or, of a page that was
+    opened from a disk, that disk. Nothing narrower works for both: Chromium matches a path or a digest with an
+    integrity attribute for neither or for servers alone, and 'strict-dynamic' would let files from anywhere in.
+    """
+    scripts = ""
+    if text:
+        digest = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+        own = " 'self'" if files else ""
+        scripts = f" script-src 'sha256-{digest}'{own};"
+    return (
+        f"default-src 'none';{scripts} style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
+        "form-action 'none'"
+    )
+
+
+def as_data(value: Any) -> Markup:
+    """JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

@@ -1,0 +1,154 @@
+// FLIP for displays (Andersson et al. 2020), with separable filters as in its authors' program and their default of
+// 67 pixels a degree: 0.7 m from a display of 0.7 m and 3840 pixels.
+const flip = (() => {
+  const PIXELS_A_DEGREE = 3840 * (Math.PI / 180);
+  const WHITE = [0.950428545, 1, 1.088900371];
+  const TO_XYZ = [
+    [10135552 / 24577794, 8788810 / 24577794, 4435075 / 24577794],
+    [2613072 / 12288897, 8788810 / 12288897, 887015 / 12288897],
+    [1425312 / 73733382, 8788810 / 73733382, 70074185 / 73733382],
+  ];
+  const FROM_XYZ = [
+    [3.241003275, -1.537398934, -0.498615861],
+    [-0.969224334, 1.875930071, 0.041554224],
+    [0.055639423, -0.204011202, 1.057148933],
+  ];
+  // Contrast sensitivity as sums of Gaussians a √(π/b) exp(−π² x²/b), x in degrees; the second term is of Cz alone.
+  const SEEN = { y: [[1, 0.0047]], cx: [[1, 0.0053]], cz: [[34.1, 0.04], [13.5, 0.025]] };
+  const FEATURE_WIDTH = 0.082;
+  const [COLOUR_POWER, BEND, BEND_TO, FEATURE_POWER] = [0.7, 0.4, 0.95, 0.5];
+  const DELTA = 6 / 29;
+
+  const times = (m, x, y, z) => m.map((row) => row[0] * x + row[1] * y + row[2] * z);
+  const bent = (t) => (t > DELTA ** 3 ? Math.cbrt(t) : t / (3 * DELTA * DELTA) + 4 / 29);
+  const clip = (v) => Math.min(1, Math.max(0, v));
+
+  // CIELAB with Hunt's adjustment: colourfulness falls with lightness.
+  function huntLab(r, g, b) {
+    const [x, y, z] = times(TO_XYZ, r, g, b).map((v, place) => bent(v / WHITE[place]));
+    const light = 116 * y - 16;
+    return [light, 0.01 * light * 500 * (x - y), 0.01 * light * 200 * (y - z)];
+  }
+
+  const hyab = (one, other) => Math.abs(one[0] - other[0]) + Math.hypot(one[1] - other[1], one[2] - other[2]);
+  const FARTHEST = hyab(huntLab(0, 1, 0), huntLab(0, 0, 1)) ** COLOUR_POWER;
+
+  function sensitivity(terms) {
+    const widest = Math.max(...Object.values(SEEN).flat().map(([, b]) => b));
+    const radius = Math.ceil(3 * Math.sqrt(widest / (2 * Math.PI ** 2)) * PIXELS_A_DEGREE);
+    const filters = terms.map(([a, b]) =>
+      Float64Array.from({ length: 2 * radius + 1 }, (_, place) => {
+        const x = (place - radius) / PIXELS_A_DEGREE;
+        return Math.sqrt(a * Math.sqrt(Math.PI / b)) * Math.exp((-(Math.PI ** 2) * x * x) / b);
+      }),
+    );
+    const sums = filters.map((one) => one.reduce((sum, v) => sum + v, 0));
+    const whole = Math.hypot(...sums);
+    return filters.map((one) => one.map((v) => v / whole));
+  }
+
+  // A Gaussian, and its first and second derivative whose positive and negative parts sum to ±1.
+  function features() {
+    const deviation = 0.5 * FEATURE_WIDTH * PIXELS_A_DEGREE;
+    const radius = Math.ceil(3 * deviation);
+    const at = Float64Array.from({ length: 2 * radius + 1 }, (_, place) => place - radius);
+    const bell = at.map((x) => Math.exp((-x * x) / (2 * deviation ** 2)));
+    const balanced = (values) => {
+      const up = values.reduce((sum, v) => sum + Math.max(0, v), 0);
+      const down = values.reduce((sum, v) => sum - Math.min(0, v), 0);
+      return values.map((v) => v / (v > 0 ? up : down));
+    };
+    return [
+      bell.map((v) => v / bell.reduce((sum, w) => sum + w, 0)),
+      balanced(at.map((x, place) => -x * bell[place])),
+      balanced(at.map((x, place) => ((x / deviation) ** 2 - 1) * bell[place])),
+    ];
+  }
+
+  // `plane` filtered along rows or columns; beyond the edge its last value goes on.
+  function* filtered(plane, width, height, weights, alongRows) {
+    const found = new Float32Array(plane.length);
+    const radius = (weights.length - 1) / 2;
+    const [step, length] = alongRows ? [1, width] : [width, height];
+    for (let row = 0; row < height; row += 1) {
+      for (let column = 0; column < width; column += 1) {
+        const place = row * width + column;
+        const here = alongRows ? column : row;
+        let sum = 0;
+        for (let offset = -radius; offset <= radius; offset += 1) {
+          const there = Math.min(length - 1, Math.max(0, here + offset));
+          sum += weights[offset + radius] * plane[place + (there - here) * step];
+        }
+        found[place] = sum;
+      }
+      yield;
+    }
+    return found;
+  }
+
+  function* both(plane, width, height, across, down) {
+    return yield* filtered(yield* filtered(plane, width, height, across, true), width, height, down, false);
+  }
+
+  // What the eye resolves of a picture: three planes of Hunt-adjusted CIELAB; and the strength of its edges and points.
+  function* seen(planes, width, height) {
+    const opponent = [0, 1, 2].map(() => new Float32Array(width * height));
+    for (let place = 0; place < width * height; place += 1) {
+      const light = planes.map((plane) => colourSpace.decode(plane[place]));
+      const [x, y, z] = times(TO_XYZ, ...light).map((v, which) => v / WHITE[which]);
+      opponent[0][place] = 116 * y - 16;
+      opponent[1][place] = 500 * (x - y);
+      opponent[2][place] = 200 * (y - z);
+      if (place % width === 0) yield;
+    }
+    const grey = opponent[0].map((v) => (v + 16) / 116);
+    const smooth = [];
+    for (const [which, terms] of [SEEN.y, SEEN.cx, SEEN.cz].entries()) {
+      const parts = [];
+      for (const one of sensitivity(terms)) parts.push(yield* both(opponent[which], width, height, one, one));
+      smooth.push(parts.length === 1 ? parts[0] : parts[0].map((v, place) => v + parts[1][place]));
+    }
+    for (let place = 0; place < width * height; place += 1) {
+      const y = (smooth[0][place] + 16) / 116;
+      const xyz = [y + smooth[1][place] / 500, y, y - smooth[2][place] / 200].map((v, which) => v * WHITE[which]);
+      const lab = huntLab(...times(FROM_XYZ, ...xyz).map(clip));
+      for (const which of [0, 1, 2]) smooth[which][place] = lab[which];
+      if (place % width === 0) yield;
+    }
+    const [bell, edge, point] = features();
+    const strengths = [];
+    for (const one of [edge, point]) {
+      const across = yield* both(grey, width, height, one, bell);
+      const down = yield* both(grey, width, height, bell, one);
+      strengths.push(across.map((v, place) => Math.hypot(v, down[place])));
+    }
+    return { lab: smooth, strengths };
+  }
+
+  const known = new WeakMap();
+
+  // A truth is compared with many renderings.
+  function* seenOnce(planes, width, height) {
+    if (!known.has(planes)) known.set(planes, yield* seen(planes, width, height));
+    return known.get(planes);
+  }
+
+  // Display colour of two pictures, three planes each, 0 … 1 → FLIP a pixel, 0 … 1. A generator, as it takes a while.
+  function* map(truth, test, width, height) {
+    const one = yield* seenOnce(truth, width, height);
+    const other = yield* seen(test, width, height);
+    const found = new Float32Array(width * height);
+    for (let place = 0; place < found.length; place += 1) {
+      const [first, second] = [one, other].map(({ lab }) => lab.map((plane) => plane[place]));
+      const far = hyab(first, second) ** COLOUR_POWER / FARTHEST;
+      const colour = far < BEND ? (far * BEND_TO) / BEND : BEND_TO + ((far - BEND) / (1 - BEND)) * (1 - BEND_TO);
+      const [edges, points] = [0, 1].map((kind) => Math.abs(one.strengths[kind][place] - other.strengths[kind][place]));
+      const feature = (Math.max(edges, points) / Math.SQRT2) ** FEATURE_POWER;
+      found[place] = colour ** (1 - feature);
+      if (place % width === 0) yield;
+    }
+    return found;
+  }
+
+  return { map };
+})();
