@@ -25,12 +25,18 @@ ALLOWED = {
     "reports": {
         "reports",
         "harness.records",
+        "harness.json_record",
+        "harness.record_types",
+        "harness.comparisons",  # of records alone: what judges methods judges outputs
+        "harness.pictures_record",
         "harness.targets_record",
         "harness.speed_record",
         "harness.chart_record",
         "harness.stability_record",
         "harness.evidence_record",
         "harness.serving_record",
+        "scenes.installed",
+        "scenes.stopping",
     },
 }
 """What a package may import of ours: whole packages, or single modules."""
@@ -238,6 +244,7 @@ def test_what_a_scene_needs_is_known_without_mitsuba() -> None:
     assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
 
 
+@pytest.mark.slow
 def test_a_dry_run_and_a_case_of_arithmetic_need_no_mitsuba(tmp_path: Path) -> None:
     dry = run_module("harness", "run", "--profile", "smoke", "--dry-run", "--need", "outside_box")
     assert heavy_imports_of(dry) & {"mitsuba", "drjit"} == set()
@@ -266,6 +273,8 @@ def without_mitsuba(folder: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_training_on_a_stored_view_set_never_imports_mitsuba(tmp_path: Path) -> None:
     environment = without_mitsuba(tmp_path / "blocked")
     blocked = subprocess.run([sys.executable, "-c", "import mitsuba"], env=environment, capture_output=True)

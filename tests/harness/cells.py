@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from harness.records import CellRecord, Checkpoint, StoredImage, ViewScore
+from harness.records import CellRecord, Checkpoint, ViewScore
 
 
 def checkpoint(step: int, seconds: float, psnr: float | None, **others: float | None) -> Checkpoint:
@@ -23,7 +23,6 @@ def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes:
         "parameters": {"total": 3},
         "properties": {"occupied_share": 0.5, "largest_density": None, "note": "φ"},
         "warnings": [],
-        "images": [StoredImage("test/r_0", "images/t.png", "images/r.png", "images/o.png")],
         "settings": {"rays": 64},
         "provenance": {"threads": 1},
         **changes,

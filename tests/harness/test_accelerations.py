@@ -87,6 +87,7 @@ def ball_plan() -> Plan:
     return replace(plan, train=LEARNT, score=SCORE, views=VIEWS, budget=Budget(200, None), scenes=("ball",))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["nerf", "qnerf"])
 @pytest.mark.parametrize("change", ["grid", "precision"])

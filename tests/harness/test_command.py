@@ -40,6 +40,9 @@ from tests.harness.shell import CELLS, TINY, refused, shell
         ("--workers 0", "--workers 0"),
         ("--workers 100000", "--workers 100000"),
         ("--scenes lego --view-set x", "exclude each other"),
+        ("--dry-run --view-set nowhere", "--view-set nowhere: no such folder; a view set is a folder with transforms_"),
+        ("--dry-run --view-set .", "--view-set .: no view set; a view set is a folder with transforms_train.json"),
+        ("--executor ray --ray-address 192.0.2.9:1 --scenes teapot", "unknown 'teapot'"),
     ],
 )
 def test_bad_options_are_said_in_one_line(
@@ -52,7 +55,16 @@ def test_bad_options_are_said_in_one_line(
 
 @pytest.mark.parametrize(
     "arguments",
-    ["", "walk", "run --colour red", "run --seeds many", "run --device tpu", "run --executor cloud", "run lego"],
+    [
+        "",
+        "walk",
+        "run --colour red",
+        "run --seeds many",
+        "run --device tpu",
+        "run --executor cloud",
+        "run lego",
+        "run --with x",
+    ],
 )
 def test_bad_usage_is_exit_code_2(arguments: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
@@ -141,6 +153,8 @@ def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
         yield from (Event(task, cell=cell) for cell in cells)
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_same_command_can_be_typed_again(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

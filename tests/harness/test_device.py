@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from harness.device import available_cores, chosen_device, keep_freed_memory, multiplies_bfloat16, use_threads
+from harness.device import available_cores, chosen_device, has_amx, keep_freed_memory, multiplies_bfloat16, use_threads
 from scenes.errors import InputError
 
 
@@ -50,7 +50,16 @@ def test_a_process_that_trains_does_not_import_the_compiler() -> None:
 
 def test_the_machine_is_looked_at() -> None:
     assert available_cores() >= 1
-    assert multiplies_bfloat16(torch.device("cpu")) in (True, False)
+
+
+def test_only_matrix_units_make_bfloat16_worth_it(tmp_path: Path) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    assert not has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_tile\n")
+    assert not has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_bf16 amx_tile\n")
+    assert has_amx(cpuinfo)
+    assert multiplies_bfloat16(torch.device("cpu")) == has_amx()
 
 
 def test_new_tensors_are_not_written_twice() -> None:

@@ -14,8 +14,9 @@ import torch
 from baselines.catalog import CATALOG
 from harness.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
 from harness.finished import FinishedRun, from_plain
+from harness.json_record import DamagedRecord
 from harness.learner import Learner
-from harness.records import DamagedRecord, cell_path, read_cell
+from harness.records import cell_path, read_cell
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
 from scenes.errors import InputError
@@ -89,6 +90,7 @@ def test_what_is_restored_renders_and_scores_as_it_did(method: str, three: tuple
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", OTHERS)
 def test_so_it_is_with_every_other_method(method: str, all_others: tuple[Path, Rendered]) -> None:
     if CATALOG[method].kind == "voxels_drjit":
@@ -174,6 +176,7 @@ def test_scenes_and_methods_are_all_or_those_asked_for(finished: FinishedRun) ->
 def edited(change: Callable[[dict[str, Any]], None]) -> Callable[[Path], None]:
     def edit(path: Path) -> None:
         data = json.loads(path.read_text(encoding="utf-8"))
+        data.pop("digest", None)
         change(data)
         path.write_text(json.dumps(data), encoding="utf-8")
 
@@ -195,6 +198,7 @@ SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
     "no precision": (edited(lambda cell: cell["settings"]["train"].update(precision="float7")), "float7"),
     "no switch": (edited(lambda cell: cell["settings"]["train"]["accelerations"].update(grid="off")), "'off'"),
     "wider": (edited(lambda cell: cell["settings"]["train"]["network"].update(width=17)), "not a checkpoint of nerf"),
+    "a lens turned round": (edited(lambda cell: cell["settings"]["view_set"].update(focal=-1.5)), "focal length -1.5"),
     "no grid": (edited(lambda cell: cell["settings"]["train"]["grid"].update(cells=0)), "occupancy grid"),
     "another grid": (edited(lambda cell: cell["settings"]["train"]["grid"].update(cells=9)), "occupancy grid"),
 }
@@ -209,9 +213,24 @@ def test_a_damaged_or_foreign_record_is_refused(wrong: str, copy: FinishedRun) -
     assert "ball.nerf.0" in str(caught.value) or "ball, nerf, seed 0" in str(caught.value)
 
 
+@pytest.mark.parametrize("views", ["--help", {"need": [["empty_space"]]}, {"no_need": 7}])
+def test_settings_of_its_views_that_are_none_are_refused(views: Any, finished: FinishedRun) -> None:
+    spoilt = replace(finished, run=replace(finished.run, settings={**finished.run.settings, "views": views}))
+    with pytest.raises(DamagedRecord, match=r"run\.json: settings\.views"):
+        spoilt.views(spoilt.run.scenes[0])
+
+
+def test_a_box_that_is_upside_down_is_refused_with_the_file(finished: FinishedRun) -> None:
+    scene = replace(finished.run.scenes[0], bounds=[[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]])
+    with pytest.raises(DamagedRecord, match=r"run\.json: ball: bounds"):
+        finished.views(scene)
+
+
 def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.finished.CATALOG", {"nerf": CATALOG["nerf"]})
-    with pytest.raises(InputError, match="'qnerf' is not in this version's catalogue: nerf"):
+    with pytest.raises(
+        InputError, match="'qnerf' is not in this version's catalogue, and no installed package offers it: nerf"
+    ):
         copy.trained(copy.run.scenes[0], "qnerf", 0, CPU)
 
 

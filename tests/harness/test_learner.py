@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from harness import lockstep
+from harness.cell_training import GroupSettings
 from harness.learner import NotAvailable, learner_for
-from harness.lockstep import GroupSettings, train_group
+from harness.lockstep import train_group
 from harness.records import cell_path, read_cell, write_cell
 from harness.schedule import Budget
 from harness.trainer import Trainer

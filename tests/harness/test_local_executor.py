@@ -37,9 +37,14 @@ def tasks(ball_folder: Path, out: Path, budget: Budget = BUDGET) -> list[GroupTa
 
 
 def without_time(cell: CellRecord) -> CellRecord:
-    return replace(cell, train_seconds=0.0, curve=[replace(point, seconds=0.0) for point in cell.curve])
+    """Nor the cores that the clock ran on."""
+    curve = [replace(point, seconds=0.0) for point in cell.curve]
+    origin = {**cell.provenance, "own_cores": []}
+    return replace(cell, train_seconds=0.0, curve=curve, provenance=origin)
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tmp_path: Path) -> None:
     left = []
     for workers in (1, 2):
@@ -64,6 +69,8 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_killed_worker_costs_its_group_and_the_rest_completes(ball_folder: Path, tmp_path: Path) -> None:
     events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)
     seen = [next(events)]

@@ -4,19 +4,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 
 from harness import evaluate
 from harness.batches import Batches
-from harness.lockstep import GroupSettings, needs_view_direction, train_group, warnings_of
+from harness.cell_training import GroupSettings, warnings_of
+from harness.lockstep import needs_view_direction, train_group
+from harness.metrics import psnr
+from harness.pictures_record import read_renders
 from harness.records import CellRecord, cell_path, read_cell, write_cell
 from harness.schedule import Budget
 from harness.solo import trained_alone
 from harness.stopwatch import Stopwatch
 from harness.trainer import TRACED, Trainer
-from scenes.images import read_image
+from scenes.pixels import over_white
 from scenes.view_set import ViewSet
 from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN
 
@@ -42,7 +46,7 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
 def without_time(cell: CellRecord) -> CellRecord:
     """What must be equal to the bit; no clock ever runs twice alike."""
     curve = [replace(point, seconds=0.0) for point in cell.curve]
-    return replace(cell, train_seconds=0.0, curve=curve, settings={})
+    return replace(cell, train_seconds=0.0, curve=curve, provenance={})
 
 
 def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[float]]) -> None:
@@ -68,7 +72,7 @@ def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[f
         flops, weights = cell.properties["flops_per_evaluation"], cell.parameters["total"]
         assert isinstance(flops, int)
         assert 1.5 * weights < flops < 2 * weights, "two operations a weight, none for a bias"
-        assert cell.provenance == {"here": 1}
+        assert cell.provenance == {"here": 1, "in_lockstep": list(THREE)}
         write_cell(out, cell)
         assert read_cell(cell_path(out, "ball", method, 0)).scores == cell.scores
 
@@ -88,10 +92,13 @@ def test_histograms_are_shares_before_and_after_the_amplifier(trained: tuple[Any
 def test_pictures_and_weights_are_kept(trained: tuple[Path, dict[str, CellRecord], Any], ball: ViewSet) -> None:
     out, cells, _ = trained
     for method, cell in cells.items():
-        assert [image.view for image in cell.images] == ["test/r_1"]
-        for image in cell.images:
-            for relative in (image.truth, image.render, image.opacity):
-                assert read_image(out / "records" / relative).shape == (24, 24, 4)
+        assert cell.pictures == f"pictures/ball.{method}.0.safetensors"
+        renders = read_renders(out / "records" / cell.pictures)
+        assert [(one.view, one.step) for one in renders] == [("test/r_1", point.step) for point in cell.curve]
+        assert all(one.colour.shape == (24, 24, 3) for one in renders)
+        scored = next(row.psnr for row in cell.views if row.view == "test/r_1")
+        truth = over_white(ball.test.rgba[1])
+        assert psnr(renders[-1].colour.astype(np.float64), truth) == pytest.approx(scored, abs=0.01)
         tensors = load_file(out / "checkpoints" / f"ball.{method}.0.safetensors")
         assert tensors["occupied"].shape == (8**3,)
         counted = sum(value.numel() for name, value in tensors.items() if name != "occupied")

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from harness import evaluate, lockstep
+from harness.pictures_record import read_renders
 from harness.records import CellRecord, write_cell
 from harness.trainer import Trainer
 from scenes.errors import InputError
@@ -43,6 +44,8 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     assert (broken.status, broken.steps, broken.scores, broken.views) == ("diverged", 9, {}, [])
     assert broken.reason == "not finite at step 9: weight of coarse.density_head.weight"
     assert [point.step for point in broken.curve] == [6], "what was scored before stays"
+    kept = read_renders(tmp_path / "records" / str(broken.pictures))
+    assert [one.step for one in kept] == [6], "and so do its pictures"
     assert set(broken.properties) == {"flops_per_evaluation", "rays_per_step"}, "known before the first step"
     write_cell(tmp_path, broken)
     for method in ("nerf", "nerf_matched"):

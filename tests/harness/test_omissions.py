@@ -13,7 +13,7 @@ from harness.caveats import deviations
 from harness.lockstep import needs_view_direction
 from harness.needed import FORCEABLE, LEFT_OUT_BY, for_scene, kept, needs_of, with_needs
 from harness.omissions import Omission, cell_tasks, controls_of, judged, omissions_of, verifiable
-from harness.plan import Plan, planned
+from harness.plan import Machine, Plan, planned
 from harness.records import LeftOut
 from harness.schedule import Budget
 from harness.statistics import paired_difference
@@ -302,8 +302,8 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
     assert needs_of(plain) == {}
 
 
+@pytest.mark.slow
 def test_a_run_that_verifies_names_what_costs_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from harness.plan import Machine
     from harness.progress import chosen_progress
     from harness.records import read_run
     from harness.runner import run

@@ -3,12 +3,22 @@
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from harness.output_folder import claim, fresh_folder, point_latest_to, release
+from harness.json_record import load_record, write_json
+from harness.output_folder import (
+    LEAST_FREE_BYTES,
+    claim,
+    claimed,
+    fresh_folder,
+    gone_on_with,
+    point_latest_to,
+    release,
+)
 from harness.plan import Machine, Plan, planned
-from harness.records import write_cell, write_json
+from harness.records import write_cell
 from scenes.errors import InputError
 from tests.harness.cells import diverged
 
@@ -29,8 +39,8 @@ def with_results(out: Path, plan: Plan) -> Path:
 
 def test_a_fresh_folder_holds_its_plan(tmp_path: Path, plan: Plan) -> None:
     claim(tmp_path / "a" / "b", plan, MACHINE, resume=False)
-    stored = json.loads((tmp_path / "a" / "b" / "records" / "plan.json").read_text(encoding="utf-8"))
-    assert stored == json.loads(json.dumps({**plan.settings(), "machine": asdict(MACHINE)}))
+    stored = load_record(tmp_path / "a" / "b" / "records" / "plan.json")
+    assert stored == json.loads(json.dumps({**plan.settings(), "machine": MACHINE.settings()}))
 
 
 def test_an_empty_folder_may_be_used(tmp_path: Path, plan: Plan) -> None:
@@ -86,13 +96,69 @@ def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:
             claim(out, plan, other, resume=True)
 
 
-@pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
-def test_a_plan_that_cannot_be_read_is_refused(tmp_path: Path, plan: Plan, content: str) -> None:
+def test_a_run_goes_on_from_a_cluster_on_one_machine_and_back(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
+    for executor, workers in (("ray", 64), ("ray", 8), ("local", 1)):
+        claim(out, plan, Machine("cpu", workers, MACHINE.threads, executor), resume=True)
+    with pytest.raises(InputError, match=r"machine was \{'device': 'cpu', 'threads': 1\}, is .*'threads': 2"):
+        claim(out, plan, Machine("cpu", 64, 2, "ray"), resume=True)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
+def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(tmp_path: Path, plan: Plan, content: str) -> None:
+    out = with_results(tmp_path / "run", plan)
+    sound = (out / "records" / "plan.json").read_text()
+    write_cell(out, replace(diverged("lego", "nerf", 0), settings={"budget": asdict(plan.budget)}))
     (out / "records" / "plan.json").write_text(content)
-    with pytest.raises(InputError, match=r"plan\.json"):
-        claim(out, plan, MACHINE, resume=True)
+    other = planned("smoke", scenes=["lego"], budget_steps=7)
+    with pytest.raises(InputError, match=r"plan\.json: .*cannot be made again.*lego\.nerf\.0: budget was"):
+        claim(out, other, MACHINE, resume=True)
     assert (out / "records" / "plan.json").read_text() == content
+    claim(out, plan, MACHINE, resume=True)
+    assert (out / "records" / "plan.json").read_text() == sound
+
+
+@pytest.mark.parametrize("key", ['"digest"', '"dagest"', '"Digest"'])
+def test_a_flip_in_the_key_of_the_digest_is_damage(tmp_path: Path, plan: Plan, key: str) -> None:
+    out = with_results(tmp_path / "run", plan)
+    file = out / "records" / "plan.json"
+    sound = file.read_text()
+    file.write_text(sound.replace('"digest"', key))
+    said: list[str] = []
+    with claimed(out, plan, MACHINE, True, said.append):
+        pass
+    assert any("plan.json" in line for line in said) == (key != '"digest"')
+    assert file.read_text() == sound
+
+
+@pytest.mark.parametrize("aside", ["speed.json.1", "records.run.json.1"])
+def test_a_record_that_is_missing_is_made_again_where_it_was_moved_aside_and_nowhere_else(
+    tmp_path: Path, aside: str
+) -> None:
+    ours = aside.startswith("speed")
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / aside).write_text("{")
+    part = tmp_path / ".speed.json.1234.part"
+    part.write_text("{")
+    said: list[str] = []
+    if not ours:
+        with pytest.raises(InputError, match=r"holds no speed\.json to go on with"):
+            gone_on_with(tmp_path, "speed.json", True, load_record, said.append)
+    else:
+        assert gone_on_with(tmp_path, "speed.json", True, load_record, said.append) is None
+    assert said == (["speed.json: missing: everything in it is measured again"] if ours else [])
+    assert part.exists() != ours, "what a killed writer left in a folder of ours"
+
+
+def test_a_start_that_is_refused_for_want_of_room_leaves_nothing(
+    tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as nearly_full:
+        nearly_full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=LEAST_FREE_BYTES - 1))
+        with pytest.raises(InputError, match="make room"):
+            claim(tmp_path / "run", plan, MACHINE, resume=False)
+    assert list(tmp_path.iterdir()) == []
+    claim(tmp_path / "run", plan, MACHINE, resume=False)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, plan: Plan) -> None:

@@ -14,25 +14,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness.json_record import DamagedRecord, as_text, finite_or_none, load_json, write_json
 from harness.records import (
     CellRecord,
     Checkpoint,
     Comparison,
-    DamagedRecord,
     LeftOut,
     RunRecord,
     SceneRecord,
-    StoredImage,
     ViewScore,
     cell_path,
-    finite_or_none,
     read_cell,
     read_cells,
+    read_cells_of,
     read_comparisons,
     read_run,
     write_cell,
     write_comparisons,
-    write_json,
     write_run,
 )
 from tests.harness.cells import cell, checkpoint, diverged
@@ -102,7 +100,7 @@ cells = st.fixed_dictionaries(
         "trace": st.dictionaries(text, st.lists(maybe, max_size=3), max_size=3),
         "parameters": st.dictionaries(text, st.integers(), max_size=3),
         "properties": st.dictionaries(text, maybe | text, max_size=3), "warnings": st.lists(text, max_size=2),
-        "settings": st.dictionaries(text, json_values, max_size=3),
+        "pictures": st.none() | text, "settings": st.dictionaries(text, json_values, max_size=3),
         "provenance": st.dictionaries(text, json_values, max_size=3),
     }
 )  # fmt: skip
@@ -112,16 +110,14 @@ cells = st.fixed_dictionaries(
     facts=cells,
     curve=st.lists(checkpoints, max_size=3),
     views=st.lists(st.tuples(text, *[maybe] * 8), max_size=2),
-    images=st.lists(st.tuples(text, text, text, text), max_size=2),
 )
 @settings(deadline=None, max_examples=60)
-def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: Any, images: Any) -> None:
+def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: Any) -> None:
     one = CellRecord(
         scene="lego",
         method="nerf",
         curve=[Checkpoint(**point) for point in curve],
         views=[ViewScore(*view) for view in views],
-        images=[StoredImage(*image) for image in images],
         **facts,
     )
     with tempfile.TemporaryDirectory() as out:
@@ -138,6 +134,22 @@ def test_what_is_not_finite_is_refused_and_the_old_file_stays(bad: float, tmp_pa
     assert finite_or_none(bad) is None
 
 
+def test_hidden_files_of_others_and_cells_of_no_plan_are_passed_over(tmp_path: Path) -> None:
+    write_cell(tmp_path, diverged("lego", "nerf", 0))
+    cells = tmp_path / "records" / "cells"
+    (cells / "._lego.nerf.0.json").write_bytes(b"\x00\x05\x16\x07")
+    assert list(read_cells(tmp_path)) == [diverged("lego", "nerf", 0)]
+    (cells / "notes.json").write_text("mine")
+    keys = [("lego", "nerf", 0), ("lego", "qnerf", 0)]
+    assert list(read_cells_of(tmp_path, keys)) == [diverged("lego", "nerf", 0)]
+
+
+def test_a_command_that_is_not_utf_8_can_be_recorded(tmp_path: Path) -> None:
+    command = as_text("python -m harness run --out r\udce9sum\udce9 ж")
+    write_json(tmp_path / "run.json", {"command": command})
+    assert load_json(tmp_path / "run.json") == {"command": r"python -m harness run --out r\udce9sum\udce9 ж"}
+
+
 def test_a_number_that_is_finite_is_kept() -> None:
     assert finite_or_none(2.5) == 2.5
     assert finite_or_none(None) is None
@@ -147,9 +159,15 @@ def damage(out: Path, change: Any) -> Path:
     write_cell(out, one_cell())
     path = cell_path(out, "lego", "qnerf", 2)
     data = json.loads(path.read_text(encoding="utf-8"))
+    del data["digest"]  # which would say that it was changed, not how
     change(data)
     path.write_text(json.dumps(data), encoding="utf-8")
     return path
+
+
+def test_a_record_with_pictures_of_the_former_kind_still_opens(tmp_path: Path) -> None:
+    path = damage(tmp_path, lambda data: [data.pop("pictures"), data.update(images=[{"view": "test/r_0"}])])
+    assert read_cell(path).pictures is None
 
 
 @pytest.mark.parametrize(
@@ -162,7 +180,7 @@ def damage(out: Path, change: Any) -> Path:
         (lambda data: data["curve"][0].update(colour="red"), "colour"),
         (lambda data: data["curve"][0].pop("step"), "step"),
         (lambda data: data["views"].append(3), "delete it"),
-        (lambda data: data.update(images=None), "delete it"),
+        (lambda data: data.update(views=None), "delete it"),
     ],
 )
 def test_a_changed_record_is_refused_by_name(change: Any, said: str, tmp_path: Path) -> None:
@@ -182,10 +200,26 @@ def test_a_truncated_record_is_refused_by_name(content: str, tmp_path: Path) -> 
         list(read_cells(tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("paper", "said"),
+    [
+        ({"table2": 0.5}, "float, not dict"),
+        ({"table2": {"lego": {"nerf": 32.5}}}, "paper.table2.lego lacks nerf or qnerf"),
+        ({"table1": {"total": "many"}}, "total"),
+        ({"ledger": {}}, "dict, not list"),
+    ],
+)
+def test_a_table_of_the_paper_that_is_none_is_refused(paper: dict[str, Any], said: str, tmp_path: Path) -> None:
+    write_run(tmp_path, replace(one_run(), paper=paper))
+    with pytest.raises(DamagedRecord, match=said):
+        read_run(tmp_path)
+
+
 def test_a_damaged_run_record_is_refused(tmp_path: Path) -> None:
     write_run(tmp_path, one_run())
     path = tmp_path / "records" / "run.json"
     data = json.loads(path.read_text(encoding="utf-8"))
+    del data["digest"]
     data["scenes"][0]["colour"] = "red"
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"run\.json"):
@@ -197,7 +231,7 @@ def test_a_killed_write_leaves_the_old_file_whole(killed_at: str, tmp_path: Path
     write_cell(tmp_path, one_cell())
     code = (
         "import os, pathlib\n"
-        "from harness.records import write_json\n"
+        "from harness.json_record import write_json\n"
         f"{killed_at} = lambda *_: os.kill(os.getpid(), 9)\n"
         f"write_json(pathlib.Path({str(cell_path(tmp_path, 'lego', 'qnerf', 2))!r}), ['new'])\n"
     )

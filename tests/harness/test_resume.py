@@ -13,8 +13,11 @@ from typing import Any
 import pytest
 
 from harness.__main__ import main
+from harness.json_record import load_record, write_record
 from harness.records import read_cells, read_comparisons, read_run
 from tests.harness.shell import CELLS, ROOT, TINY, command, on_one_core, refused, shell
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)
@@ -100,21 +103,47 @@ def test_resuming_a_finished_run_trains_nothing(ball_folder: Path, finished: Pat
     out = tmp_path / "run"
     shutil.copytree(finished, out)
     assert main(["run", *TINY, "--quiet", "--view-set", str(ball_folder), "--out", str(out), "--resume"]) == 0
-    for folder in ("records/cells", "checkpoints", "records/images"):
+    for folder in ("records/cells", "checkpoints", "records/pictures"):
         before, after = ({file.name: file.read_bytes() for file in (one / folder).iterdir()} for one in (finished, out))
         assert before == after
 
 
-def test_a_damaged_record_is_named_and_the_rest_is_kept(
+@pytest.mark.thorough
+def test_a_run_is_gone_on_with_by_the_views_alone_that_it_was_trained_on(
+    ball_folder: Path, finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, own = tmp_path / "run", tmp_path / "own" / "ball"
+    shutil.copytree(finished, out)
+    shutil.copytree(ball_folder, own)
+    started_with = load_record(out / "records/plan.json")
+    write_record(out / "records/plan.json", {**started_with, "view_set": str(own)})
+    (out / "records/cells/ball.nerf.1.json").unlink()
+    shutil.copy(own / "train/r_1.png", own / "train/r_0.png")
+    before = all_files(out)
+    said = refused(capsys, *TINY, "--quiet", "--view-set", own, "--out", out, "--resume")
+    assert f"{own}: not the view set that ball.nerf.0 was trained on (content was" in said
+    assert all_files(out) == before
+    shutil.copy(ball_folder / "train/r_0.png", own / "train/r_0.png")
+    assert main(["run", *TINY, "--quiet", "--view-set", str(own), "--out", str(out), "--resume"]) == 0
+    assert outcome_of(out) == outcome_of(finished)
+
+
+@pytest.mark.thorough
+def test_a_damaged_record_is_named_and_just_its_cell_is_trained_again(
     ball_folder: Path, finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
     shutil.copytree(finished, out)
     (out / "records" / "cells" / "ball.nerf.1.json").write_text("{")
-    said = refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", out, "--resume")
-    assert "ball.nerf.1.json" in said
-    assert "delete it" in said
-    assert (out / "records" / "cells" / "ball.qnerf.1.json").exists()
+    kept = out / "records" / "cells" / "ball.qnerf.1.json"
+    before = kept.read_bytes()
+    assert main(["run", *TINY, "--view-set", str(ball_folder), "--out", str(out), "--resume"]) == 0
+    said = capsys.readouterr().out
+    assert "records/cells/ball.nerf.1.json: " in said
+    assert "ball, nerf, seed 1 is trained again" in said
+    assert "training 1 cells, 3 kept from before" in said
+    assert kept.read_bytes() == before
+    assert outcome_of(out) == outcome_of(finished)
 
 
 def children_of(process: int) -> list[int]:
@@ -157,7 +186,7 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="ne
 @needs_proc
 def test_a_killed_run_goes_on_where_it_was(ball_folder: Path, finished: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    assert ended_midway(signal.SIGKILL, ball_folder, out)[0] == -signal.SIGKILL
+    assert ended_midway(signal.SIGKILL, ball_folder, out, "--keep-every", "0")[0] == -signal.SIGKILL
     kept = {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in (out / "records/cells").glob("*.json")}
     assert 1 <= len(kept) < 4
     assert {cell.status for cell in read_cells(out)} == {"done"}, "workers that lost their parent record no error"
@@ -168,6 +197,7 @@ def test_a_killed_run_goes_on_where_it_was(ball_folder: Path, finished: Path, tm
     assert {file: (file.read_bytes(), file.stat().st_mtime_ns) for file in kept} == kept
     assert outcome_of(out) == outcome_of(finished)
     assert read_run(out).finished
+    assert not (out / "unfinished").exists()
 
 
 @needs_proc
@@ -175,6 +205,13 @@ def test_an_interrupted_run_says_how_to_go_on(ball_folder: Path, tmp_path: Path)
     # many cells, as a signal on a busy machine may come late
     code, said = ended_midway(signal.SIGINT, ball_folder, tmp_path / "run", "--seeds", "10")
     assert code == 130
-    assert said == "interrupted: finished cells are kept; go on with --resume and --out\n"
-    assert 1 <= len(list(read_cells(tmp_path / "run"))) < 20
+    kept = len(list(read_cells(tmp_path / "run")))
+    assert 1 <= kept < 20
+    run = tmp_path / "run"
+    assert said == (
+        f"interrupted: {kept} of 20 cells are kept; `python -m reports {run} --partial` reports them; "
+        f"go on with --resume --out {run}\n"
+    )
+    if kept >= 2:
+        assert read_comparisons(run)
     assert not read_run(tmp_path / "run").finished

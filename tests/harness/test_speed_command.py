@@ -52,9 +52,7 @@ def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path
     assert "is a file" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt")
     assert "cannot be written" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt" / "run")
     assert "holds no speed.json" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
-    (tmp_path / "speed.json").write_text("{}")
-    assert "run `nox -s speed` again" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["mine.txt", "speed.json"]
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
 
 
 class Script:
@@ -104,6 +102,25 @@ def test_a_stopped_run_keeps_what_it_has_and_goes_on(tmp_path: Path, monkeypatch
     assert [one.item for one in record.series] == [one.item for one in record.tables] == [2, 5, 6]
     assert set(record.seconds) == {"2", "5", "6", "total"}
     assert record.seconds["total"] == pytest.approx(sum(record.seconds[item] for item in "256"))
+
+
+def test_a_damaged_record_is_named_moved_aside_and_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "speed"
+    options = ["speed", "--quick", "--items", "2", "--out", str(out)]
+    scripted(monkeypatch)
+    assert main(options) == 0
+    data = bytearray((out / "speed.json").read_bytes())
+    data[len(data) // 2] ^= 1
+    (out / "speed.json").write_bytes(data)
+    second = scripted(monkeypatch)
+    capsys.readouterr()
+    assert main([*options, "--resume"]) == 0
+    assert "speed.json: " in capsys.readouterr().out
+    assert second.asked == [2]
+    assert ids(out) == ["q2.ratio"]
+    assert (out / "damaged" / "speed.json.1").read_bytes() == data
 
 
 def test_other_options_are_not_gone_on_with(
@@ -161,6 +178,7 @@ def answers(out: Path, *items: int) -> dict[str, Measurement]:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     found = answers(tmp_path / "speed", 1, 2, 3, 4, 5, 6, 11)
     for id in (
@@ -186,6 +204,7 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_ground_truth_and_memory_are_measured_in_processes_of_their_own(tmp_path: Path) -> None:
     found = answers(tmp_path / "speed", 7, 8)
@@ -196,6 +215,7 @@ def test_ground_truth_and_memory_are_measured_in_processes_of_their_own(tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_growth_and_processes_are_measured(tmp_path: Path) -> None:
     found = answers(tmp_path / "speed", 9, 10)
     assert {id for id in found if id.startswith("growth")} == {

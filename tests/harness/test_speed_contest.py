@@ -145,15 +145,6 @@ def test_the_headline_waits_for_every_scene(here: Situation, monkeypatch: pytest
     assert (reduced.value, reduced.low, reduced.high) == (100.0, 80.0, 120.0)
 
 
-def test_amx_is_a_flag_of_the_processor(tmp_path: Path) -> None:
-    cpuinfo = tmp_path / "cpuinfo"
-    assert not where.has_amx(cpuinfo)
-    cpuinfo.write_text("flags : fpu avx512_bf16 amx_tile\n")
-    assert not where.has_amx(cpuinfo)
-    cpuinfo.write_text("flags : fpu avx512_bf16 amx_bf16 amx_tile\n")
-    assert where.has_amx(cpuinfo)
-
-
 def test_settings_are_json(here: Situation) -> None:
     from harness.speed.runner import settings_of
 

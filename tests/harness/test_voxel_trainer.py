@@ -14,9 +14,10 @@ import torch
 from safetensors.torch import load_file
 
 from harness import learner
+from harness.cell_training import GroupSettings
 from harness.evaluate import density_histogram
 from harness.learner import Learner, NotAvailable, learner_for
-from harness.lockstep import GroupSettings, train_group
+from harness.lockstep import train_group
 from harness.records import CellRecord, read_cells
 from harness.schedule import Budget
 from harness.settings import VoxelSettings
@@ -116,6 +117,7 @@ print(json.dumps([warm, steps, one.field.shape[0]]))
 """Hashes of the kernels launched by the warm-up and by each step after it, and whether they were compiled before."""
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_on_the_clock_after_the_warm_up(tmp_path: Path) -> None:
     """In a process and with a kernel cache of its own: both remember what any other test has compiled."""
     drjit_or_skip()
@@ -230,7 +232,7 @@ def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: View
     assert all(point.density is not None for point in cell.curve)
     assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
     assert float(cell.properties["chunk_max_difference"] or 0) < 1e-5
-    assert len(cell.images) == 1
+    assert cell.pictures == "pictures/ball.voxels_drjit.0.safetensors"
     stored = load_file(tmp_path / "checkpoints" / "ball.voxels_drjit.0.safetensors")
     assert stored["density"].shape == (16, 16, 16)
     assert sum(value.numel() for value in stored.values()) == cell.parameters["total"]
@@ -249,6 +251,8 @@ def test_without_an_llvm_library_it_is_not_available(monkeypatch: pytest.MonkeyP
         voxels()
 
 
+@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_where_drjit_cannot_be_imported_goes_on_without_it(tmp_path: Path) -> None:
     environment = without_mitsuba(tmp_path / "blocked")
     write_ball(tmp_path / "ball", size=16, train=3, test=1)

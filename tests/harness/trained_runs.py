@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from harness import cell_training
 from harness.group import GroupTask, run_group
 from harness.learner import Learner
 from harness.local_executor import Event
@@ -31,7 +32,6 @@ def train_run(
     on_trained: Callable[[Learner], None] = lambda learner: None,
 ) -> Path:
     """The output folder `run`; its view set `ball` is beside it. `on_trained` gets each learner at its end."""
-    from harness import lockstep
 
     def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
         for task in tasks:
@@ -39,7 +39,9 @@ def train_run(
             run_group(task, lambda share: None, cells.append)
             yield from (Event(task, cell=cell) for cell in cells)
 
-    def saved(learner: Learner, path: Path, save: Callable[[Learner, Path], None] = lockstep.save_checkpoint) -> None:
+    def saved(
+        learner: Learner, path: Path, save: Callable[[Learner, Path], None] = cell_training.save_checkpoint
+    ) -> None:
         save(learner, path)
         on_trained(learner)
 
@@ -55,7 +57,7 @@ def train_run(
     threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.runner.run_locally", here)
-        patch.setattr("harness.lockstep.save_checkpoint", saved)
+        patch.setattr("harness.cell_training.save_checkpoint", saved)
         run(plan, out, folder, machine, "none", Quiet())
     # a fixture of a whole module comes before the one that puts these back after each test
     torch.set_num_threads(threads)

@@ -38,6 +38,28 @@ def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
     return view, noise
 
 
+def address_of(view: Any) -> str:
+    """The page's address now; `view.url` is what the driver last heard of it."""
+    return view.evaluate("location.href")
+
+
+def until(view: Any, true: str, seconds: float = 5.0) -> None:
+    """Waits for an expression; Playwright's own way evaluates text in the page, which its policy forbids."""
+    for _ in range(round(seconds / 0.025)):
+        if view.evaluate(true):
+            return
+        view.wait_for_timeout(25)
+    raise AssertionError(f"not within {seconds:g} s: {true}")
+
+
+def unseen_buttons(view: Any) -> list[str]:
+    """Buttons that the tab key stops at, though the head that they stand in is clipped away."""
+    return view.evaluate(
+        """[...document.querySelectorAll('thead button')].filter(one => one.checkVisibility({visibilityProperty: true})
+            && getComputedStyle(one.closest('thead')).clipPath !== 'none').map(one => one.textContent)"""
+    )
+
+
 def unfold(view: Any) -> None:
     view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
 

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 
 from harness.paper import printed
+from harness.pictures_record import Render, Truth, cell_pictures, half, truth_pictures, write_renders, write_truth
 from harness.records import (
     CellRecord,
     Checkpoint,
@@ -20,7 +20,6 @@ from harness.records import (
     LeftOut,
     RunRecord,
     SceneRecord,
-    StoredImage,
     ViewScore,
     records_folder,
     write_cell,
@@ -36,6 +35,7 @@ METHODS = {
 }
 STEPS = (50, 100, 200, 400, 800, 1600)
 GAIN = {"nerf": 0.0, "nerf_matched": 0.9, "qnerf": 0.8}
+VIEWS = ("r_12", "r_87")
 SLOWNESS = {"nerf": 1.0, "nerf_matched": 0.97, "qnerf": 1.06}
 PAPER = {
     **printed(),
@@ -49,7 +49,7 @@ def final_psnr(place: int, method: str, seed: int) -> float:
     return round(23.0 + 0.7 * place + GAIN[method] + 0.15 * math.sin(7 * seed + 3 * place + len(method)), 3)
 
 
-def fake_cell(scene: str, place: int, method: str, seed: int, images: list[StoredImage] | None = None) -> CellRecord:
+def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
     """A finished cell with a plausible curve."""
     final = final_psnr(place, method, seed)
     curve = []
@@ -91,7 +91,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int, images: list[Store
         train_seconds=curve[-1].seconds,
         scores=scores,
         curve=curve,
-        views=[ViewScore("r_0", final, 0.85, 0.12, 5.0, 0.06, 0.3, 0.96, scores["psnr_ceiling"])],
+        views=[ViewScore("r_12", final, 0.85, 0.12, 5.0, 0.06, 0.3, 0.96, scores["psnr_ceiling"])],
         trace={
             "step": [float(step) for step in STEPS],
             "loss": [10 ** (-(point.psnr or 0) / 10) for point in curve],
@@ -106,7 +106,6 @@ def fake_cell(scene: str, place: int, method: str, seed: int, images: list[Store
             "opacity_unit_slab": 0.632 if amplified else 1.0,
         },
         warnings=["billboard: train PSNR 6.2 dB above test"] if scene == "ficus" and seed == 1 else [],
-        images=images or [],
         settings={"steps": STEPS[-1]},
         provenance={},
     )
@@ -122,16 +121,22 @@ def diverged(cell: CellRecord) -> CellRecord:
         scores=dict.fromkeys(cell.scores),
         curve=[point for point in cell.curve if point.step <= 400],
         views=[],
-        images=[],
     )
 
 
 def _density(step: int) -> dict[str, list[float]]:
+    """A tenth of the points is inside, where density is higher; the whole is the mean of both."""
     edges = [0.0, *(round(10 ** (-2 + 0.1 * k), 6) for k in range(41))]
-    before = np.exp(-0.5 * ((np.arange(41) - 24) / (6 + step / 400)) ** 2)
-    after = np.where(np.arange(41) < 21, before, 0.0)
-    after[20] += before[21:].sum()
-    return {"edges": edges, "before": (before / before.sum()).tolist(), "after": (after / after.sum()).tolist()}
+    points = {"inside": 3_277, "outside": 29_491}
+    found: dict[str, np.ndarray] = {}
+    for where, middle in (("inside", 30), ("outside", 16)):
+        before = np.exp(-0.5 * ((np.arange(41) - middle) / (6 + step / 400)) ** 2)
+        after = np.where(np.arange(41) < 21, before, 0.0)
+        after[20] += before[21:].sum()
+        found |= {f"before_{where}": before / before.sum(), f"after_{where}": after / after.sum()}
+    for side in ("before", "after"):
+        found[side] = sum(points[w] * found[f"{side}_{w}"] for w in points) / sum(points.values())
+    return {"edges": edges, "points": list(points.values()), **{name: one.tolist() for name, one in found.items()}}
 
 
 def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Comparison]:
@@ -167,26 +172,37 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
     return found
 
 
-def _pictures(out: Path, scene: str, place: int, method: str, size: int) -> list[StoredImage]:
-    """A ball before white, blurred by the method; truth is shared by the methods."""
-    folder = records_folder(out) / "images"
-    folder.mkdir(parents=True, exist_ok=True)
-    stored = []
-    for number, view in enumerate(("r_12", "r_87")):
-        y, x = np.mgrid[0:size, 0:size] / size - 0.5
-        radius = np.hypot(x - 0.05 * number, y)
-        inside = np.clip((0.33 - radius) * size / 2, 0, 1)
-        stripes = 0.5 + 0.5 * np.sin(40 * (x + y) + place)
-        colour = np.stack([stripes, 0.3 + 0.4 * np.sin(place) ** 2 + 0 * x, 1 - stripes], -1)
-        truth = colour * inside[..., None] + 1 - inside[..., None]
-        drawn = truth + 0.06 * (1.2 - GAIN[method]) * np.sin(90 * x + len(method))[..., None] * inside[..., None]
-        names = [f"images/{scene}.{view}.truth.png"]
-        names += [f"images/{scene}.{method}.0.{view}{kind}.png" for kind in ("", ".opacity")]
-        pictures: list[np.ndarray] = [truth, drawn, np.repeat(inside[..., None], 3, -1)]
-        for name, picture in zip(names, pictures, strict=True):
-            matplotlib.image.imsave(records_folder(out) / name, np.clip(picture, 0, 1).astype(np.float32))
-        stored.append(StoredImage(view, *names))
-    return stored
+def _ball(number: int, place: int, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Striped colour [h, w, 3], coverage and depth [h, w], and the phase x of its pixels."""
+    y, x = np.mgrid[0:size, 0:size] / size - 0.5
+    radius = np.hypot(x - 0.05 * number, y)
+    inside = np.clip((0.33 - radius) * size / 2, 0, 1)
+    stripes = 0.5 + 0.5 * np.sin(40 * (x + y) + place)
+    colour = np.stack([stripes, 0.3 + 0.4 * np.sin(place) ** 2 + 0 * x, 1 - stripes], -1)
+    depth = np.where(inside > 0, 4.0 - np.sqrt(np.maximum(0.33**2 - radius**2, 0.0)), 0.0)
+    return colour, inside, depth, x
+
+
+def write_pictures(out: Path, cell: CellRecord, place: int, size: int, hdr: bool) -> CellRecord:
+    """The cell with pictures of a ball before white, drawn worse early and by some methods; its truth beside it."""
+    renders, truths = [], []
+    steps = [point.step for point in cell.curve]
+    for step in steps if cell.seed == 0 else steps[-1:] if cell.status == "done" else []:
+        for number, view in enumerate(VIEWS):
+            colour, inside, depth, x = _ball(number, place, size)
+            covered = inside[..., None]
+            display = colour * covered + 1 - covered
+            light = np.where(display > 0.5, 8 * display, display) if hdr else display**2.2
+            truths.append(Truth(view, half(display), half(inside), half(light), half(depth)))
+            error = 0.06 * (1.2 - GAIN.get(cell.method, 0.0)) * (1 + 0.1 * cell.seed) * (STEPS[-1] / step) ** 0.3
+            drawn = display + error * np.sin(90 * x + len(cell.method))[..., None] * covered
+            renders.append(Render(view, step, half(drawn), half(inside * (1 - error)), half(depth * (1 - error))))
+    if not renders:
+        return cell
+    path = cell_pictures(cell.scene.replace("/", "_"), cell.method, cell.seed)
+    write_renders(records_folder(out) / path, renders)
+    write_truth(records_folder(out) / truth_pictures(cell.scene), truths[: len(VIEWS)])
+    return replace(cell, pictures=path)
 
 
 def scene_record(name: str, place: int, size: int) -> SceneRecord:
@@ -249,18 +265,23 @@ def write_fake_run(
     size: int = 32,
     pictures: bool = True,
     with_diverged: bool = True,
+    hdr: tuple[str, ...] = (),
     change: Callable[[RunRecord], RunRecord] = lambda run: run,
     change_cell: Callable[[CellRecord], CellRecord] = lambda cell: cell,
 ) -> Path:
-    """Writes the run under `out` and returns `out`; the second scene's last qnerf cell diverged."""
-    cells = []
-    for place, scene in enumerate(scenes):
-        for method in methods:
-            stored = _pictures(out, scene.replace("/", "_"), place, method, size) if pictures else []
-            cells += [fake_cell(scene, place, method, seed, stored if seed == 0 else None) for seed in range(seeds)]
+    """Writes the run under `out` and returns `out`; the second scene's last qnerf cell diverged. The truth of the
+    scenes in `hdr` is brighter than white."""
+    cells = [
+        fake_cell(scene, place, method, seed)
+        for place, scene in enumerate(scenes)
+        for method in methods
+        for seed in range(seeds)
+    ]
     if with_diverged:
         lost = max(i for i, cell in enumerate(cells) if (cell.scene, cell.method) == (scenes[-1], "qnerf"))
         cells[lost] = diverged(cells[lost])
+    if pictures:
+        cells = [write_pictures(out, one, scenes.index(one.scene), size, one.scene in hdr) for one in cells]
     cells = [change_cell(cell) for cell in cells]
     for cell in cells:
         write_cell(out, cell)

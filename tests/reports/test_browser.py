@@ -1,10 +1,13 @@
 """The page in a real browser: no errors, no requests, readable in the dark and on a phone."""
 
+import numpy as np
 import pytest
 
+from reports.kept_pictures import kept
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import opened, unfold, weakest_contrast
+from tests.reports.browsing import opened, unfold, until, weakest_contrast
+from tests.reports.comparer_view import bytes_of
 
 pytestmark = pytest.mark.slow
 
@@ -55,3 +58,29 @@ def test_text_stands_out_from_its_ground(browser, address, scheme):
     view, _ = opened(browser, address, color_scheme=scheme)
     ratio, text = weakest_contrast(view, "h1 b, p b, td, th, small, .note, nav a, summary, .plot text")
     assert ratio >= 4.5, text
+
+
+def test_pictures_are_shown_once_on_screen_and_on_paper_as_without_a_script(browser, address):
+    view, _ = opened(browser, address)
+    until(view, "!document.getElementById('comparer').hidden")
+    assert not view.locator(".still").is_visible()
+    view.emulate_media(media="print")
+    assert view.locator(".pictures").first.is_visible()
+    bare, _ = opened(browser, address, java_script_enabled=False)
+    assert bare.locator(".still").is_visible()
+
+
+def test_the_runs_behind_a_figure_are_seen(browser, address, pictured):
+    view, noise = opened(browser, f"{address}#runs.open=1&scene=drums&method=nerf&seed=1")
+    noise.remove(address)
+    until(view, "document.querySelectorAll('#runs canvas[data-drawn]').length === 2")
+    drums = kept(read_records(pictured), "drums")
+    seen = view.evaluate("""[...document.querySelectorAll('#runs canvas')].map(one =>
+        [...one.getContext('2d').getImageData(13, 17, 1, 1).data].slice(0, 3))""")
+    last = drums.renders["nerf", 1][0]
+    expected = [np.clip(one.astype(float), 0, 1) for one in (drums.truth["r_12"].display, last.colour)]
+    assert (last.view, seen) == ("r_12", [bytes_of(picture, 13, 17) for picture in expected])
+    assert view.locator("#runs .thumbnail small").all_inner_texts() == ["ground truth", "step 1600"]
+    view.get_by_role("button", name="compare the pictures").click()
+    until(view, "location.hash.includes('at=pictures')")
+    assert noise == []

@@ -10,6 +10,7 @@ from reports.claims_table import chapters, claims_grid, tally_grid
 from reports.ledger import OWN_FIGURES, UNTESTED, VERDICTS
 from reports.load import Records, read_records
 from reports.scale import has_paper_settings, in_a_line, is_paper_scale, on_other_pictures
+from reports.selection import Selection
 from tests.reports.fake_run import EIGHT, PAPER, write_fake_run
 
 
@@ -79,6 +80,24 @@ def test_the_verdict_is_taken_from_the_interval_that_knows_of_the_others(whole: 
     assert (chair.interval, chair.verdict) == ((1.0, 1.4), "inconclusive")
 
 
+def test_a_claim_that_runs_judged_knows_them_and_no_other_does(whole: Records):
+    behind = {name: claim.runs for name, claim in by_id(whole).items() if claim.runs}
+    assert behind["table2-chair"] == Selection("chair", "qnerf", "nerf", "psnr", "steps")
+    assert behind["table2-average"] == behind["abstract-psnr-range"] == Selection("", "qnerf", "nerf", "psnr", "steps")
+    judged = {claim.id: claim for claim in claims(whole) if claim.verdict != UNTESTED}
+    assert set(behind) < set(judged)
+    arithmetic = [claim for claim in judged.values() if claim.kind in ("figures", "others")]
+    assert arithmetic
+    assert [claim.id for claim in arithmetic if claim.runs] == []
+
+
+def test_the_measured_number_opens_its_runs_and_no_filter_hides_a_verdict(whole: Records):
+    found = claims(whole)
+    for claim, row in zip(found, claims_grid(found, "").rows, strict=True):
+        assert [entry.runs for entry in row] == [None, None, claim.runs, None, None]
+    assert not claims_grid(found, "").filtered
+
+
 def test_survivors_settle_nothing(records: Records):
     drums = by_id(records)["table2-drums"]
     assert drums.verdict == "inconclusive"
@@ -106,6 +125,13 @@ def test_the_range_does_not_hold_silently_on_fewer_scenes(whole: Records):
     high = {"difference": 1.6, "interval": (1.5, 1.7), "simultaneous": (1.5, 1.7)}
     found = by_id(with_comparisons(whole, all=high, chair=high, drums=high))
     assert found["abstract-psnr-range"].verdict == "inconclusive"
+
+
+def test_the_range_of_the_papers_scenes_opens_no_runs_of_others(eight: Records, tmp_path):
+    more = read_records(write_fake_run(tmp_path / "run", (*EIGHT, "fern"), pictures=False, with_diverged=False))
+    assert by_id(eight)["abstract-psnr-range"].runs == Selection("", "qnerf", "nerf", "psnr", "steps")
+    found = by_id(more)["abstract-psnr-range"]
+    assert (found.runs, found.measured) == (None, by_id(eight)["abstract-psnr-range"].measured)
 
 
 def test_absolute_scores_stand_beside_and_are_not_judged(eight: Records):

@@ -14,6 +14,7 @@ from reports.ledger import UNTESTED
 from reports.load import Records
 from reports.page import page
 from reports.publish import write_published
+from reports.selection import Selection
 from reports.summary import summary
 from reports.untested import not_tested
 
@@ -47,6 +48,7 @@ def test_listing_2_is_judged_by_the_interval_of_its_family(whole: Records, diffe
     claim = judged(whole, study(effect(LISTING_2, difference)))[CLAIM]
     assert (claim.printed, claim.measured, claim.verdict) == (0.6, difference, verdict)
     assert claim.scale == "lego; 3 seeds; 500 steps"
+    assert claim.runs is None, "the study's runs are not the report's"
     if difference is not None:
         assert claim.interval == (difference - 0.1 * 3, difference + 0.1 * 3)
 
@@ -76,6 +78,7 @@ def test_without_the_study_the_run_itself_is_asked(whole: Records):
     records = replace(whole, comparisons=[*whole.comparisons, own])
     claim = judged(records, None)["table4-nerf_phi_encoding-psnr"]
     assert (claim.measured, claim.verdict) == (0.1, "does not hold")
+    assert claim.runs == Selection("lego", "nerf_phi_encoding", "nerf", "psnr", "steps")
     assert judged(whole, None)["table4-nerf_phi_encoding-psnr"].verdict == UNTESTED
 
 

@@ -96,6 +96,16 @@ def test_a_baseline_of_its_own_is_counted(whole: Records):
     assert "equal in 7 of 8 scenes" in found.note
 
 
+def test_a_scene_without_an_original_score_is_named_and_counts_for_neither_side(whole: Records):
+    original = {scene: score for scene, score in PAPER["original_nerf"].items() if scene != "mic"}
+    found = arithmetic.source_of_baseline(bench(whole, original_nerf=original), entry("table2-source"))
+    assert found.measured == 7
+    assert "equal in 7 of 7 scenes (without mic, of which no original score is recorded)" in found.note
+    assert arithmetic.source_of_baseline(
+        bench(whole, original_nerf={"fern": 25.2}), entry("table2-source")
+    ).verdict == (UNTESTED)
+
+
 def test_a_record_without_the_tables_tests_nothing(whole: Records):
     records = replace(whole, run=replace(whole.run, paper={"ledger": PAPER["ledger"]}))
     bare = {one.id: one for one in claims(records)}

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records import DamagedRecord
+from harness.json_record import DamagedRecord
 from harness.targets_record import Reach, TargetComparison, TargetsRecord, write_targets
 from reports.claims import claims
 from reports.claims_time import bound, saving, time_to_target, verdict_of
 from reports.ledger import UNTESTED, Bench, entries
 from reports.load import Records, read_records
+from reports.selection import TARGET, Selection
 from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(
@@ -92,6 +93,8 @@ def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
     targets = replace(targets, comparisons=[ONE, replace(ONE, axis="seconds", saving=3.0, simultaneous=(1.0, 5.0))])
     found = [saving(bench(whole, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
     assert [(one.measured, one.verdict) for one in found] == [(12.0, "does not hold"), (3.0, "does not hold")]
+    behind = [Selection("", "qnerf", "nerf", TARGET, axis) for axis in ("steps", "seconds")]
+    assert [one.runs for one in found] == behind
 
 
 def test_times_themselves_are_never_judged(whole: Records):

@@ -2,13 +2,14 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from reports.__main__ import main
+from reports.__main__ import BAD_INPUT, OWN_ERROR, SOME_FAILED, STOPPED, main, parser
 from tests.reports.fake_run import write_fake_run
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +22,11 @@ def test_a_whole_run_gives_0_and_the_path_last(tmp_path, capsys):
     assert lines[-1] == str(out / "report.html")
     assert (out / "summary.json").is_file()
     assert "qnerf" in lines[0]
+
+
+def test_every_exit_code_is_told():
+    told = re.findall(r"(?<= )\d+(?= )", parser().epilog)
+    assert [int(code) for code in told] == [0, OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED]
 
 
 def test_diverged_cells_give_3_after_the_report_is_written(out, capsys):
@@ -53,6 +59,7 @@ def test_a_ledger_that_is_none_gives_2_and_one_line(tmp_path, capsys):
     out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
     path = out / "records" / "run.json"
     run = json.loads(path.read_text(encoding="utf-8"))
+    run.pop("digest", None)
     run["paper"]["ledger"] = [{"id": "table2-chair"}]
     path.write_text(json.dumps(run), encoding="utf-8")
     assert main([str(out)]) == 2
@@ -109,7 +116,11 @@ def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
-HEAVY = "print(sorted({'torch', 'mitsuba', 'drjit', 'baselines', 'scenes'} & set(sys.modules)))"
+LIGHT = {"scenes", "scenes.errors", "scenes.installed", "scenes.stopping"}
+HEAVY = (
+    f"print(sorted(name for name in set(sys.modules) - {LIGHT!r} "
+    "if name.split('.')[0] in ('torch', 'mitsuba', 'drjit', 'baselines', 'scenes')))"
+)
 
 
 def test_a_report_is_built_without_torch_and_mitsuba(tmp_path):
@@ -141,3 +152,12 @@ def test_the_module_runs_as_a_command(tmp_path):
     )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_ctrl_c_gives_130_and_one_line(out, capsys, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("reports.__main__.build", stopped)
+    assert main([str(out)]) == 130
+    assert capsys.readouterr().err == "interrupted: pages that were written are whole; give the command again\n"

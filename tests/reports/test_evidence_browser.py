@@ -1,16 +1,23 @@
 """The studies and the work–precision diagrams in a real browser: chosen without a script, readable in the dark and on a
 phone."""
 
+import xml.etree.ElementTree as ET
+
 import pytest
 
 from reports.beside import Beside
+from reports.effects_plot import forests
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import opened, unfold, weakest_contrast
-from tests.reports.fake_evidence import fake_evidence
+from tests.reports.browsing import opened, unfold, unseen_buttons, weakest_contrast
+from tests.reports.exploring import rows_of, saved
+from tests.reports.fake_evidence import INTEREST, fake_evidence
 from tests.reports.fake_run import write_fake_run
+from tests.reports.menus import saveable
 
 pytestmark = pytest.mark.slow
+
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +49,7 @@ def test_the_page_is_never_wider_than_its_window(browser, address, width):
     view, _ = opened(browser, address, viewport={"width": width, "height": 800})
     unfold(view)
     assert view.evaluate("document.documentElement.scrollWidth") == width
+    assert unseen_buttons(view) == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -61,3 +69,34 @@ def test_bars_of_a_forest_lie_within_its_column(browser, address):
     }).length"""
     assert view.evaluate(outside) == 0
     assert view.evaluate("document.querySelectorAll('.forest .dot').length") > 40
+
+
+def test_all_that_is_shown_can_be_saved(browser, address):
+    view, _ = opened(browser, address)
+    many = saveable(view)
+    assert {kind for kind in many if many[kind]} == {"table", "drawn table", "chart"}
+
+
+def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
+    view, _ = opened(browser, address)
+    tools = view.locator("#study-factorial .tools").first
+    study = next(one for one in fake_evidence().studies if one.info.id == "factorial")
+    (rows, *_) = (group.rows for group in forests(study.effects, INTEREST)[0].groups)
+    saved_rows = rows_of(saved(view, tools, "CSV"))
+    assert len(saved_rows) == sum(len(group.rows) for group in forests(study.effects, INTEREST)[0].groups)
+    found = [row for row in saved_rows if row["scene"] == "all scenes"]
+    wanted = ("", "all", "psnr", "steps")
+    effects = [one for one in study.effects if (one.against, one.scene, one.metric, one.budget) == wanted]
+    for row, drawn, effect in zip(found, rows, effects, strict=True):
+        assert (row["scene"], row["effect"], row["verdict"]) == ("all scenes", drawn.name, drawn.verdict)
+        ends = ("", " low", " high", " simultaneous low", " simultaneous high")
+        numbers = [float(row[f"difference and 95 % interval{end}"]) for end in ends]
+        assert numbers == [effect.difference, *effect.interval, *effect.simultaneous]
+    tree = ET.fromstring(saved(view, tools, "SVG"))
+    assert tree.find(f"{SVG}title").text == "What does each part do? – PSNR at equal steps (dB)"
+    zero = next(one.get("d") for one in tree.iter(f"{SVG}path") if one.get("d").count("V"))
+    middle = float(zero[1 : zero.index(" ")])
+    dots = [float(one.get("cx")) - middle for one in tree.iter(f"{SVG}circle")][: len(rows)]
+    places = [row.dot - forests(study.effects, INTEREST)[0].zero for row in rows]
+    assert dots == [pytest.approx(3 * place, abs=0.01) for place in places], "300 units for all of the axis"
+    assert "var(" not in ET.tostring(tree, encoding="unicode")

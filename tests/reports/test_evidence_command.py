@@ -75,17 +75,19 @@ def changed(place: list, value):
     ("change", "said"),
     [
         (changed(["studies", 0, "checks", 1, "figure"], "high"), "studies[0].checks[1].figure is 'high', not float"),
-        (changed(["studies", 1, "effects", 0, "difference"], float("nan")), "is nan, which no record may hold"),
+        (changed(["studies", 1, "effects", 0, "difference"], float("nan")), "NaN is no number"),
         (changed(["studies", 1, "effects", 0, "verdict"], "great"), "verdict is 'great', not one of better, worse"),
         (changed(["studies", 1, "effects", 0, "interval"], [2, 1]), "has interval [2, 1], which runs backwards"),
         (changed(["studies", 1, "info", "id"], "calibration"), "study 'calibration' is there twice"),
         (changed(["studies", 0, "tables", 0, "rows"], [["a"]]), "has 3 columns but a row of 1"),
+        (changed(["settings", "smallest_of_interest"], {"psnr": None}), "smallest_of_interest.psnr is None, not float"),
         (changed(["studies", 0, "tables", 0, "item"], 4), "'Spread between seeds' belongs to item 4, not 0"),
     ],
 )
 def test_what_no_run_writes_is_named(tmp_path, change, said):
     out = write_fake_evidence(tmp_path, BAD)
     data = json.loads((out / EVIDENCE_FILE).read_text(encoding="utf-8"))
+    data.pop("digest", None)
     change(data)
     (out / EVIDENCE_FILE).write_text(json.dumps(data), encoding="utf-8")
     done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(out))
@@ -135,6 +137,7 @@ def test_unfinished_evidence_is_not_published(tmp_path, capsys):
     assert main([str(out)]) == 0
 
 
+@pytest.mark.slow
 def test_the_page_is_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_evidence(tmp_path / "out", GOOD)
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))

@@ -20,7 +20,7 @@ def absent(cell):
     if cell.method != "voxels_drjit":
         return cell
     return replace(cell, status="not_available", reason=REASON, steps=0, train_seconds=0.0,
-                   scores=dict.fromkeys(cell.scores), curve=[], views=[], trace={}, images=[])  # fmt: skip
+                   scores=dict.fromkeys(cell.scores), curve=[], views=[], trace={}, pictures=None)  # fmt: skip
 
 
 @pytest.fixture

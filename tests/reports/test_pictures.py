@@ -1,15 +1,18 @@
-"""Views beside the truth, and maps of the error."""
+"""Views beside the truth, as print shows them."""
 
 import base64
 import io
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
 import pytest
 
-from reports.error_maps import absolute_error, delta_e, delta_e_map, smaller
+from reports.error_maps import delta_e, smaller
+from reports.inline_png import data_uri, read, side_for
+from reports.kept_pictures import kept
 from reports.load import read_records
-from reports.pictures import data_uri, read, seed_shown, side_for, views
+from reports.pictures import BUDGET_BYTES, seed_shown, views
 from tests.reports.fake_run import write_fake_run
 
 BLACK, WHITE = np.zeros((2, 3, 3)), np.ones((2, 3, 3))
@@ -20,23 +23,11 @@ def pixels(uri: str) -> np.ndarray:
 
 
 def test_equal_pictures_have_no_error():
-    assert absolute_error(WHITE, WHITE).max() == 0
     assert delta_e(WHITE, WHITE).max() == pytest.approx(0, abs=1e-9)
-
-
-def test_absolute_error_is_amplified_and_clipped():
-    assert absolute_error(BLACK, BLACK + 0.1) == pytest.approx(BLACK + 0.4)
-    assert absolute_error(BLACK, WHITE).max() == 1
 
 
 def test_black_to_white_is_a_hundred_in_ciede2000():
     assert delta_e(BLACK, WHITE) == pytest.approx(np.full((2, 3), 100.0), abs=0.01)
-
-
-def test_the_map_of_differences_grows_brighter():
-    sums = [delta_e_map(np.full((1, 1), value)).sum() for value in (0.0, 5.0, 10.0, 20.0)]
-    assert sums == sorted(sums)
-    assert delta_e_map(np.full((1, 1), 20.0)) == pytest.approx(delta_e_map(np.full((1, 1), 90.0)))
 
 
 def test_smaller_averages_whole_blocks():
@@ -53,15 +44,14 @@ def test_a_data_uri_holds_the_picture():
 
 def test_views_of_a_run(pictured):
     shown = views(read_records(pictured))
-    assert [(view.scene, view.view, view.seed, view.first) for view in shown] == [
-        ("chair", "r_12", 0, True),
-        ("chair", "r_87", 0, False),
-        ("drums", "r_12", 0, True),
-        ("drums", "r_87", 0, False),
-    ]
+    assert [(view.scene, view.view, view.seed) for view in shown] == [("chair", "r_12", 0), ("drums", "r_12", 0)]
     assert [one.method for one in shown[0].methods] == ["nerf", "nerf_matched", "qnerf"]
-    assert pixels(shown[0].truth).shape[:2] == (32, 32)
     assert "mean ΔE₀₀" in shown[0].methods[0].caption
+    found = kept(read_records(pictured), "chair")
+    assert pixels(shown[0].truth)[..., :3] == pytest.approx(found.truth["r_12"].display.astype(float), abs=0.6 / 255)
+    last = found.renders["nerf", 0][-2]
+    assert (last.view, last.step) == ("r_12", 1600)
+    assert pixels(shown[0].methods[0].render)[..., :3] == pytest.approx(last.colour.clip(0, 1), abs=0.6 / 255)
 
 
 def test_a_diverged_method_says_so_where_its_picture_would_be(tmp_path):
@@ -72,22 +62,28 @@ def test_a_diverged_method_says_so_where_its_picture_would_be(tmp_path):
 
 def test_missing_and_broken_pictures_are_no_error(tmp_path):
     out = write_fake_run(tmp_path / "run", ("chair",), with_diverged=False)
-    folder = out / "records" / "images"
-    (folder / "chair.nerf.0.r_12.png").unlink()
-    (folder / "chair.qnerf.0.r_12.png").write_bytes(b"\x89PNG, but not for long")
-    (folder / "chair.r_87.truth.png").unlink()
-    first, second = views(read_records(out))
+    folder = out / "records" / "pictures"
+    (folder / "chair.nerf.0.safetensors").unlink()
+    (folder / "chair.qnerf.0.safetensors").write_bytes(b"no pictures")
+    (first,) = views(read_records(out))
     assert [one.render is None for one in first.methods] == [True, False, True]
-    assert first.methods[0].caption == "no picture was kept"
-    assert second.truth is None
-    assert second.methods[0].caption == "no ground truth of this size"
+    assert first.methods[0].caption.endswith("chair.nerf.0.safetensors: missing")
+    assert "not the pictures of a run" in first.methods[2].caption
+    (folder / "chair.safetensors").unlink()
+    (again,) = views(read_records(out))
+    assert again.truth is None
+    assert again.methods[1].caption == "no ground truth of this size"
 
 
-@pytest.mark.parametrize("path", ["../../secret.png", "/etc/passwd", "images"])
+@pytest.mark.parametrize("path", ["../../secret.safetensors", "/etc/passwd", "pictures"])
 def test_pictures_outside_of_the_records_are_not_read(tmp_path, path):
-    matplotlib.image.imsave(tmp_path / "secret.png", WHITE)
-    (tmp_path / "out" / "records" / "images").mkdir(parents=True)
-    assert read(tmp_path / "out" / "records", path) is None
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, with_diverged=False)
+    records = read_records(out)
+    (out / "records/pictures/chair.nerf.0.safetensors").rename(tmp_path / "secret.safetensors")
+    records.cells[:] = [replace(cell, pictures=path) for cell in records.cells]
+    found = kept(records, "chair")
+    assert found.renders == {}
+    assert set(found.missing) == {(method, 0) for method in records.methods}
 
 
 def test_a_run_without_pictures_has_no_views(records):
@@ -96,7 +92,13 @@ def test_a_run_without_pictures_has_no_views(records):
 
 
 def test_many_pictures_are_made_smaller():
-    assert side_for(10) == 400
-    assert side_for(8 * 2 * 13) < 160
-    assert side_for(8 * 2 * 13) ** 2 * 8 * 2 * 13 * 2.6 < 9_000_000
-    assert side_for(10**9) == 64
+    assert side_for(3, BUDGET_BYTES) == 400
+    assert side_for(8 * 4, BUDGET_BYTES) == 128
+    assert side_for(10**9, BUDGET_BYTES) == 64
+
+
+@pytest.mark.parametrize("path", ["../../secret.png", "/etc/passwd", "images"])
+def test_png_files_outside_of_the_folder_are_not_read(tmp_path, path):
+    matplotlib.image.imsave(tmp_path / "secret.png", WHITE)
+    (tmp_path / "out" / "records" / "images").mkdir(parents=True)
+    assert read(tmp_path / "out" / "records", path) is None

@@ -5,9 +5,11 @@ import pytest
 from reports.beside import Beside
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import opened, unfold, weakest_contrast
+from tests.reports.browsing import opened, unfold, unseen_buttons, weakest_contrast
+from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import fake_serving, write_fake_serving
+from tests.reports.menus import saveable
 
 pytestmark = pytest.mark.slow
 
@@ -41,6 +43,7 @@ def test_the_page_is_never_wider_than_its_window(browser, address, width):
     view, _ = opened(browser, address, viewport={"width": width, "height": 800})
     unfold(view)
     assert view.evaluate("document.documentElement.scrollWidth") == width
+    assert unseen_buttons(view) == []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -68,3 +71,37 @@ def test_bars_fill_their_track_and_neighbours_differ(browser, address):
 def test_pictures_are_shown(browser, address):
     view, _ = opened(browser, address)
     assert view.evaluate("[...document.querySelectorAll('.strip img')].map(one => one.naturalWidth)") == [40, 40, 40]
+
+
+def test_all_that_is_shown_can_be_saved(browser, address):
+    view, _ = opened(browser, address)
+    many = saveable(view)
+    assert {kind for kind in many if many[kind]} == {"table", "drawn table", "chart", "picture"}
+
+
+def test_bars_of_camera_paths_are_as_wide_as_their_column_on_paper_too(browser, address):
+    view, _ = opened(browser, address)
+    narrow = """[...document.querySelectorAll('.uses .stack')].filter(one =>
+        one.getBoundingClientRect().width < 0.8 * one.closest('td').getBoundingClientRect().width).length"""
+    assert view.locator(".uses .stack").count() == 2
+    assert view.evaluate(narrow) == 0
+    view.emulate_media(media="print")
+    assert view.locator(".uses .stack").first.is_visible()
+    assert view.evaluate(narrow) == 0
+
+
+def test_a_drawing_of_camera_paths_is_saved_with_the_rows_in_sight_alone(browser, address):
+    view, noise = opened(browser, address)
+    tools = view.locator("#cache .tools", has=view.get_by_role("button", name="Save the figure: Where the views"))
+    names = view.locator(".uses tbody th").evaluate_all("all => all.map(one => one.firstChild.textContent.trim())")
+    assert len(set(names)) == 2
+    for left in (2, 1, 0):
+        view.evaluate(
+            """left => [...document.querySelector('.uses').tBodies[0].rows]
+                .forEach((row, place) => row.classList.toggle('unmatched', place >= left))""",
+            left,
+        )
+        drawing = saved(view, tools, "SVG")
+        assert [name for name in names if f">{name}</text>" in drawing] == names[:left]
+        assert len(rows_of(saved(view, tools, "CSV"))) == left
+    assert [one for one in noise if not one.startswith("blob:")] == []

@@ -32,7 +32,7 @@ from tests.reports.fake_serving import (
     reachings,
     write_fake_serving,
 )
-from tests.reports.test_page import HOSTILE, Outline
+from tests.reports.test_page import HOSTILE, Outline, foreign_scripts
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_both_sections_are_there_well_formed_and_fetch_nothing(text):
     assert {"#cache", "#attention"} <= set(outline.links)
     assert {link[1:] for link in outline.links if link.startswith("#")} <= set(outline.ids)
     assert [link for link in outline.links if not link.startswith(("#", "data:"))] == []
-    assert "script" not in outline.tags
+    assert foreign_scripts(text) == []
 
 
 def test_the_cache_is_told_from_its_figures(text):
@@ -106,6 +106,7 @@ def test_bars_are_as_long_as_their_views(text):
     assert widths == pytest.approx([100 / 3] * 3 + [7.5, 15, 22.5, 55], abs=0.01)
 
 
+@pytest.mark.slow
 def test_nothing_rough_is_shown_without_a_warning(out):
     records = read_records(out)
     for settings, words in (({"quick": True}, "Measured too quickly."), ({"complete": False}, "Not everything was")):
@@ -119,6 +120,7 @@ def test_nothing_rough_is_shown_without_a_warning(out):
     assert "Not everything was measured" not in whole
 
 
+@pytest.mark.slow
 def test_each_part_may_be_missing(out):
     records = read_records(out)
     bare = page(records, Beside(serving=fake_serving(attention=None)))
@@ -197,7 +199,7 @@ def test_hostile_words_stay_words(out):
         settings={"attention": {HOSTILE: HOSTILE}, "seed": HOSTILE, "width": HOSTILE, "threads": HOSTILE},
     )
     text = page(read_records(out), Beside(serving=record))
-    assert "script" not in Outline(text).tags
+    assert foreign_scripts(text) == []
     assert "alert('x')" in html.unescape(text)
 
 
@@ -225,4 +227,4 @@ def test_the_sections_stay_small(out):
         for one in maps
     ]  # fmt: skip
     record = fake_serving(attention=fake_attention(curves=long, reaching=reachings(long)))
-    assert len(page(records, Beside(serving=record))) - len(page(records)) < 1_000_000
+    assert len(page(records, Beside(serving=record))) - len(page(records)) < 1_600_000  # drawings and their numbers

@@ -1,5 +1,7 @@
 """python -m reports where there is a stability.json: pages, exit codes, what is published, what is refused."""
 
+import re
+
 import pytest
 
 from harness.stability_record import STABILITY_FILE, read_stability
@@ -70,13 +72,13 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
     ("was", "becomes", "said"),
     [
         ('"figure": 0.0003', '"figure": "high"', "cases[8].outcomes[5].figure is 'high', not float"),
-        ('"figure": 0.0003', '"figure": NaN', "cases[8].outcomes[5].figure is nan, which no record may hold"),
+        ('"figure": 0.0003', '"figure": NaN', "NaN is no number of JSON"),
         ('"status": "not_available"', '"status": "lost"', "status is 'lost', not one of pass, fail"),
     ],
 )
 def test_what_no_type_allows_is_named(tmp_path, was, becomes, said):
     out = write_fake_stability(tmp_path)
-    text = (out / STABILITY_FILE).read_text(encoding="utf-8")
+    text = re.sub(r',\s*"digest": "[0-9a-f]{64}"', "", (out / STABILITY_FILE).read_text(encoding="utf-8"))
     assert text.count(was) == 1
     (out / STABILITY_FILE).write_text(text.replace(was, becomes), encoding="utf-8")
     done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(out))
@@ -115,6 +117,7 @@ def test_a_quick_run_is_not_published(tmp_path, capsys):
     assert main([str(out)]) == 0
 
 
+@pytest.mark.slow
 def test_the_page_is_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_stability(tmp_path / "out", GOOD)
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))

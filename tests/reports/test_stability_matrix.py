@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records import DamagedRecord
+from harness.json_record import DamagedRecord
 from harness.stability_record import STABILITY_FILE, Outcome, StabilityRecord, judged
 from reports.stability_load import find_stability
 from reports.stability_matrix import anchor, cell, groups

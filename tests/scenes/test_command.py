@@ -15,7 +15,7 @@ from scenes.images import read_image
         (["render", "lego", "--variant", "fast"], "unknown Mitsuba variant 'fast'"),
         (["render", "lego", "--resolution", "0"], "resolution 0"),
         (["render", "lego", "--train", "1000"], "1000 train views"),
-        (["render", "lego", "--spp-test", "1"], "spp of test 1"),
+        (["render", "lego", "--spp-test", "1"], "--spp-test 1"),
         (["sheet", "/no/such/folder/x.png"], "x.png"),
         (["sheet", "x.png", "teapot"], "unknown scene"),
     ],
@@ -58,3 +58,14 @@ def test_a_sheet_is_drawn(tmp_path: Path) -> None:
     assert pixels.shape == (62, 64, 3)
     assert pixels.min() < 0.3
     assert pixels[0, 0].tolist() == [1, 1, 1]
+
+
+def test_ctrl_c_is_one_line_and_exit_code_130(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("scenes.__main__._render", stopped)
+    assert main(["render", "lego"]) == 130
+    assert capsys.readouterr().err == "scenes: interrupted; give the command again\n"

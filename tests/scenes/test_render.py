@@ -12,7 +12,7 @@ from scenes.render import LoadedScene, RenderedView, RenderError, combine, even_
 from scenes.scene import Description
 from scenes.solids import ball, box, mesh
 from scenes.variant import Variant
-from scenes.viewpoints import FOV_X_RADIANS, all_poses, poses_on_sphere
+from scenes.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
 
 WHITE_SKY = {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
 
@@ -268,3 +268,29 @@ def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> Non
         expected = [0.3, 0.2, 0.1, 1.0] if shown else [0.0] * 4
         assert view.rgba[4, 4] == pytest.approx(expected, abs=1e-6)
         assert view.rgba[0, 0] == pytest.approx([0.0] * 4)
+
+
+def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal(scalar: Variant) -> None:
+    """A lamp between the camera and a ball, and beside it: geometry is that of the ball alone, wherever colour is."""
+    thing = {"ball": sphere(0.4, grey(0.6)), "sky": WHITE_SKY}
+    glow = {"type": "area", "radiance": {"type": "rgb", "value": [3.0, 3.0, 3.0]}}
+    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
+    lamp = {**sphere(0.3, grey(0.0), tuple((0.3 * pose[0, :3, 3]).tolist())), "emitter": glow}
+    lit, plain = (
+        next(render_views(LoadedScene(one, scalar, 3, 15, 15), pose, 8, [0], ["view"]))
+        for one in ({**thing, "lamp": lamp}, thing)
+    )
+    assert np.array_equal(lit.depth, plain.depth)
+    assert np.array_equal(lit.normal, plain.normal)
+    assert (lit.depth[7, 7], lit.depth[0, 0]) == (pytest.approx(RADIUS - 0.4, abs=0.02), 0)
+    assert (lit.depth[lit.rgba[..., 3] == 0] == 0).all()
+    assert lit.rgba[7, 7, 0] > plain.rgba[7, 7, 0] + 0.1  # it does light the ball
+
+
+def test_instances_beside_a_lamp_are_refused(scalar: Variant) -> None:
+    lamp = {"lamp": {**sphere(0.3, grey(0.0), (0, 0, 2)), "emitter": {"type": "area"}}}
+    group = {"group": {"type": "shapegroup", "ball": sphere(0.4, grey(0.5))}}
+    placed = {"placed": {"type": "instance", "of": {"type": "ref", "id": "group"}}}
+    LoadedScene({**group, **placed, "sky": WHITE_SKY}, scalar, 3, 4, 4)
+    with pytest.raises(InputError, match="instances beside a shape that glows"):
+        LoadedScene({**group, **placed, **lamp}, scalar, 3, 4, 4)

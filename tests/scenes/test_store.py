@@ -20,6 +20,7 @@ from scenes.errors import InputError
 from scenes.manifest import check_all
 from scenes.normalise import Similarity
 from scenes.scene import Scene
+from scenes.standing import Standing
 from scenes.store import Order, checked_order, is_complete
 from scenes.view_set import read_view_set
 
@@ -28,9 +29,9 @@ Render = Callable[..., Path]
 
 
 def test_a_whole_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    steps: list[tuple[int, int]] = []
-    first = render_tiny(tmp_path, progress=lambda done, total: steps.append((done, total)))
-    assert steps == [(n, 6) for n in range(1, 7)]
+    steps: list[Standing] = []
+    first = render_tiny(tmp_path, progress=steps.append)
+    assert [(one.done, one.total, one.kept) for one in steps] == [(n, 6, 0) for n in range(7)]
     assert first.name.startswith("tiny-16px-")
     assert len(first.name) == len("tiny-16px-") + 12
     check_all(first)
@@ -102,7 +103,7 @@ def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest
         {"spp": {"train": 4, "val": 4, "test": 5}},
     ):
         digests.append(order_of(tiny_scene, monkeypatch, **change).digest("scalar_rgb"))
-    monkeypatch.setattr(store, "_versions", lambda: {"mitsuba": "9.9.9"})
+    monkeypatch.setattr("scenes.order.versions", lambda: {"mitsuba": "9.9.9"})
     digests.append(order_of(tiny_scene, monkeypatch).digest("scalar_rgb"))
     assert len(set(digests)) == len(digests)
     monkeypatch.undo()
@@ -130,11 +131,11 @@ def test_what_cannot_be_hashed_is_refused() -> None:
         ({"resolution": 0}, "resolution 0"),
         ({"resolution": 100_000}, "resolution 100000"),
         ({"counts": {"train": 101, "val": 0, "test": 0}}, "101 train views"),
-        ({"counts": {"train": -1, "val": 0, "test": 0}}, "counts of train -1"),
+        ({"counts": {"train": -1, "val": 0, "test": 0}}, "--train -1"),
         ({"counts": {"train": 0, "val": 0, "test": 0}}, "at least one"),
         ({"counts": {"train": 1}}, "one number each"),
-        ({"spp": {"train": 1, "val": 4, "test": 4}}, "spp of train 1"),
-        ({"spp": {"train": 10**9, "val": 4, "test": 4}}, "spp of train 1000000000"),
+        ({"spp": {"train": 1, "val": 4, "test": 4}}, "--spp-train 1"),
+        ({"spp": {"train": 10**9, "val": 4, "test": 4}}, "--spp-train 1000000000"),
         ({"variant": "fast"}, "unknown Mitsuba variant"),
     ],
 )
@@ -205,18 +206,20 @@ def command(cache: Path) -> list[str]:
 def test_a_killed_rendering_leaves_nothing_that_is_used(tmp_path: Path) -> None:
     running = subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert running.stdout is not None
-    assert json.loads(running.stdout.readline())["done"] == 1
+    assert [json.loads(running.stdout.readline())["done"] for _ in range(2)] == [0, 1]
     running.send_signal(signal.SIGKILL)
     running.wait()
     running.stdout.close()
     left = [path.name for path in tmp_path.iterdir()]
-    assert len(left) == 1
+    assert len(left) == 2, "a folder and its lock"
     assert left[0].startswith(".")
     with pytest.raises(InputError):
         read_view_set(tmp_path / left[0])
     done = subprocess.run(command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=True)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
-    assert lines[0] == {"scene": "materials", "done": 1, "total": 41}
+    first = lines[0]
+    assert first["done"] == first["kept"] >= 1, "the view of the killed one is kept"
+    assert (first["scene"], first["total"], first["share"]) == ("materials", 41, 0.0)
     assert lines[-1]["variant"] == "scalar_rgb"
     assert is_complete(Path(lines[-1]["path"]))
     assert [path.name for path in tmp_path.iterdir()] == [Path(lines[-1]["path"]).name]

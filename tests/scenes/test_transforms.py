@@ -67,6 +67,16 @@ def test_a_byte_order_mark_and_unknown_keys_do_no_harm(folder: Path) -> None:
     assert len(read_transforms(folder, "train").files) == 3
 
 
+def test_a_lens_that_is_said_to_be_ours_is_ours(folder: Path) -> None:
+    angle = json.loads((folder / "transforms_train.json").read_text())["camera_angle_x"]
+    focal = 2.0 / math.tan(angle / 2)
+    height = 2 * math.atan(1.5 / focal)
+    lens = {"w": 4, "h": 3, "fl_x": focal, "fl_y": focal, "cx": 2, "cy": 1.5, "camera_angle_y": height, "k1": None}
+    more = {"distortion_params": [0.0] * 6, "is_orthographic": False, "camera_model": None, "p1": 0, "cx": None}
+    edit(folder, lambda data: data.update({**lens, **more}))
+    assert read_transforms(folder, "train").fov_x_radians == angle
+
+
 def matrix_with(row: int, column: int, value: Any) -> list[list[Any]]:
     matrix = copy.deepcopy(POSES[0].tolist())
     matrix[row][column] = value
@@ -130,6 +140,17 @@ HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
     ("distortion", {"k1": 0.1}, "distortion"),
     ("off-centre", {"cx": 1.0, "w": 4}, "off the centre"),
     ("oblong pixels", {"fl_x": 100.0, "fl_y": 90.0}, "square"),
+    ("oblong pixels by angle", {"camera_angle_y": 0.5, "w": 4, "h": 4}, "camera_angle_y.*square"),
+    ("vertical angle without a size", {"camera_angle_y": 0.6911112070083618}, "camera_angle_y without w and h"),
+    ("vertical focal length alone", {"fl_y": 90.0}, "fl_y without fl_x"),
+    ("centre without a size", {"cx": 2.0}, "cx without w"),
+    ("centre without a height", {"cy": 2.0, "w": 4}, "cy without h"),
+    ("no width", {"cx": 2.0, "w": 0}, "w is 0"),
+    ("orthographic", {"is_orthographic": True}, "is_orthographic is True"),
+    ("fish-eye", {"camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE.*undistort"),
+    ("distortion as a list", {"distortion_params": [0, 0.1, 0, 0]}, r"distortion_params\[1\] is 0.1.*undistort"),
+    ("distortion of another type", {"distortion_params": 0.1}, "list of numbers"),
+    ("distortion of a high order", {"k6": 0.1}, "k6 is 0.1"),
 ]
 
 

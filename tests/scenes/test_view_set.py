@@ -309,12 +309,22 @@ def test_views_that_are_there_twice_are_reported(foreign: Path) -> None:
     assert read_view_set(foreign, splits=("test",)).repeated_views == ()
 
 
-def test_an_interval_of_distances_that_is_none_is_refused(view_set: Path) -> None:
+def rewritten(view_set: Path, **changes: object) -> None:
+    """The manifest with other facts and a right checksum."""
     manifest = json.loads((view_set / "view_set.json").read_text())
-    manifest.pop("checksum")
-    manifest["near"], manifest["far"] = 6.0, 2.0
     files = [view_set / name for name in manifest["files"]]
-    facts = {key: value for key, value in manifest.items() if key not in ("format", "schema", "files")}
-    write_manifest(view_set, facts, files)
+    own = ("checksum", "format", "schema", "files")
+    write_manifest(view_set, {**{key: manifest[key] for key in manifest if key not in own}, **changes}, files)
+
+
+def test_an_interval_of_distances_that_is_none_is_refused(view_set: Path) -> None:
+    rewritten(view_set, near=6.0, far=2.0)
     with pytest.raises(InputError, match=r"near 6.0 and far 2.0"):
+        read_view_set(view_set)
+
+
+@pytest.mark.parametrize("key", ["empty_splits", "needs", "left_out", "views"])
+def test_facts_that_are_null_are_refused(view_set: Path, key: str) -> None:
+    rewritten(view_set, **{key: None})
+    with pytest.raises(DamagedViewSet, match=f"{key} is missing or null"):
         read_view_set(view_set)

@@ -8,6 +8,7 @@ import torch
 from PIL import Image
 from safetensors.torch import load_file, save_file
 
+from harness import progress
 from harness.__main__ import main
 from harness.camera_paths import orbit
 from harness.evaluate import View, render_view
@@ -118,23 +119,47 @@ def test_without_a_cache_none_is_filled(out: Path, render: Said) -> None:
     assert not (out / "view_cache").exists()
 
 
-def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(out: Path, render: Said, counted: list[str]) -> None:
+def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
+    out: Path, render: Said, counted: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[int, int]] = []
+    monkeypatch.setattr(progress.Lines, "part", lambda _, what, done, total: told.append((done, total)))
     ask = (out, "--frames", "3", "--no-cache", "--path", "spiral")
     render(*ask)
     folder = out / "films" / "spiral-3-frames"
     before, times = contents(folder), {file: file.stat().st_mtime_ns for file in folder.rglob("000*.exr")}
     counted.clear()
+    told.clear()
     assert "6: 6 there" in render(*ask)
     assert counted == []
+    assert told == []
     (folder / "ball" / "nerf" / "0001.exr").unlink()
     damaged = folder / "ball" / "qnerf" / "0002.png"
     damaged.write_bytes(damaged.read_bytes()[:-20])
     assert "6: 4 there" in render(*ask)
     assert counted == ["nerf", "qnerf"]
+    assert told == [(1, 2), (2, 2)], "what is there is no progress"
     assert contents(folder) == before
     changed = {file.name for file, time in times.items() if file.stat().st_mtime_ns != time}
     assert changed == {"0001.exr", "0002.exr"}
     assert "3 there already" in render(*ask, "--methods", "nerf_matched", "nerf"), "others may join"
+
+
+@pytest.mark.parametrize("damage", ["[]", '{"path": "orbit"', None])
+def test_a_film_whose_record_is_lost_goes_on_with_its_frames(
+    out: Path, render: Said, counted: list[str], damage: str | None
+) -> None:
+    ask = ("--frames", "2", "--methods", "nerf", "--no-cache")
+    render(out, *ask)
+    record = out / "films" / "orbit-2-frames" / "film.json"
+    before = record.read_bytes()
+    record.unlink() if damage is None else record.write_text(damage)
+    counted.clear()
+    said = render(out, *ask)
+    assert f"{record}: " in said
+    assert "written again" in said
+    assert counted == [], "frames know what they show"
+    assert record.read_bytes() == before
 
 
 def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said, counted: list[str]) -> None:

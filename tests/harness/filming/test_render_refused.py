@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
+from harness.folder_lock import lock_folder
 from tests.harness.filming.typed import Said, contents
 from tests.harness.shell import refused
 
@@ -63,7 +64,7 @@ def test_a_run_that_is_not_there_or_not_whole_is_refused(out: Path, capsys: pyte
     assert "holds no run" in refused(capsys, out / "checkpoints", command="render")
     checkpoint = out / "checkpoints" / "ball.qnerf.0.safetensors"
     checkpoint.write_bytes(checkpoint.read_bytes()[:50])
-    assert "ball.qnerf.0.safetensors: not a checkpoint" in refused(capsys, out, "--no-cache", command="render")
+    assert "ball.qnerf.0.safetensors: has fewer bytes" in refused(capsys, out, "--no-cache", command="render")
     checkpoint.unlink()
     assert "this checkpoint is missing" in refused(capsys, out, "--no-cache", command="render")
     (out / "records" / "run.json").write_text("{")
@@ -86,9 +87,20 @@ def test_a_folder_of_something_else_or_of_another_film_is_refused(
     render(*ask, tmp_path / "film")
     said = refused(capsys, out, "--frames", "3", "--methods", "nerf", "--to", tmp_path / "film", command="render")
     assert "holds another film (frames was 2, is 3)" in said
-    (tmp_path / "film" / "film.json").write_text("[]")
-    assert "not the record of a film" in refused(capsys, *ask, tmp_path / "film", command="render")
+    lock = lock_folder(tmp_path / "film")
+    said = refused(capsys, *ask, tmp_path / "film", command="render")
+    assert said.startswith(f"error: --to {tmp_path / 'film'}: in use by process ")
+    lock.release()
     assert contents(mine) == {"letter.txt": b"mine"}
+
+
+def test_a_film_that_was_killed_in_its_first_moments_is_gone_on_with(out: Path, tmp_path: Path, render: Said) -> None:
+    film = tmp_path / "film"
+    (film / "damaged").mkdir(parents=True)
+    (film / "damaged" / "film.json.1").write_text("{")
+    (film / ".film.json.1234.part").write_text("{")
+    assert "2 rendered" in render(out, "--frames", "2", "--methods", "nerf", "--no-cache", "--to", film)
+    assert {one.name for one in film.iterdir()} == {"damaged", "film.json", "ball"}
 
 
 def test_a_full_disk_is_said_and_what_is_finished_is_kept(

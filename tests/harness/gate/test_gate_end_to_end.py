@@ -26,6 +26,7 @@ def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
         yield from (Event(task, cell=cell) for cell in cells)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_sound_code_passes_and_broken_code_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -117,6 +117,7 @@ def test_a_copy_that_does_not_end_is_nothing_to_compare(
     assert copied("nerf", views, tmp_path)[0] is None
 
 
+@pytest.mark.slow
 def test_a_comparer_that_is_sound_calls_chance_seldom_and_finds_what_is_there() -> None:
     calls, found = share_called(SPREADS, planted=False), share_called(SPREADS, planted=True)
     assert excess_of(calls, LIMITS["false_calls"]) <= 0

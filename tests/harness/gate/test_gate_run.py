@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
+from harness.folder_lock import lock_folder
 from harness.gate import options, runner
 from harness.gate.catalog import KINDS, Gate, gates, settings_of
 from harness.gate.limits import EXACT
@@ -175,7 +176,7 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
         (lambda file: file.write_text("[]"), "damaged"),
         (lambda file: file.write_text('{"schema": 2}'), "schema 2"),
         (lambda file: file.write_text(file.read_text().replace('"high"', '"hihg"')), "damaged"),
-        (lambda file: file.write_text(file.read_text().replace('"low": null', '"low": NaN', 1)), "not a finite number"),
+        (lambda file: file.write_text(file.read_text().replace('"low": null', '"low": NaN', 1)), "NaN is no number"),
         (lambda file: file.write_text(file.read_text().replace('"low": ', '"low": "a", "x": ', 1)), "damaged"),
     ],
 )
@@ -194,6 +195,10 @@ def test_names_that_are_none_and_folders_in_use(
     said = refused(capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate")
     assert "'teapot'; known: training images fairness speed" in said
     assert "in use" in refused(capsys, "--limits", limits, "--out", tmp_path, "--quiet", command="gate")
+    lock = lock_folder(tmp_path / "two")
+    said = refused(capsys, "--limits", limits, "--out", tmp_path / "two", "--quiet", command="gate")
+    assert "in use by process" in said
+    lock.release()
 
 
 def test_names_are_chosen_by_their_beginning() -> None:

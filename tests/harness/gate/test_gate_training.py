@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from harness import trainer
+from harness.cell_training import GroupSettings
 from harness.clipping import Clipping
 from harness.gate import training
 from harness.gate.catalog import GATE_SEEDS, RENEWAL_SEEDS, TRAINED_METHODS, TRAINED_SCENES, Gate, gates
 from harness.gate.limits import Limit, limit_from
 from harness.gate.outcome import Outcome, judged
 from harness.gate.training import Cells, gate_plan, sample_of, values_of, wanted
-from harness.lockstep import GroupSettings, train_group
+from harness.lockstep import train_group
 from harness.schedule import Budget
 from harness.solo import psnr_on, trained_alone
 from scenes.view_set import ViewSet
@@ -31,7 +32,7 @@ def trained(views: ViewSet, seeds: tuple[int, ...]) -> Cells:
     for seed in seeds:
         learner = trained_alone("nerf", views, f"lego/{seed}", tiny.TRAIN, BUDGET, tiny.CPU)
         one = cell("lego", "nerf", seed, [checkpoint(80, 1.0, psnr_on(learner, views, views.test, 1024))])
-        found["lego", "nerf", seed] = replace(one, images=[])
+        found["lego", "nerf", seed] = replace(one, pictures=None)
     return found
 
 
@@ -90,7 +91,7 @@ def test_a_training_that_is_far_better_than_before_fails_too(small_limit: Limit)
 
 
 def without_pictures(cells: Cells) -> Cells:
-    return {key: replace(one, images=[]) for key, one in cells.items()}
+    return {key: replace(one, pictures=None) for key, one in cells.items()}
 
 
 @pytest.mark.parametrize("what", ["diverged", "missing", "no score"])

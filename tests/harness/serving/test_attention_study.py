@@ -33,6 +33,8 @@ from harness.serving_record import Anytime
 from tests.harness.serving.conftest import Ticks
 from tests.harness.trained_runs import SIZE
 
+pytestmark = pytest.mark.slow
+
 
 def flat(value: float, height: int = 2, width: int = 2) -> View:
     shape = (height, width)

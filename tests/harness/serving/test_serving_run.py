@@ -12,8 +12,8 @@ import pytest
 
 from harness.__main__ import main
 from harness.finished import FinishedRun
+from harness.json_record import DamagedRecord
 from harness.progress import Quiet
-from harness.records import DamagedRecord
 from harness.serving import plan, runner
 from harness.serving.runner import Asked, after_run
 from harness.serving.situation import Situation
@@ -23,6 +23,8 @@ from reports.load import first_mismatch
 from reports.serving_load import find_serving
 from tests.harness.serving.conftest import CPU, Ticks, fail_with, with_study
 from tests.harness.trained_runs import SIZE
+
+pytestmark = pytest.mark.slow
 
 OTHER_ORIGINS: dict[str, dict[str, Any]] = {"machine": {"processor": "another"}, "torch": {"packages": {"torch": "0"}}}
 
@@ -88,6 +90,7 @@ def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
 def test_a_damaged_record_is_refused(copy: Path, damage: Callable[[dict[str, Any]], Any]) -> None:
     path = copy / SERVING_FILE
     data = json.loads(path.read_text(encoding="utf-8"))
+    data.pop("digest", None)
     damage(data)
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(DamagedRecord, match=f"run `python -m harness serving {copy}` again"):
@@ -124,6 +127,7 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
         shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
     elif change == "stopped":
         data = json.loads(path.read_text(encoding="utf-8"))
+        data.pop("digest", None)
         path.write_text(json.dumps({**data, "settings": {**data["settings"], "complete": False}}), encoding="utf-8")
     else:
         path.write_text("{", encoding="utf-8")
@@ -284,6 +288,7 @@ def test_what_would_take_too_long_is_left_to_its_own_command(out: Path, monkeypa
 def test_a_cell_that_diverged_is_named(out: Path) -> None:
     path = out / "records/cells/ball.nerf.0.json"
     data = json.loads(path.read_text(encoding="utf-8"))
+    data.pop("digest", None)
     path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
     after_run(out, "cpu", out, Quiet())
     record = read_serving(out / SERVING_FILE)

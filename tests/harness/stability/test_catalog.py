@@ -10,7 +10,8 @@ import pytest
 
 from harness.__main__ import main
 from harness.chart_record import Series, Table
-from harness.records import DamagedRecord
+from harness.json_record import DamagedRecord
+from harness.soundness import DAMAGED
 from harness.stability import catalog, runner
 from harness.stability.catalog import CASES, Case, measure_of
 from harness.stability.situation import METHODS, Finding, Situation, whose
@@ -101,8 +102,6 @@ def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path
     assert "is in use" in refused(capsys, "--quiet", "--out", tmp_path)
     assert "is a file" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt")
     assert f"holds no {STABILITY_FILE}" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
-    (tmp_path / STABILITY_FILE).write_text("{}")
-    assert "run `nox -s stability` again" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
 
 
 asked: list[str] = []
@@ -188,6 +187,28 @@ def test_a_stopped_run_keeps_whole_cases_and_goes_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("_made_up_cases")
+def test_a_damaged_record_is_named_moved_aside_and_measured_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(tmp_path / "out", "X1", "X3") == 0
+    record, before = tmp_path / "out" / STABILITY_FILE, read_stability(tmp_path / "out" / STABILITY_FILE)
+    spoilt = record.read_text().replace('"figure": 0.5', '"figure": 0.4')
+    record.write_text(spoilt)
+    capsys.readouterr()
+    assert main(["stability", "--out", str(tmp_path / "out"), "--cases", "X1", "X3", "--resume"]) == 0
+    said = capsys.readouterr().out
+    assert f"{STABILITY_FILE}: its digest does not match" in said
+    assert "everything in it is measured again" in said
+    after = read_stability(record)
+    assert list(after.outcomes()) == list(before.outcomes())
+    assert (tmp_path / "out" / DAMAGED / f"{STABILITY_FILE}.1").read_text() == spoilt
+
+    record.unlink()  # killed before the record was there again
+    assert run(tmp_path / "out", "X1", resume=True) == 0
+    assert [one.info.id for one in read_stability(record).cases] == ["X1"]
+
+
+@pytest.mark.usefixtures("_made_up_cases")
 def test_going_on_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(tmp_path / "out", "X1") == 0
     said = refused(capsys, "--quiet", "--out", tmp_path / "out", "--resume", "--methods", "nerf")
@@ -205,6 +226,7 @@ def test_a_record_that_was_changed_is_refused(tmp_path: Path) -> None:
     assert run(tmp_path / "out", "X1") == 0
     file = tmp_path / "out" / STABILITY_FILE
     data = json.loads(file.read_text())
+    data.pop("digest", None)
     del data["cases"][0]["outcomes"][0]["status"]
     file.write_text(json.dumps(data))
     with pytest.raises(DamagedRecord, match="status"):

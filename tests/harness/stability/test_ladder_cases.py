@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.records import CellRecord, RunRecord, StoredImage, records_folder
+from harness.pictures_record import Render, cell_pictures, half, write_renders
+from harness.records import CellRecord, RunRecord, records_folder
 from harness.stability.ladder_cases import (
     LEAST_RUNGS,
     Standing,
@@ -20,7 +21,6 @@ from harness.stability.ladder_cases import (
 from harness.stability.looks import share_of_looks
 from harness.stability.trained_scenes import Trained
 from scenes.image_stack import ImageStack
-from scenes.images import write_png
 from scenes.ladders import LADDERS
 from scenes.view_set import Split, ViewSet
 from tests.harness.cells import cell, checkpoint, diverged
@@ -52,12 +52,11 @@ def shown_as(tmp_path: Path, stripes: float, psnr: float) -> tuple[Trained, Cell
     """A cell that shows the stripes with that contrast about their mean, and the background as it is."""
     image = np.ones((8, 8, 3))
     image[4:, ::2], image[4:, 1::2] = 0.5 - 0.3 * stripes, 0.5 + 0.3 * stripes
-    folder = records_folder(tmp_path) / "images"
-    folder.mkdir(parents=True)
-    for name in ("t", "r", "o"):
-        write_png(folder / f"{name}.png", np.concatenate([image, np.ones((8, 8, 1))], axis=-1))
-    images = [StoredImage("test/r_0", "images/t.png", "images/r.png", "images/o.png")]
-    one = cell("frequency_1", "nerf", 0, [checkpoint(1, 1.0, psnr)], images=images)
+    picture = half(image)
+    path = cell_pictures("frequency_1", "nerf", 0)
+    drawn = Render("test/r_0", 1, picture, picture[..., 0], picture[..., 0])
+    write_renders(records_folder(tmp_path) / path, [drawn])
+    one = cell("frequency_1", "nerf", 0, [checkpoint(1, 1.0, psnr)], pictures=path)
     return left_behind(tmp_path, one), one
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from baselines.numerics.quadrature import QUADRATURES
+from harness.pictures_record import Render, cell_pictures, half, write_renders
 from harness.plan import planned
-from harness.records import CellRecord, RunRecord, StoredImage, records_folder
+from harness.records import CellRecord, RunRecord, records_folder
 from harness.stability import scene_truth
 from harness.stability.light_cases import (
     _fog_by_quadrature,
@@ -41,7 +42,6 @@ from harness.stability.scene_truth import (
 from harness.stability.textbook_scores import textbook_scores
 from harness.stability.trained_scenes import Trained, scores_table
 from scenes.catalog import STRESS
-from scenes.images import write_png
 from scenes.normalise import Similarity
 from scenes.stress.wires import RESOLUTION
 from scenes.truth import Seen, pixel_means
@@ -120,7 +120,7 @@ def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
     ],
 )
 def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], statuses: set[str], tmp_path: Path) -> None:
-    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings, images=[]))
+    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
     (one,) = each_method("S4", found, scene, lambda _: 0.5, 0.9, "error")
     assert {one.status} == statuses
     assert one.figure == 0.5, "recorded all the same"
@@ -129,12 +129,17 @@ def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], status
     assert ("learnt nothing" in str(row[-1])) == (one.status == "not_applicable")
 
 
+def pictured(out: Path, grey: np.ndarray) -> str:
+    """A kept view of just that grey in colour, opacity and depth."""
+    flat = half(grey)
+    path = cell_pictures("any", "any", 0)
+    write_renders(records_folder(out) / path, [Render("test/r_0", 1, half(np.stack([grey] * 3, -1)), flat, flat)])
+    return path
+
+
 def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
-    folder = records_folder(tmp_path) / "images"
-    folder.mkdir(parents=True)
-    write_png(folder / "o.png", np.tile([0.0, 0.0, 0.0, 1.0], (8, 8, 1)))
-    images = [StoredImage("test/r_0", "images/o.png", "images/o.png", "images/o.png")]
-    one = cell("glass_air", "qnerf", 0, [], images=images, warnings=["empty collapse: x"])
+    pictures = pictured(tmp_path, np.zeros((8, 8)))
+    one = cell("glass_air", "qnerf", 0, [], pictures=pictures, warnings=["empty collapse: x"])
     found = left_behind(tmp_path, one, methods=("qnerf",))
     (said,) = each_method("S5", found, "glass_air", lambda _: -70.0, 0.3, "share", sense="at_least")
     assert said.status == "fail"
@@ -155,7 +160,7 @@ def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
         tmp_path,
         cell("inside", "nerf", 0, [], scores={"depth_rmse": 2.4}),
         cell("inside", "qnerf", 0, [], scores={"depth_rmse": 0.4}),
-        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"], images=[]),
+        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"]),
         methods=("nerf", "qnerf", "voxels_drjit"),
     )
     said = {row[1]: row[4] for row in depth_rows(found, "inside", views)}
@@ -174,12 +179,8 @@ def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
     truth = np.zeros((1, 8, 8, 4))
     truth[0, 4:] = 1.0
     views = Views(("test/r_0",), truth, truth, truth, truth[..., 0], truth[..., 0])
-    for opacity, figure in ((np.ones((8, 8, 3)), 0.0), (truth[0, ..., :3], 1.0)):
-        folder = records_folder(tmp_path) / "images"
-        folder.mkdir(parents=True, exist_ok=True)
-        write_png(folder / "o.png", np.concatenate([opacity, np.ones((8, 8, 1))], axis=-1))
-        images = [StoredImage("test/r_0", "images/o.png", "images/o.png", "images/o.png")]
-        one = cell("white", "nerf", 0, [], images=images)
+    for opacity, figure in ((np.ones((8, 8)), 0.0), (truth[0, ..., 0], 1.0)):
+        one = cell("white", "nerf", 0, [], pictures=pictured(tmp_path, opacity))
         assert _silhouette(left_behind(tmp_path, one), views, one) == pytest.approx(figure)
 
 

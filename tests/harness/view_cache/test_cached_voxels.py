@@ -191,6 +191,7 @@ print(key(one))
 """
 
 
+@pytest.mark.slow
 def test_another_process_has_the_same_key(tmp_path: Path) -> None:
     """`drjit_or_skip` has named the library of LLVM that works in the environment."""
     one = trained()

@@ -12,6 +12,7 @@ import pytest
 from harness.view_cache.disk import DiskPictures
 from harness.view_cache.names import name_of
 from harness.view_cache.store import ViewStore
+from scenes.errors import InputError
 from tests.harness.view_cache.drawn import drawn, same_bits
 
 
@@ -69,6 +70,7 @@ def test_a_flipped_bit_in_any_byte_of_a_key_is_found_out(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_flipped_bit_in_any_byte_of_a_picture_never_gives_another_one(tmp_path: Path, seed: int) -> None:
     outcomes = flipped_everywhere(tmp_path, None, object_of, seed)
@@ -229,6 +231,17 @@ def test_a_wrong_ledger_costs_time_at_most(tmp_path: Path, ledger: bytes) -> Non
     for seed in range(0 if ledger != b"0\n" else 3, 4):
         assert same_bits(store.get(f"{seed}"), drawn(seed))
     assert DiskPictures(tmp_path, 6000).bytes() <= 6000
+
+
+@pytest.mark.parametrize("part", ["objects", "keys", "parts", "ledger"])
+def test_a_part_that_is_a_link_is_named_and_followed_by_nobody(tmp_path: Path, part: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    (tmp_path / "cache").mkdir()
+    elsewhere.write_bytes(b"7\n") if part == "ledger" else elsewhere.mkdir()
+    (tmp_path / "cache" / part).symlink_to(elsewhere)
+    with pytest.raises(InputError, match=rf"cache: .*\({part} is a link; remove it\)"):
+        DiskPictures(tmp_path / "cache", 10**6)
+    assert (elsewhere.read_bytes() == b"7\n") if part == "ledger" else not any(elsewhere.iterdir())
 
 
 def test_the_folder_may_be_removed_meanwhile(tmp_path: Path) -> None:

@@ -116,6 +116,7 @@ def files(folder: Path) -> list[Path]:
     return [file for file in folder.rglob("*") if file.is_file()]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_many_writers_killed_at_random(tmp_path: Path) -> None:
     generator = np.random.default_rng(1000)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import torch
 
+from harness.cell_training import GroupSettings
 from harness.checkpoints import checkpoint_path
 from harness.ground_truth import read_views
-from harness.lockstep import GroupSettings, train_group
+from harness.lockstep import train_group
 from harness.needed import for_scene
 from harness.records import RunRecord, SceneRecord, cell_path, read_cell, read_run, write_cell, write_run
 from harness.schedule import Budget

@@ -15,6 +15,7 @@ from harness.viewer.shown_run import ShownRun
 from tests.harness.viewer.looking import Looking
 from tests.harness.viewer.site import Site, served
 from tests.harness.viewer.small_run import add_second_scene
+from tests.reports.browsing import until
 
 pytestmark = pytest.mark.slow
 
@@ -90,7 +91,7 @@ def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
         }"""
     )
     look.page.keyboard.press("ArrowUp")
-    look.page.wait_for_function("() => window.late.length > 0")
+    until(look.page, "window.late.length > 0")
     look.after(lambda: look.page.select_option("#scene", "second"))
     late = look.page.evaluate("() => window.late.filter(([scene, title]) => !title.startsWith(scene)).length")
     assert late > 0  # pieces of the former scene did arrive under the new title

@@ -1,0 +1,137 @@
+"""What the documentation says can be typed: commands parse, links lead somewhere, Python runs on a run."""
+
+import re
+import runpy
+import shlex
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.__main__ import parser
+from harness.json_record import write_json
+from harness.records import read_cells
+from tests.harness.shell import ROOT
+from tests.reports.fake_run import write_fake_run
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SESSIONS = set(re.findall(r"^@nox\.session\ndef (\w+)", (ROOT / "noxfile.py").read_text(encoding="utf-8"), re.M))
+THROUGH = {"benchmark": "run", "film": "render"}
+"""Session → the command whose options it takes, where the name is another one."""
+
+
+def commands(page: Path) -> list[str]:
+    """Lines of blocks of code that are commands of ours, without comments and line breaks."""
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = [line.removeprefix("    ").removeprefix("- run: ") for line in text.splitlines()]
+    found = (re.search(r"(?:^|&& |^\s*- run: )((?:python -m harness|nox -s) .*)$", line) for line in lines)
+    return [one.group(1).partition(" # ")[0].strip() for one in found if one]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_parse(page: Path) -> None:
+    for command in commands(page):
+        words = shlex.split(command.partition(" && ")[0].partition(" | ")[0])
+        if words[0] == "nox":
+            names = words[2 : words.index("--")] if "--" in words else words[2:]
+            assert set(names) <= SESSIONS, command
+            given = words[words.index("--") + 1 :] if "--" in words else []
+            if not given or names[0] in ("tests", "tests_slow", "lint"):
+                continue
+            for place in [place for place, word in enumerate(given) if word == "--with"][::-1]:
+                del given[place : place + 2]
+            words = [THROUGH.get(names[0], names[0]), *given]
+        else:
+            words = words[3:]
+        with pytest.raises(SystemExit) if "--help" in words else nullcontext() as stop:
+            parser().parse_args(words)
+        assert stop is None or stop.value.code == 0, command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)#\s]+)\)", text):
+        if not target.startswith(("http:", "https:", "mailto:")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_with_commands_of_python_says_in_which_environment(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"\. \.nox/(\w+)/bin/activate", text)
+    assert set(named) <= SESSIONS
+    if re.search(r"^ +python -m ", text, re.M):
+        assert named or "on every node" in text
+
+
+def test_some_command_was_looked_at() -> None:
+    assert sum(len(commands(page)) for page in PAGES) >= 15
+    assert "python -m harness conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("docs") / "run"
+    write_fake_run(out)
+    return out
+
+
+def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from reports.load import read_records
+    from reports.summary import summary
+
+    write_json(run / "summary.json", summary(read_records(run)))
+    text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert len(blocks) == 3
+    names: dict[str, pd.DataFrame] = {}
+    cells = list(read_cells(run))
+    exec(blocks[0].replace("out/latest", str(run)), names)
+    assert len(names["cells"]) == len(cells)
+    assert set(names["cells"].psnr.dropna()) == {one.scores["psnr"] for one in cells if one.scores.get("psnr")}
+    exec(blocks[1].replace("out/latest", str(run)), names)
+    assert set(names["cells"]["scores.psnr"].dropna()) == {
+        one.scores["psnr"] for one in cells if one.scores.get("psnr")
+    }
+    assert len(names["curves"]) == sum(len(one.curve) for one in cells)
+    exec(blocks[2].replace("out/latest", str(run)), names)
+    assert {"method", "against", "difference", "verdict"} <= set(names["comparisons"].columns)
+
+
+@pytest.mark.slow
+def test_the_example_makes_its_table_and_its_figure(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setattr(sys, "argv", ["analyse.py", str(run), str(tmp_path)])
+    runpy.run_path(str(ROOT / "docs" / "examples" / "analyse.py"), run_name="__main__")
+    said = capsys.readouterr().out
+    cells = [one for one in read_cells(run) if one.scene == "chair" and one.method == "nerf"]
+    scores = [one.scores["psnr"] for one in cells if one.scores.get("psnr") is not None]
+    assert f"{sum(scores) / len(scores):.2f}" in next(line for line in said.splitlines() if line.startswith("chair"))
+    assert (tmp_path / "curves.png").stat().st_size > 5000
+
+
+def test_the_example_says_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    path = str(ROOT / "docs" / "examples" / "analyse.py")
+    monkeypatch.setattr(sys, "argv", [path])
+    with pytest.raises(SystemExit, match="2"):
+        runpy.run_path(path, run_name="__main__")
+    assert "required: OUT" in capsys.readouterr().err
+    cell = {"scene": "chair", "method": "nerf", "seed": 0, "status": "error", "scores": {}, "curve": []}
+    write_json(tmp_path / "records" / "cells" / "chair.nerf.0.json", cell)
+    monkeypatch.setattr(sys, "argv", [path, str(tmp_path)])
+    with pytest.raises(SystemExit, match=r"none of its 1 cells has a score \(error\)"):
+        runpy.run_path(path, run_name="__main__")
+
+
+def test_nothing_of_this_machine_and_no_registry_is_named() -> None:
+    for page in [*PAGES, ROOT / ".pre-commit-config.yaml", *(ROOT / "docs" / "examples").rglob("*.py")]:
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"/home/\w+|https?://\S*/simple\b|index-url", text), page

@@ -1,0 +1,98 @@
+"""One file of each kind that a run writes, damaged in every way: what is said, and whether it comes out as before."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.endurance.forked import run
+from tests.endurance.kills import arguments_for
+from tests.endurance.same_results import left_behind, same_results, same_view_sets
+
+KINDS = (
+    "out/records/plan.json",
+    "out/records/run.json",
+    "out/records/comparisons.json",
+    "out/records/targets.json",
+    "out/records/cells/hotdog.nerf.0.json",
+    "out/records/pictures/hotdog.safetensors",
+    "out/records/pictures/hotdog.nerf.0.safetensors",
+    "out/checkpoints/lego.qnerf.0.safetensors",
+    "view_sets/hotdog-*/view_set.json",
+    "view_sets/hotdog-*/train/r_3.png",
+    "view_sets/hotdog-*/test/r_1.exr",
+    "view_sets/hotdog-*/transforms_train.json",
+    "view_sets/hotdog-*/rendered.jsonl",
+)
+"""Paths below the folder that holds a run and its view sets."""
+BOMB = b"cposix\nsystem\n(S'touch UNPICKLED'\ntR."
+"""A pickle that makes a file where it is read; nothing of ours reads one."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One damage."""
+
+    kind: str
+    how: str
+    said: str
+    wrong: list[str]
+
+    @property
+    def line(self) -> str:
+        return f"{self.kind}, {self.how}: {self.said or 'nothing to say'}{' WRONG' if self.wrong else ''}"
+
+
+def _flip(place: float) -> Callable[[Path], None]:
+    def flip(path: Path) -> None:
+        data = bytearray(path.read_bytes())
+        data[min(int(place * len(data)), len(data) - 1)] ^= 0x15
+        path.write_bytes(data)
+
+    return flip
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+    (path / "somebody's.txt").write_text("mine")
+
+
+WAYS: dict[str, Callable[[Path], None]] = {
+    "a byte near its start": _flip(0.01),
+    "a byte in its middle": _flip(0.5),
+    "its last byte but a few": _flip(0.99),
+    "removed": Path.unlink,
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 3]),
+    "emptied": lambda path: path.write_bytes(b""),
+    "a folder instead": _folder,
+    "a pickle instead": lambda path: path.write_bytes(BOMB) and None,
+}
+
+
+def damages(reference: Path, scratch: Path, each: int | None = None) -> Iterator[Row]:
+    """Every kind in every way, each on a copy of an undisturbed run; or `each` in so many ways, the next kind in the
+    next ones."""
+    ways = [*WAYS]
+    for place, kind in enumerate(KINDS):
+        for turn in range(len(ways) if each is None else each):
+            yield damaged(reference, scratch, kind, ways[(place + turn) % len(ways)])
+
+
+def damaged(reference: Path, scratch: Path, kind: str, how: str) -> Row:
+    """One of them, gone on with."""
+    shutil.rmtree(scratch, ignore_errors=True)
+    shutil.copytree(reference, scratch)
+    path = next(scratch.glob(kind))
+    WAYS[how](path)
+    arguments = [one for one in arguments_for(scratch, resume=True) if one != "--quiet"]
+    ended = run(arguments, scratch)
+    wrong = [f"unpickled: {one}" for one in (*scratch.rglob("UNPICKLED"), *Path.cwd().glob("UNPICKLED"))]
+    lines = [line for line in ended.said.splitlines() if path.name in line or ": missing" in line]
+    said = " / ".join(lines).replace(f"{scratch}/", "")[:300]
+    if ended.code != 0:
+        return Row(kind, how, said or ended.said[-300:], [f"exit code {ended.code}: {ended.said[-300:]}"])
+    wrong += [f"left behind: {name}" for name in left_behind(scratch)]
+    wrong += same_results(reference / "out", scratch / "out")
+    wrong += same_view_sets(reference / "view_sets", scratch / "view_sets")
+    return Row(kind, how, said, wrong)

@@ -1,0 +1,150 @@
+"""Tries the readers for a given time, each in processes of its own, and prints what was tried and what was found.
+
+    python -m tests.fuzz [--seconds 600] [--inputs N] [--targets NAME …] [--seed N] [--scratch DIR] [--keep]
+                         [--tally FILE] [--no-guided | --guided-alone]
+
+Half of the time inputs are made by chance, half guided by coverage (atheris, the dependency group `fuzz`). With
+`--keep` each input that showed a fault goes to tests/fuzz/corpus/TARGET/, which the fast tests try again. FILE is that
+of `tests.fuzz.in_turn`, with a line of their own for guided inputs; what is in it is added to. Exit code 1 where a
+fault was found.
+"""
+
+import argparse
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from tests.fuzz.tally import GUIDED, Tally, added, row, table
+from tests.fuzz.tally import read as read_tally
+from tests.fuzz.tally import write as write_tally
+
+CORPUS = Path(__file__).parent / "corpus"
+SILENT_SECONDS = 120.0
+"""A process that tells nothing new for so long hangs."""
+STARTING_SECONDS = 600.0
+"""To make the material, once, on a machine that has other things to do."""
+LARGEST_KEPT = 32 << 10
+
+
+def main(arguments: list[str]) -> int:
+    from tests.fuzz.targets import TARGETS
+
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0, help="in all (default: 600)")
+    parser.add_argument("--inputs", type=int, default=1 << 40, help="at most, of each target")
+    parser.add_argument("--targets", nargs="+", choices=sorted(TARGETS), default=list(TARGETS))
+    parser.add_argument("--seed", type=int, default=int(time.time()))
+    parser.add_argument("--scratch", type=Path, default=Path(tempfile.gettempdir()) / "radiance-verdict-fuzz")
+    parser.add_argument("--keep", action="store_true", help="put inputs that show a fault into tests/fuzz/corpus")
+    parser.add_argument("--tally", type=Path, metavar="FILE", help="JSON file to add what was tried to")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--no-guided", action="store_true", help="by chance alone")
+    way.add_argument("--guided-alone", action="store_true", help="by coverage alone")
+    options = parser.parse_args(arguments)
+    can_be_guided = importlib.util.find_spec("atheris") is not None
+    if options.guided_alone and not can_be_guided:
+        parser.error("--guided-alone: atheris is not installed; install the dependency group fuzz")
+    ways = [False, True] if can_be_guided and not options.no_guided else [False]
+    ways = [True] if options.guided_alone else ways
+    if ways == [False]:
+        print("by chance alone, without coverage to guide it: atheris is not installed or not wanted")
+    each = options.seconds / len(options.targets) / len(ways)
+    found: dict[str, Tally] = {}
+    print(f"seed {options.seed}, {each:.0f} s of each target and way, in {options.scratch}")
+    for name in options.targets:
+        for guided in ways:
+            key = f"{name}{GUIDED if guided else ''}"
+            found[key] = tried(name, options.scratch / key, each, options.inputs, options.seed, guided)
+            if options.keep:
+                keep(name, options.scratch / key)
+            if options.tally:
+                before = read_tally(options.tally)
+                write_tally(options.tally, {**before, key: added(before.get(key, Tally()), found[key])})
+            print(row(key, found[key]), flush=True)
+    print(table(found))
+    return 1 if any(tally.faults for tally in found.values()) else 0
+
+
+def tried(name: str, scratch: Path, seconds: float, inputs: int, seed: int, guided: bool) -> Tally:
+    """What a process made of a target. One that ends by a signal or hangs is a fault of the input that it had."""
+    scratch.mkdir(parents=True, exist_ok=True)
+    for file in ("tally.json", "current"):
+        (scratch / file).unlink(missing_ok=True)
+    command = [sys.executable, "-m", "tests.fuzz.campaign", name, str(scratch), "--seconds", str(seconds)]
+    command += ["--inputs", str(inputs), "--seed", str(seed), *(["--guided"] if guided else [])]
+    with (scratch / "log").open("w", encoding="utf-8") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, cwd=Path(__file__).parents[2])
+        ended = _waited(process, scratch, seconds)
+    tally = _read(scratch)
+    if tally is None or (ended != 0 and not (scratch / "current").exists()):
+        said = (scratch / "log").read_text(encoding="utf-8", errors="replace")[-300:]
+        return Tally(faults=Counter({f"could not be tried at all: {' '.join(said.split())}": 1}))
+    tally.features = _features(scratch / "log")
+    # libraries may break off once libFuzzer has told that it is done; 77 is where a callback raised, which none does
+    if ended != 0 and not re.search(rb"^Done \d+ runs", (scratch / "log").read_bytes(), re.MULTILINE):
+        how = "hung" if ended is None else f"ended the process with {ended}"
+        tally.faults[f"{how}, at input {tally.tried} or later"] += 1
+        _keep_current(name, scratch, how)
+    return tally
+
+
+def _waited(process: subprocess.Popen[bytes], scratch: Path, seconds: float) -> int | None:
+    """The exit code; None where it had to be killed."""
+    began = last = time.monotonic()
+    seen = None
+    while process.poll() is None:
+        time.sleep(0.2)
+        current, now = scratch / "current", time.monotonic()
+        stamp = current.stat().st_mtime_ns if current.exists() else None
+        if stamp != seen:
+            seen, last = stamp, now
+        patience = SILENT_SECONDS if current.exists() else STARTING_SECONDS
+        if now - last > patience or now - began > seconds + 2 * STARTING_SECONDS:
+            process.kill()
+            process.wait()
+            return None
+    return process.returncode
+
+
+def _features(log: Path) -> list[int]:
+    """libFuzzer's count of coverage after the inputs that it began with, and at the end; none where nothing guided."""
+    text = log.read_text(encoding="utf-8", errors="replace")
+    begun = re.search(r"INITED .*?ft: (\d+)", text)
+    counts = re.findall(r"^#\d+\s.*?ft: (\d+)", text, re.MULTILINE)
+    return [int(begun[1]), int(counts[-1])] if begun else []
+
+
+def _read(scratch: Path) -> Tally | None:
+    try:
+        return Tally.of_json(json.loads((scratch / "tally.json").read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return None
+
+
+def _keep_current(name: str, scratch: Path, how: str) -> None:
+    file, _, data = (scratch / "current").read_bytes().partition(b"\n")
+    (scratch / "faults").mkdir(exist_ok=True)
+    (scratch / "faults" / "ended").write_bytes(data)
+    text = json.dumps({"target": name, "file": file.decode(), "said": how})
+    (scratch / "faults" / "ended.json").write_text(text, encoding="ascii")
+
+
+def keep(name: str, scratch: Path) -> None:
+    """Small inputs that showed a fault, with the name of the file that they stand for."""
+    for told in sorted((scratch / "faults").glob("*.json")):
+        data = told.with_suffix("").read_bytes()
+        if len(data) <= LARGEST_KEPT:
+            folder = CORPUS / name
+            folder.mkdir(parents=True, exist_ok=True)
+            file = json.loads(told.read_text(encoding="ascii"))["file"]
+            (folder / told.stem).write_bytes(file.encode() + b"\n" + data)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,170 @@
+"""Every option of the commands, with values that nobody should give; nothing is trained, rendered or measured.
+
+An input is the JSON list of a command line's arguments. A refusal names an option that was given or is missing, or a
+file. One in some five hundred that are refused is given to a process of its own as well, which must refuse it likewise.
+"""
+
+import argparse
+import json
+import re
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+from tests.fuzz.command_work import called, called_in_process, parser_of, prepare
+from tests.fuzz.mutations import NUMBERS, TEXTS
+
+PATHS = ("run", "ball", "new", "new/deep", "run/records/run.json", "nothing there", "/dev/null/x", "/proc/x", "",
+         "x" * 300, "ball/../run", "é\n", "ball/train/r_0.png", ".", "run/", "~", "new.png", "new.npz", "new.json",
+         "ball/transforms_train.json")  # fmt: skip
+HOSTS = ("127.0.0.1", "::1", "0.0.0.0", "", "1.2.3.4", "x" * 300, "é" * 70)
+GOOD = {
+    "--profile": ("smoke", "reduced"), "--scenes": ("hotdog", "lego", "ball"), "--scene": ("ball",), "--seed": ("0",),
+    "--methods": ("nerf", "qnerf"), "--frames": ("1", "3"), "--width": ("16",), "--resolution": ("16",),
+    "--without": ("fused", "grid"), "--need": ("view_direction",), "--no-need": ("empty_space",), "--cases": ("Q1",),
+    "--studies": ("calibration",), "--only": ("images", "training.lego"), "--items": ("1", "2"), "--port": ("0",),
+    "--view-set": ("ball",), "--view-sets": (".",), "--out": ("new",), "--mask": ("ball/train/r_0.png",),
+    "--variant": ("scalar_rgb", "auto"), "--folders": ("ball",), "--spp": ("2", "4"), "--page": ("new.html",),
+    "methods": ("nerf", "qnerf"), "names": ("lego", "hotdog"), "name": ("lego",), "folder": ("ball",),
+    "out": ("run", "new.png", "new"), "run": ("run",),
+}  # fmt: skip
+"""By option, or by the name of what has none."""
+EVERY = 512
+OF_THE_PARSER = re.compile(r"(argument \S+: |the following arguments are required: |unrecognized arguments:)")
+
+
+def mutate(package: str) -> Callable[[Random, bytes], bytes]:
+    """Makes a command line of a package; nothing of the valid input, which is none."""
+    return lambda random, valid: _arguments(random, parser_of(package))
+
+
+def place(package: str) -> Callable[[Path, str, bytes], None]:
+    """What takes the place of the work is imported here: reading is watched, importing takes as long as it takes."""
+
+    def placed(folder: Path, file: str, data: bytes) -> None:
+        prepare(package)
+        (folder / "arguments.json").write_bytes(data)
+
+    return placed
+
+
+def reader(package: str) -> Callable[[Path], None]:
+    """`python -m PACKAGE ARGUMENTS`, in the folder that it gets."""
+
+    def read(folder: Path) -> None:
+        from scenes.errors import InputError
+        from tests.fuzz.readers import NotTried
+
+        data = (folder / "arguments.json").read_bytes()
+        arguments = json.loads(data)
+        if not isinstance(arguments, list) or not all(isinstance(one, str) for one in arguments):
+            raise NotTried("no arguments")
+        code, said = called(package, arguments, folder)
+        if code == 2 and zlib.crc32(data) % EVERY == 0:
+            again, told = called_in_process(package, arguments, folder)
+            same = again == 2 and "Traceback" not in told
+            assert same, f"by itself exit code {again} for {arguments}: {told[-300:]}"
+        if code == 2:
+            text = said_at_the_end(said)
+            refuse_unnamed(text, arguments, package)
+            raise InputError(f"error: {text}")
+        assert code in (0, 3, 4), f"exit code {code} for {arguments}: {said[-300:]}"
+
+    return read
+
+
+def said_at_the_end(said: str) -> str:
+    """Without the list of all options that argparse shows first, and without the program's name."""
+    text = said.strip()
+    if text.startswith("usage: "):
+        text = text[text.rindex("error:") :]
+    return re.sub(r"^(error|scenes): ", "", text)
+
+
+def refuse_unnamed(text: str, arguments: list[str], package: str) -> None:
+    """A fault for a refusal that tells neither the option nor the file that it is about."""
+    from tests.fuzz.watch import Fault, kind_of_refusal
+
+    if not names_its_option(text, arguments, package):
+        raise Fault(f"a refusal that names neither option nor file, {kind_of_refusal(text)}: {text[:200]!r}")
+
+
+def names_its_option(text: str, arguments: list[str], package: str) -> bool:
+    """Whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
+    given, tells the name that is unknown, or starts with a path that was given or that is meant where none is.
+    """
+    from scenes.errors import readable
+
+    if OF_THE_PARSER.match(text):
+        return True
+    command = command_of(arguments, package)
+    given = {one.partition("=")[0] for one in arguments}
+    known = {option for action in command._actions for option in action.option_strings}
+    options = known & given
+    if text.split(" ")[0].rstrip(":") in known or options & set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text)):
+        return True
+    left_out = [str(action.default) for action in command._actions if isinstance(action.default, Path)]
+    values = [one for one in arguments if one not in options]
+    if any(f"unknown {thing}{one!r}"[:200] in text for one in values for thing in ("", "scene ")):
+        return True
+    # the beginning of a long one, as messages are cut
+    paths = [str(Path(one)).strip()[:200] for one in values + left_out]
+    return any(text.startswith((one, readable(one))) for one in paths)
+
+
+def command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
+    """The parser of the command that is named, or the whole one."""
+    parser: argparse.ArgumentParser = parser_of(package)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            found = [action.choices[one] for one in arguments if one in action.choices]
+            return found[0] if found else parser
+    return parser
+
+
+def _arguments(random: Random, parser: argparse.ArgumentParser) -> bytes:
+    """A command and some of its options; most values are such as somebody might give."""
+    arguments: list[str] = []
+    inner = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
+    if inner:
+        command = random.choice(list(inner[0].choices))
+        arguments.append(command if random.randrange(30) else random.choice(TEXTS))
+        parser = inner[0].choices[command]
+    actions = [one for one in parser._actions if not isinstance(one, argparse._HelpAction)]
+    often = random.choice((3, 6))  # with many options it is mostly the parser that refuses one
+    for action in actions:
+        if action.required or random.randrange(often) == 0:
+            arguments += ([random.choice(action.option_strings)] if action.option_strings else []) + [
+                _value(random, action) for _ in range(_count(random, action))
+            ]
+    if random.randrange(10) == 0:
+        arguments.insert(random.randrange(len(arguments) + 1), random.choice(TEXTS))
+    # no system passes on a NUL, and of halves of characters those alone that stand for a byte; and what is written
+    # where somebody wants it is no fault
+    arguments = [
+        one.replace("\0", "0").replace("\ud800", "\udcff").replace("../..", "..").replace("/etc/", "/proc/")
+        for one in arguments
+    ]
+    return json.dumps(arguments).encode("utf-8", "surrogatepass")
+
+
+def _count(random: Random, action: argparse.Action) -> int:
+    if isinstance(action.nargs, int):
+        return action.nargs if random.randrange(6) else random.randrange(action.nargs + 2)
+    return random.choice((1, 1, 1, 2, 3)) if action.nargs in ("+", "*") else 1
+
+
+def _value(random: Random, action: argparse.Action) -> str:
+    name = next(iter(action.option_strings), action.dest)
+    if random.randrange(6) == 0:
+        return str(random.choice((random.choice(TEXTS), random.choice(NUMBERS[:20]), random.choice(NUMBERS[22:]))))
+    if name == "--host":
+        return random.choice(HOSTS)
+    if action.choices:
+        return str(random.choice(list(action.choices)))
+    if action.type is Path:
+        return random.choice((*PATHS, *GOOD.get(name, ("run",)) * 8))
+    if action.type in (int, float):
+        return str(random.choice((*GOOD.get(name, ("1", "3")) * 4, 0, -1, 8, 100, 4096, 10**9, "1e9")))
+    return random.choice(GOOD.get(name, TEXTS))

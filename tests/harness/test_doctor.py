@@ -1,0 +1,184 @@
+"""What `doctor` says of machines that are not this one."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+from harness.doctor import arithmetic, catalog, machine, packages, rendering
+from harness.doctor.finding import Finding
+from tests.harness.shell import ROOT
+
+
+def said(capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
+    code = main(["doctor", *options])
+    return code, capsys.readouterr().out
+
+
+@pytest.fixture
+def probes(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    table: dict[str, object] = {}
+    monkeypatch.setattr(catalog, "PROBES", table)
+    return table
+
+
+def test_a_line_each_with_what_to_do(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    probes["one"] = lambda: [Finding("disk", "1 GB", "limited", "make room"), Finding("cores", "4")]
+    code, text = said(capsys)
+    assert code == 0
+    assert [line.split() for line in text.splitlines()[:3]] == [
+        ["limited", "disk:", "1", "GB"],
+        ["→", "make", "room"],
+        ["ok", "cores:", "4"],
+    ]
+
+
+def test_what_is_needed_and_missing_ends_with_2(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    probes["one"] = lambda: [Finding("ray", "not installed", "missing", "install it")]
+    assert said(capsys)[0] == 0
+    probes["two"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
+    code, text = said(capsys)
+    assert code == 2
+    assert text.splitlines()[-1] == "missing, and needed: torch"
+
+
+def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    def broken() -> list[Finding]:
+        raise ImportError("libtorch.so:\nno such file")
+
+    probes["torch"] = broken
+    code, text = said(capsys, "--json")
+    assert code == 2
+    (found,) = json.loads(text)
+    assert found["found"] == "ImportError: libtorch.so: no such file"
+    assert found["needed"] is True
+
+
+def test_a_package_that_is_missing_is_told_once(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    def without_torch() -> list[Finding]:
+        raise ModuleNotFoundError("No module named 'torch'", name="torch")
+
+    probes["packages"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
+    probes["torch"] = probes["products"] = without_torch
+    code, text = said(capsys)
+    assert code == 2
+    assert text.splitlines() == [
+        "missing  torch: not installed",
+        "         → install it",
+        "missing, and needed: torch",
+    ]
+    del probes["packages"]
+    assert "No module named 'torch'" in said(capsys)[1], "told by the probe where nobody else did"
+
+
+@pytest.mark.parametrize(
+    ("files", "cores"),
+    [
+        ({"cpu.max": "max 100000"}, None),
+        ({"cpu.max": "150000 100000"}, 1.5),
+        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, None),
+        ({"cpu/cpu.cfs_quota_us": "400000", "cpu/cpu.cfs_period_us": "100000"}, 4.0),
+        ({"cpu.max": "rubbish"}, None),
+        ({"cpu.max": "1 0"}, None),
+        ({}, None),
+    ],
+)
+def test_quotas_of_both_kinds_of_container(tmp_path: Path, files: dict[str, str], cores: float | None) -> None:
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert machine.cpu_quota(tmp_path) == cores
+
+
+def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:       4000 kB\nMemFree: 1 kB\n")
+    assert machine.memory_bytes(tmp_path, meminfo) == 4_096_000
+    (tmp_path / "memory.max").write_text("max")
+    assert machine.memory_bytes(tmp_path, meminfo) == 4_096_000
+    (tmp_path / "memory.max").write_text("1000000")
+    assert machine.memory_bytes(tmp_path, meminfo) == 1_000_000
+    assert machine.memory_bytes(tmp_path / "none", tmp_path / "none") is None
+
+
+@pytest.mark.parametrize(
+    ("gigabytes", "verdict"), [(None, "limited"), (1.0, "missing"), (3.5, "limited"), (64.0, "ok")]
+)
+def test_memory_is_judged_by_workers(monkeypatch: pytest.MonkeyPatch, gigabytes: float | None, verdict: str) -> None:
+    monkeypatch.setattr(machine, "memory_bytes", lambda: None if gigabytes is None else int(gigabytes * 1e9))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1, 2, 3}, raising=False)
+    (found,) = machine.memory_findings()
+    assert found.verdict == verdict
+    if gigabytes == 3.5:
+        assert "--workers 2" in found.to_do
+
+
+@pytest.mark.parametrize(("free", "verdict"), [(0.1, "missing"), (1.0, "limited"), (50.0, "ok")])
+def test_disk_is_looked_at_where_a_run_would_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, verdict: str
+) -> None:
+    asked = []
+
+    def usage(folder: Path) -> object:
+        asked.append(folder)
+        return type("Usage", (), {"free": int(free * 1e9)})()
+
+    monkeypatch.setattr("shutil.disk_usage", usage)
+    (found,) = machine.disk_findings(tmp_path / "not" / "yet")
+    assert (found.verdict, asked) == (verdict, [tmp_path])
+
+
+def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = {"torch": "2.15.0+cpu", "numpy": "1.0"}
+
+    def version(name: str) -> str:
+        if name not in here:
+            raise packages.PackageNotFoundError(name)
+        return here[name]
+
+    project = {"project": {"dependencies": ["torch==2.15.0", "numpy==2.4.6", "scipy[all]==1.17.1"]}}
+    monkeypatch.setattr(packages, "version", version)
+    monkeypatch.setattr(packages, "_project", lambda: project)
+    first, *odd = packages.package_findings()
+    assert first.found == "1 of 3 as pinned", "a build's local version is no other version"
+    assert [(one.what, one.verdict, one.needed) for one in odd] == [
+        ("numpy", "limited", False),
+        ("scipy", "missing", True),
+    ]
+
+
+def test_libraries_that_fail_are_told_until_one_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = {"/lib/libLLVM-21.so": "its process was killed by signal 6", "/lib/libLLVM-19.so": None}
+    monkeypatch.setattr(rendering, "llvm_libraries", lambda: [Path(one) for one in answers])
+    monkeypatch.setattr(rendering, "probe", lambda variant, library: answers[library])
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-15.so")
+    users, first, second = rendering.llvm_findings()
+    assert "/lib/libLLVM-15.so is no such library" in users.found
+    assert (first.verdict, "signal 6" in first.found) == ("limited", True)
+    assert (second.verdict, second.found) == ("ok", "renders with /lib/libLLVM-19.so")
+    answers.clear()
+    assert "libllvm19" in rendering.llvm_findings()[-1].to_do
+
+
+def test_flags_of_either_architecture(tmp_path: Path) -> None:
+    (tmp_path / "x86").write_text("processor : 0\nflags\t\t: fpu avx512f amx_tile\n")
+    (tmp_path / "arm").write_text("Features\t: asimd bf16\n")
+    assert arithmetic.processor_flags(tmp_path / "x86") == {"fpu", "avx512f", "amx_tile"}
+    assert arithmetic.processor_flags(tmp_path / "arm") == {"asimd", "bf16"}
+    assert arithmetic.processor_flags(tmp_path / "none") == set()
+
+
+@pytest.mark.slow
+def test_this_machine() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", "doctor", "--json"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {one["what"]: one for one in json.loads(done.stdout)}
+    assert found["Mitsuba scalar_rgb"]["found"] == "renders"
+    assert found["torch"]["verdict"] == "ok"
+    assert all(one["to_do"] for one in found.values() if one["verdict"] != "ok")

@@ -1,0 +1,210 @@
+"""The comparer's arithmetic in a real browser, against the programs that the harness scores with and against numpy."""
+
+import json
+
+import colour
+import flip_evaluator
+import numpy as np
+import pytest
+
+from harness import metrics
+from scenes.pixels import decode_srgb
+from tests.reports.browsing import opened, until
+from tests.reports.comparer_page import Packed, ball, log_ref, rendered, write_arithmetic_page
+
+pytestmark = pytest.mark.slow
+
+LOAD = """
+const { width, height } = given;
+const loaded = async (ref) => {
+  const meaning = pixels.meanings(ref);
+  return Array.from(await pixels.raw(ref, width, height), (raw) => meaning[raw]);
+};
+const planesOf = async (ref) => {
+  const all = await loaded(ref);
+  return [0, 1, 2].map((which) => all.slice(which * width * height, (which + 1) * width * height));
+};
+"""
+SHARMA = """50 2.6772 -79.7751 50 0 -82.7485 2.0425
+50 3.1571 -77.2803 50 0 -82.7485 2.8615
+50 2.8361 -74.0200 50 0 -82.7485 3.4412
+50 -1.3802 -84.2814 50 0 -82.7485 1.0000
+50 -1.1848 -84.8006 50 0 -82.7485 1.0000
+50 -0.9009 -85.5211 50 0 -82.7485 1.0000
+50 0 0 50 -1 2 2.3669
+50 -1 2 50 0 0 2.3669
+50 2.4900 -0.0010 50 -2.4900 0.0009 7.1792
+50 2.4900 -0.0010 50 -2.4900 0.0010 7.1792
+50 2.4900 -0.0010 50 -2.4900 0.0011 7.2195
+50 2.4900 -0.0010 50 -2.4900 0.0012 7.2195
+50 -0.0010 2.4900 50 0.0009 -2.4900 4.8045
+50 -0.0010 2.4900 50 0.0010 -2.4900 4.8045
+50 -0.0010 2.4900 50 0.0011 -2.4900 4.7461
+50 2.5 0 50 0 -2.5 4.3065
+50 2.5 0 73 25 -18 27.1492
+50 2.5 0 61 -5 29 22.8977
+50 2.5 0 56 -27 -3 31.9030
+50 2.5 0 58 24 15 19.4535
+50 2.5 0 50 3.1736 0.5854 1.0000
+50 2.5 0 50 3.2972 0 1.0000
+50 2.5 0 50 1.8634 0.5757 1.0000
+50 2.5 0 50 3.2592 0.3350 1.0000
+60.2574 -34.0099 36.2677 60.4626 -34.1751 39.4387 1.2644
+63.0109 -31.0961 -5.8663 62.8187 -29.7946 -4.0864 1.2630
+61.2901 3.7196 -5.3901 61.4292 2.2480 -4.9620 1.8731
+35.0831 -44.1164 3.7933 35.0232 -40.0716 1.5901 1.8645
+22.7233 20.0904 -46.6940 23.0331 14.9730 -42.5619 2.0373
+36.4612 47.8580 18.3852 36.2715 50.5065 21.2231 1.4146
+90.8027 -2.0831 1.4410 91.1528 -1.6435 0.0447 1.4441
+90.9257 -0.5406 -0.9208 88.6381 -0.8985 -0.7239 1.5381
+6.7747 -0.2908 -2.4247 5.8714 -0.0985 -2.2286 0.6377
+2.0776 0.0795 -1.1350 0.9033 -0.0636 -0.5514 0.9082"""
+"""L a b L a b ΔE₀₀, table 1 of Sharma, Wu and Dalal 2005."""
+
+
+@pytest.fixture
+def asked(browser, tmp_path):
+    """Runs a piece of script beside ours and returns what it tells."""
+
+    def ask(body, packed=None, given=None):
+        path = write_arithmetic_page(tmp_path / "arithmetic.html", body, packed, given)
+        view, noise = opened(browser, path.as_uri())
+        until(view, "document.title === 'done'", 60)
+        assert noise == []
+        return json.loads(view.inner_text("#found"))
+
+    return ask
+
+
+def eight_bit(picture):
+    return np.round(255 * picture) / 255
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Truth and rendering of a ball as stored in 8 bit, and the pixels of noise in one corner and a black one."""
+    truth = ball(40, 56)
+    test = rendered(truth, 1, 0, 100)["display"]
+    test[:9, :9] = np.random.default_rng(5).uniform(size=(9, 9, 3))
+    test[30:36, 5:9] = 0
+    return eight_bit(truth["display"]), eight_bit(test)
+
+
+@pytest.mark.parametrize(("bits", "channels"), [(8, 1), (8, 3), (16, 1), (16, 3)])
+def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked, bits, channels):
+    raw = np.random.default_rng(bits + channels).integers(0, 2**bits, (13, 7, channels))
+    packed = Packed()
+    ref = packed.add(raw / (2**bits - 1), bits)
+    body = "pixels.raw(given.ref, 7, 13).then((raw) => tell([...raw]));"
+    found = asked(body, packed, {"ref": ref})
+    assert found == raw.transpose(2, 0, 1).ravel().tolist()
+
+
+def test_a_reference_says_what_raw_numbers_mean(asked):
+    packed = Packed()
+    depth = packed.add(np.linspace(0, 5.5, 12).reshape(3, 4), 16, 0.0, 5.5)
+    light = np.geomspace(1e-3, 5e4, 12).reshape(3, 4)
+    body = LOAD + "Promise.all([loaded(given.depth), loaded(given.light)]).then(tell);"
+    far, bright = asked(body, packed, {"depth": depth, "light": log_ref(packed, light), "width": 4, "height": 3})
+    assert far == pytest.approx(np.linspace(0, 5.5, 12).tolist(), abs=5.5 / 65535)
+    assert bright == pytest.approx(light.ravel().tolist(), rel=2e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("damage", ["AAAA", "!!!", "eJwDAAAAAAE="])
+def test_damaged_bytes_are_a_sentence(asked, damage):
+    packed = Packed({"px0": damage})
+    ref = {"channels": 3, "bits": 8, "low": 0, "high": 1, "id": "px0"}
+    body = "pixels.raw(given, 7, 13).catch((error) => tell(error.message));"
+    assert asked(body, packed, ref).startswith("This picture cannot be shown: ")
+
+
+def test_ciede2000_of_sharma_wu_and_dalal(asked):
+    rows = [list(map(float, line.split())) for line in SHARMA.splitlines()]
+    assert len(rows) == 34
+    body = "tell(given.map((row) => deltaE.between(row.slice(0, 3), row.slice(3, 6))));"
+    assert asked(body, given=rows) == pytest.approx([row[6] for row in rows], abs=5e-5)
+
+
+def test_ciede2000_is_that_of_colour_science(asked):
+    first, second = eight_bit(np.random.default_rng(0).uniform(size=(2, 20, 30, 3)))
+    second[:5] = first[:5]
+    second[5:9] = eight_bit(first[5:9].mean(-1, keepdims=True).repeat(3, -1))
+    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(one), "sRGB")) for one in (first, second)]
+    expected = colour.delta_E(*labs, method="CIE 2000")
+    packed = Packed()
+    given = {"one": packed.add(first), "other": packed.add(second), "width": 30, "height": 20}
+    body = LOAD + (
+        "Promise.all([planesOf(given.one), planesOf(given.other)])"
+        ".then(([one, other]) => chunks.run(deltaE.map(one, other, width, height))).then((map) => tell([...map]));"
+    )
+    found = np.reshape(asked(body, packed, given), (20, 30))
+    assert found == pytest.approx(expected, abs=1e-4)
+    assert found.mean() == pytest.approx(metrics.delta_e(second, first), abs=1e-5)
+
+
+def test_flip_is_that_of_its_authors(asked, pair):
+    truth, test = pair
+    reference, other = (one.astype(np.float32) for one in pair)
+    expected, mean, _ = flip_evaluator.evaluate(reference, other, "LDR", inputsRGB=True, applyMagma=False)
+    packed = Packed()
+    given = {"truth": packed.add(truth), "test": packed.add(test), "width": 56, "height": 40}
+    body = LOAD + (
+        "Promise.all([planesOf(given.truth), planesOf(given.test)])"
+        ".then(([truth, test]) => chunks.run(flip.map(truth, test, width, height))).then((map) => tell([...map]));"
+    )
+    found = np.reshape(asked(body, packed, given), (40, 56))
+    assert np.max(expected) > 0.5
+    # The authors' program computes in single precision, and a root of a small difference magnifies its rounding.
+    assert found == pytest.approx(np.asarray(expected)[..., 0], abs=1e-3)
+    assert found.mean() == pytest.approx(mean, abs=2e-5)
+    assert found.mean() == pytest.approx(metrics.flip(test, truth), abs=2e-5)
+
+
+def test_maps_of_differences_are_numpys(asked, pair):
+    truth, test = pair
+    rng = np.random.default_rng(2)
+    depths, opacity = rng.uniform(1, 6, (2, 40, 56)), rng.uniform(0.97, 1, (40, 56))
+    packed = Packed()
+    given = {
+        "truth": packed.add(truth), "test": packed.add(test), "width": 56, "height": 40,
+        "depths": depths.reshape(2, -1).tolist(), "opacity": opacity.ravel().tolist(),
+    }  # fmt: skip
+    body = (
+        LOAD
+        + """
+Promise.all([planesOf(given.truth), planesOf(given.test)]).then(async ([truth, test]) => {
+  const pair = {
+    test: { planes: test, width, height, depth: given.depths[0], opacity: given.opacity },
+    truth: { planes: truth, width, height, depth: given.depths[1], opacity: given.opacity },
+    opaque: given.opacity,
+  };
+  const found = {};
+  for (const [name, channel] of [["signed", "all"], ["signed", "green"], ["absolute", "all"], ["absolute", "blue"],
+                                 ["squared", "all"], ["squared", "red"], ["depth_error", "all"]]) {
+    const map = errorMaps.MAPS[name];
+    const values = await chunks.run(map.work(pair, channel));
+    found[`${name} ${channel}`] = [[...values], map.said(values, pair, { psnr: 30.005 }, channel)];
+  }
+  tell(found);
+});"""
+    )
+    found = asked(body, packed, given)
+    difference = test - truth
+    expected = {
+        "signed all": difference @ [0.2126, 0.7152, 0.0722],
+        "signed green": difference[..., 1],
+        "absolute all": np.abs(difference).mean(-1),
+        "absolute blue": np.abs(difference[..., 2]),
+        "squared all": (difference**2).mean(-1),
+        "squared red": difference[..., 0] ** 2,
+    }
+    for name, values in expected.items():
+        assert found[name][0] == pytest.approx(values.ravel().tolist(), abs=1e-6), name
+    assert f"PSNR {metrics.psnr(test, truth):.2f} dB (record 30.0" in found["squared all"][1]
+    assert "record" not in found["squared red"][1]
+    values = np.array([np.nan if value is None else value for value in found["depth_error all"][0]]).reshape(40, 56)
+    opaque = opacity > 0.99
+    assert (np.isnan(values) == ~opaque).all()
+    assert values[opaque] == pytest.approx((depths[0] - depths[1])[opaque], abs=1e-6)
+    said = found["depth_error all"][1]
+    assert said.startswith(f"RMSE {metrics.depth_rmse(depths[0], depths[1], opaque):.4f}")

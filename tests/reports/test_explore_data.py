@@ -1,0 +1,212 @@
+"""What the page's script works on: values to sort by, runs behind a cell, and the numbers of a drawing."""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import pytest
+from markupsafe import Markup
+
+from harness.records import cell_path
+from harness.survival import targets
+from reports import attributes, shell
+from reports.attributes import of_entry, of_row, value_of
+from reports.figure import Panel, Trace, svg
+from reports.grid import Entry
+from reports.load import read_records
+from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.psnr_table import scores_grid
+from reports.runs_data import density_data, runs_data
+from reports.selection import Selection
+from reports.trace_data import rounded
+from reports.wording import count, duration, number, signed, significant, with_unit
+from tests.reports.fake_run import write_fake_run
+
+HOSTILE = '"><img src=x onerror=alert(1)>'
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("27.31", 27.31), ("−0.5", -0.5), ("+0.82", 0.82), ("27.31 ± 0.12", 27.31), ("493\u202f056", 493056.0),
+        ("2.13·10⁻⁷", 2.13e-7), ("10⁻⁸", 1e-8), ("−3·10⁴", -3e4), ("18.0\u202f%", 18.0), ("7.42×", 7.42),
+        ("3 min 20 s", 200.0), ("2 h 05 min", 7500.0), ("42 s", 42.0), ("12\u202fms", 0.012), ("1.5\u202fGB", 1.5e9),
+        ("–", None), ("", None), ("2 of 3 diverged", None), ("lego", None), ("✓ holds", None), ("0 – 3", None),
+        ("100 train", 100.0), ("8 × 256", 8.0),
+    ],
+)  # fmt: skip
+def test_a_text_is_sorted_by_its_number(text, value):
+    assert value_of(text) == (None if value is None else pytest.approx(value, rel=1e-12))
+
+
+@pytest.mark.parametrize("value", [0.0, 1.5, -2.25, 123456.0, 3.2e-7, -4.56e-5, 8.9e7])
+def test_what_is_worded_is_read_back(value):
+    for text in (significant(value, 6), number(value, 9), signed(value, 9), with_unit(value, "dB")):
+        assert value_of(text) == pytest.approx(value, rel=6e-3, abs=1e-9), text
+    assert value_of(count(round(value))) == round(value)
+
+
+@pytest.mark.parametrize("seconds", [0.8, 42.0, 200.0, 7500.0])
+def test_durations_are_seconds(seconds):
+    assert value_of(duration(seconds)) == pytest.approx(seconds)
+
+
+def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
+    entry = Entry("27.31 ± 0.12", value=27.3123456789, parts={"sd": 0.12, "low": None}, runs=Selection("lego", seed=0))
+    assert of_entry(entry, True) == Markup(
+        ' data-value="27.31235" data-parts="{&#34;sd&#34;:0.12}"'
+        ' data-runs="{&#34;scene&#34;:&#34;lego&#34;,&#34;seed&#34;:0}"'
+    )
+    assert of_entry(Entry("", value="lego"), False) == ' data-said="lego"'
+    assert of_entry(Entry("lego"), False) == ""
+
+
+def test_hostile_names_stay_within_their_attribute():
+    entry = Entry(HOSTILE, value=HOSTILE, runs=Selection(HOSTILE, "'"))
+    for text in (of_entry(entry, False), of_row([entry])):
+        assert re.findall(r"<|>", text) == []
+        assert len(re.findall(r'"', text)) % 2 == 0
+
+
+def test_a_number_that_is_not_finite_is_no_value():
+    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf}), True) == ""
+
+
+def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():
+    lego, ship = (Entry("1", runs=Selection(scene, "nerf")) for scene in ("lego", "ship"))
+    assert of_row([Entry("x"), lego]) == ' data-scene="lego" data-method="nerf"'
+    assert of_row([lego, ship]) == ' data-method="nerf"'
+    assert of_row([Entry("x")]) == ""
+
+
+def test_entries_are_equal_where_a_reader_sees_the_same():
+    assert Entry("1", value=1.0, runs=Selection("lego")) == Entry("1", value=2.0)
+    assert Entry("1") != Entry("2")
+
+
+def test_cells_of_the_score_tables_know_their_runs(records):
+    grid = scores_grid(records)
+    assert grid.rows[0][2].runs == Selection("chair", "nerf", metric="psnr")
+    mean = sum(cell.scores["psnr"] for cell in records.cells_of("chair", "nerf")) / 3
+    assert grid.rows[0][2].value == pytest.approx(mean)
+    blank = metrics_grid(records).rows[1]
+    assert (blank[0].text, blank[0].value) == ("", "chair")
+    one = records.comparisons[0]
+    assert comparisons_grid(records).rows[0][4].runs == Selection(
+        one.scene, one.method, one.against, one.metric, one.budget
+    )
+    assert comparisons_grid(records).rows[0][4].parts == {"low": one.interval[0], "high": one.interval[1]}
+
+
+def drawn(text: str) -> dict:
+    return json.loads(re.search(r'class="drawn">(.*?)</script>', text, re.DOTALL)[1])
+
+
+def test_a_drawing_brings_its_numbers_and_where_its_axes_lie():
+    runs = (Selection("lego", "nerf"),)
+    panel = Panel(
+        "t", "x", "y",
+        (Trace("a", "#0072b2", "line", (1.0, 10.0), (0.123456789, math.nan), runs=runs, steps=(5, 6)),
+         Trace("b", "#123456", "dots", (1.0, 10.0), (1.0, 2.0)),
+         Trace("c", "#0072b2", "area", (1.0,), (1.0,))),
+        "alt", "log", x_limits=(1.0, 100.0), y_limits=(0.0, 2.0),
+    )  # fmt: skip
+    found = drawn(svg(panel, "one"))
+    assert found["traces"] == [
+        {"label": "a", "kind": "line", "colour": "--nerf", "x": [1, 10], "y": [0.123457, None], "runs": [0],
+         "steps": [5, 6]},
+        {"label": "b", "kind": "dots", "colour": "--ink", "x": 0, "y": [1, 2]},
+    ]  # fmt: skip
+    assert found["runs"] == [{"scene": "lego", "method": "nerf"}]
+    assert found["x"] == {"label": "x", "scale": "log", "low": 1, "high": 100}
+    assert found["box"] == rounded((0.62 * 72, 0.12 * 72, (3.7 - 0.74) * 72, (2.6 - 0.62) * 72))
+
+
+def test_a_drawing_of_hostile_words_cannot_end_its_data():
+    hostile = "</script><script>alert(1)</script>"
+    text = svg(Panel(hostile, hostile, "", (Trace(hostile, "#0072b2", "line", (0.0, 1.0), (0.0, 1.0)),), ""), "one")
+    assert text.count("<script") == text.count("</script>") == 1
+    assert drawn(text)["title"] == hostile
+
+
+def test_six_digits_are_kept_and_nothing_that_is_not_finite():
+    assert rounded([1234567.0, 0.1234567, math.nan, math.inf, 2.0, -0.5]) == [1234570, 0.123457, None, None, 2, -0.5]
+
+
+def test_every_run_is_there_with_what_sets_it_apart(tmp_path):
+    records = read_records(write_fake_run(tmp_path / "run", pictures=False))
+    found = runs_data(records)
+    assert len(found["cells"]) == len(records.cells)
+    lost = next(one for one in found["cells"] if one["status"] == "diverged")
+    assert (lost["scene"], lost["method"], lost["seed"]) == ("drums", "qnerf", 2)
+    assert lost["reason"] == "not finite at step 412: density_head.weight"
+    assert lost["scores"] == {}
+    first, cell = found["cells"][0], records.cells[0]
+    assert first["scores"]["psnr"] == pytest.approx(cell.scores["psnr"], rel=1e-5)
+    assert first["curve"]["step"] == [point.step for point in cell.curve]
+    assert "alpha" not in first["curve"]
+    assert first["differing"] == {}
+    assert first["file"] == "records/cells/chair.nerf.0.json"
+    json.dumps(found, allow_nan=False)
+
+
+def test_when_each_run_reached_the_target_stands_beside_it(records):
+    assert "reached" not in runs_data(replace(records, targets=None))
+    record = targets(records.cells, records.methods)
+    found = runs_data(replace(records, targets=record))
+    assert found["target"] == record.target
+    one = record.reaches[0]
+    assert found["reached"][one.scene][one.method][str(one.seed)][one.axis] == [*rounded([one.time]), one.known]
+
+
+def test_until_when_two_methods_are_compared_stands_there_where_any_pair_is(records):
+    failed = [
+        replace(cell, status="error") if (cell.scene, cell.method) == ("drums", "nerf") else cell
+        for cell in records.cells
+    ]
+    record = targets(failed, records.methods)
+    found = runs_data(replace(records, cells=failed, targets=record))["horizons"]
+    compared = record.comparison("chair", "qnerf", "nerf", "seconds")
+    ends = [
+        cell.curve[-1].seconds
+        for cell in failed
+        if (cell.scene, cell.status) == ("chair", "done") and cell.method in ("qnerf", "nerf")
+    ]
+    assert found["chair"]["qnerf"]["nerf"]["seconds"] == compared.horizon == min(ends)
+    assert set(found) == {"chair", "drums"}
+    assert found["drums"] == {"qnerf": {"nerf_matched": found["drums"]["qnerf"]["nerf_matched"]}}, "nothing with nerf"
+
+
+def test_runs_of_a_group_that_is_not_whole_say_so(tmp_path):
+    out = write_fake_run(tmp_path / "run", pictures=False)
+    assert not any("whole" in cell for cell in runs_data(read_records(out))["cells"])
+    cell_path(out, "chair", "nerf", 1).unlink()
+    apart = [cell for cell in runs_data(read_records(out))["cells"] if not cell.get("whole", True)]
+    assert [(one["scene"], one["method"], one["seed"]) for one in apart] == [
+        ("chair", "nerf_matched", 1),
+        ("chair", "qnerf", 1),
+    ]
+
+
+def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(tmp_path):
+    def split(cell):
+        sides = {"before_inside": [1.0, 0.0], "after_inside": [1.0, 0.0], "before_outside": [0.0, 1.0],
+                 "after_outside": [0.5, 0.5], "before": [0.5, 0.5], "after": [0.5, 0.5], "edges": [0.0, 0.5, 1.0],
+                 "points": [3.0, 5.0]}  # fmt: skip
+        return replace(cell, curve=[replace(cell.curve[0], density=sides)])
+
+    out = write_fake_run(tmp_path / "run", ("x",), seeds=1, pictures=False, with_diverged=False, change_cell=split)
+    one = density_data(read_records(out))[0]
+    assert one["edges"] == [0, 0.5, 1]
+    assert one["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
+                          "after_outside": [0.5, 0.5], "points": [3.0, 5.0]}]  # fmt: skip
+
+
+def test_the_palette_is_dark_on_screens_alone_and_as_the_reader_wants_it():
+    text = shell.variables()
+    assert text.startswith(":root{color-scheme:light;")
+    assert ":root:not([data-theme=light])" in text
+    assert ":root[data-theme=dark]" in text
+    assert text.count("@media screen") == text.count("@media") == 2
+    assert attributes.as_json({"a": "ä"}) == '{"a":"ä"}'

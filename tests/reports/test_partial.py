@@ -1,0 +1,107 @@
+"""--partial: what is damaged is left out and named, what is sound is shown, and nothing is said that is not so."""
+
+import html
+from pathlib import Path
+
+import pytest
+
+from harness.json_record import DamagedRecord
+from harness.records import cell_path
+from reports.__main__ import main
+from reports.kept_pictures import NOT_KEPT, damaged
+from reports.load import read_records
+from reports.picture_data import picture_data
+from reports.pictures import views
+from reports.summary import summary
+from tests.reports.fake_run import write_fake_run
+
+CELL, TRUTH, RENDERS = "chair.nerf.0.json", "drums.safetensors", "chair.qnerf.0.safetensors"
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """Two scenes × three methods, all finished and sound."""
+    return write_fake_run(tmp_path / "run", seeds=1, size=4, with_diverged=False)
+
+
+def spoil(out: Path, *names: str) -> None:
+    for name in names:
+        kind = "cells" if name.endswith(".json") else "pictures"
+        (out / "records" / kind / name).write_bytes(b"?")
+
+
+def test_a_damaged_cell_is_left_out_and_named_and_the_others_stay(run):
+    spoil(run, CELL)
+    with pytest.raises(DamagedRecord, match=CELL):
+        read_records(run)
+    records = read_records(run, partly=True)
+    (line,) = records.left_out
+    assert str(cell_path(run, "chair", "nerf", 0)) in line
+    assert len(records.cells) == 5
+    assert records.cells_of("chair", "nerf") == []
+
+
+def test_verdicts_are_of_what_is_sound_and_the_summary_says_what_is_not(run):
+    before = read_records(run)
+    spoil(run, CELL)
+    records = read_records(run, partly=True)
+    assert records.run.finished
+    assert any(one.scene == "chair" for one in before.comparisons)
+    assert records.comparisons
+    assert not any(one.scene == "chair" for one in records.comparisons)
+    assert records.targets is None
+    assert summary(records)["damaged"] == records.left_out
+
+
+def test_damaged_pictures_are_called_damaged_and_not_unkept(run):
+    spoil(run, RENDERS)
+    records = read_records(run, partly=True)
+    (line,) = damaged(records)
+    assert RENDERS in line
+    (lost,) = picture_data(records).data["scenes"][0]["missing"]
+    assert (lost["method"], lost["reason"]) == ("qnerf", line)
+    chair = views(records)[0]
+    assert [one.caption == line for one in chair.methods] == [False, False, True]
+
+
+def test_pictures_without_their_truth_are_not_called_unkept(run):
+    spoil(run, TRUTH)
+    records = read_records(run, partly=True)
+    (line,) = damaged(records)
+    assert TRUTH in line
+    data = picture_data(records).data
+    assert [scene["name"] for scene in data["scenes"]] == ["chair"]
+    assert any("drums" in said and "ground truth" in said for said in data["left_out"])
+    drums = views(records)[1]
+    assert all(one.render for one in drums.methods)
+    assert not any(NOT_KEPT in one.caption for one in drums.methods)
+
+
+@pytest.mark.slow
+def test_the_page_names_all_that_is_damaged(run, capsys):
+    spoil(run, CELL, TRUTH, RENDERS)
+    assert main([str(run)]) == 2
+    capsys.readouterr()
+    assert main([str(run), "--partial"]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out: ")]
+    text = html.unescape((run / "report.html").read_text(encoding="utf-8"))
+    alert = text[text.index("3 damaged files left out:") :].split("</div>")[0]
+    assert len(said) == alert.count("<li>") == 3
+    for name in (CELL, TRUTH, RENDERS):
+        (line,) = (one for one in said if name in one)
+        assert f"<li>{line.removeprefix('left out: ')}</li>" in alert
+    assert "Comparisons and verdicts are of" in alert
+    assert NOT_KEPT not in text
+
+
+@pytest.mark.slow
+def test_of_several_outputs_each_says_what_it_lacks(run, tmp_path, capsys):
+    other = write_fake_run(tmp_path / "other", seeds=1, pictures=False, with_diverged=False)
+    spoil(other, CELL)
+    assert main([str(run), str(other)]) == 2
+    capsys.readouterr()
+    assert main([str(run), str(other), "--partial"]) == 0
+    assert f"left out: {cell_path(other, 'chair', 'nerf', 0)}" in capsys.readouterr().out
+    text = html.unescape((run / "outputs.html").read_text(encoding="utf-8"))
+    assert text.count("damaged file") == 1
+    assert f"<li>{cell_path(other, 'chair', 'nerf', 0)}" in text[text.index("1 damaged file of B · other left out:") :]

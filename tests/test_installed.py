@@ -1,0 +1,43 @@
+"""Commands typed with a Python that has none of the pinned packages."""
+
+import subprocess
+import sys
+
+import pytest
+
+from scenes.installed import packages_needed
+from tests.harness.shell import ROOT
+
+
+def bare(*command: str) -> subprocess.CompletedProcess[str]:
+    """`python -m COMMAND` without the folder that packages are installed in."""
+    words = [sys.executable, "-S", "-m", *command]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={"PATH": ""})
+
+
+@pytest.mark.parametrize(
+    "command", ["harness completion bash", "reports out/latest", "scenes export A --format npz --out B"]
+)
+def test_a_missing_package_is_one_line_that_names_the_environment(command: str) -> None:
+    ended = bare(*command.split())
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.startswith(f"error: {sys.executable} has no package ")
+    assert ". .nox/benchmark/bin/activate" in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("package", ["harness", "reports", "scenes"])
+def test_help_needs_no_package(package: str) -> None:
+    assert bare(package, "--help").returncode == 0
+
+
+def test_doctor_needs_no_package() -> None:
+    ended = bare("harness", "doctor")
+    assert ended.returncode == 2
+    assert ended.stderr == ""
+    assert ended.stdout.splitlines()[-1].startswith("missing, and needed: torch, ")
+
+
+def test_a_module_of_ours_that_is_not_there_is_a_bug_and_stays_one() -> None:
+    with pytest.raises(ModuleNotFoundError), packages_needed():
+        import harness.nowhere  # noqa: F401
