@@ -1,5 +1,5 @@
-"""nox -s benchmark · view · film · evidence · stability · speed · gate · tests · tests_slow · lint; uv makes their
-environments.
+"""nox -s benchmark · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
+tests_thorough · fuzz · endurance · lint; uv makes their environments.
 """
 
 import time
@@ -16,31 +16,46 @@ PROJECT = nox.project.load_toml("pyproject.toml")
 
 def install(session: nox.Session, *groups: str) -> None:
     """The pinned dependencies of the project and of the named groups."""
-    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups))
+    extras = PROJECT["project"]["optional-dependencies"]
+    asked = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
+    whole = session.name in ("tests_slow", "tests_thorough")
+    wanted = [one for name, words in asked.items() if whole or words & set(session.posargs) for one in extras[name]]
+    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *wanted)
 
 
 @nox.session
 def benchmark(session: nox.Session) -> None:
-    """Train the methods side by side and write the report; options as in `python -m harness run --help`."""
+    """Train the methods side by side and write the report: `python -m harness run --help`; `--with FOLDER`.
+
+    FOLDER is a package of your own that has methods.
+    """
     install(session)
+    options = with_packages(session)
     # a diverged cell (3) is part of the result: the report is written, and says 3 in its turn
-    session.run("python", "-m", "harness", "run", *session.posargs, success_codes=[0, 3])
-    if not {"--dry-run", "--help", "-h"} & set(session.posargs):
-        session.run("python", "-m", "reports", out_folder(session.posargs))
+    session.run("python", "-m", "harness", "run", *options, success_codes=[0, 3])
+    if not {"--dry-run", "--help", "-h"} & set(options):
+        session.run("python", "-m", "reports", out_folder(options))
+
+
+@nox.session
+def conformance(session: nox.Session) -> None:
+    """Hold methods to the contract of the catalogue, as `python -m harness conformance --help`; `--with FOLDER`."""
+    install(session)
+    session.run("python", "-m", "harness", "conformance", *with_packages(session))
 
 
 @nox.session
 def view(session: nox.Session) -> None:
     """Look at a finished run in the browser; options as in `python -m harness view --help`."""
     install(session)
-    session.run("python", "-m", "harness", "view", *session.posargs, success_codes=[0, 130])
+    session.run("python", "-m", "harness", "view", *with_packages(session), success_codes=[0, 130])
 
 
 @nox.session
 def film(session: nox.Session) -> None:
     """A camera path through a finished run; options as in `python -m harness render --help`."""
     install(session)
-    session.run("python", "-m", "harness", "render", *session.posargs)
+    session.run("python", "-m", "harness", "render", *with_packages(session))
 
 
 @nox.session
@@ -92,7 +107,32 @@ def tests(session: nox.Session) -> None:
 def tests_slow(session: nox.Session) -> None:
     """The slow part of the test suite: whole runs, browsers, measurements from end to end."""
     install(session, "test")
-    session.run("pytest", "-n", "auto", "-m", "slow", *session.posargs)
+    session.run("pytest", "-n", "auto", "-m", "slow and not thorough and not cluster", *session.posargs)
+
+
+@nox.session
+def tests_thorough(session: nox.Session) -> None:
+    """What takes minutes and seldom breaks: whole contracts, slow readers of the fuzzer, a Ray cluster.
+
+    The cluster has a process of its own, as Ray leaves an event loop behind.
+    """
+    install(session, "test")
+    session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
+    session.run("pytest", "-m", "cluster", *session.posargs)
+
+
+@nox.session
+def fuzz(session: nox.Session) -> None:
+    """Bad input by the thousand for everything that reads a file or an option; as in `python -m tests.fuzz --help`."""
+    install(session, "test", "fuzz")
+    session.run("python", "-m", "tests.fuzz", *session.posargs)
+
+
+@nox.session
+def endurance(session: nox.Session) -> None:
+    """Kill runs a hundred times and damage what they wrote; options as in `python -m tests.endurance --help`."""
+    install(session)
+    session.run("python", "-m", "tests.endurance", *session.posargs, env={"OMP_NUM_THREADS": "1"})
 
 
 @nox.session
@@ -102,6 +142,20 @@ def lint(session: nox.Session) -> None:
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
     session.run("mypy")
+
+
+def with_packages(session: nox.Session) -> list[str]:
+    """The options without `--with FOLDER`; the packages in these folders are installed, as they stand there."""
+    options, given = [], iter(session.posargs)
+    for option in given:
+        name, is_joined, value = option.partition("=")
+        if name != "--with":
+            options.append(option)
+        elif folder := value if is_joined else next(given, ""):
+            session.install("--editable", folder)
+        else:
+            session.error("--with: name the folder of a package (with its pyproject.toml)")
+    return options
 
 
 def out_folder(options: list[str]) -> str:

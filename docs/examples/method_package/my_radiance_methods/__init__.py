@@ -1,0 +1,15 @@
+"""Two methods for the harness: NeRF with a part of its own, and a field that is no network at all."""
+
+from dataclasses import replace
+
+from baselines.catalog import Method
+from baselines.composition import Ladder
+from baselines.nerf import NERF
+from my_radiance_methods.blobs import Blobs
+
+NERF_BASE3 = Method(
+    replace(NERF, encoding="base3"),
+    "NeRF with 3^k instead of 2^k, and two thirds of the bands",
+    ladders={"base3": Ladder(3.0, lambda bands: max(1, 2 * bands // 3))},
+)
+BLOBS = Method(None, "64 soft blobs, each with a place, a size, a density and a colour", make_field=Blobs)

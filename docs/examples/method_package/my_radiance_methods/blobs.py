@@ -1,0 +1,60 @@
+"""A radiance field of Gaussian blobs: as little as the contract asks for."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import softplus
+
+from baselines.contract import FieldAsked, uniform_weights
+
+COUNT = 64
+PEAK = 20.0
+"""Density of a fresh blob's centre is about log 2 of it, in 1 / scene unit."""
+RADIUS = 0.25
+"""Of a fresh blob, where the longest half-extent of the scene's box is 1."""
+
+
+class Blobs(nn.Module):
+    """Density is a sum of blobs, colour the mean of theirs, weighted by density; the same from all sides."""
+
+    pointwise = True
+    bounded = False
+
+    def __init__(self, asked: FieldAsked) -> None:
+        super().__init__()
+        self.box = asked.box
+
+        def first(name: str, *shape: int) -> nn.Parameter:
+            # from seed and name alone: the same in every process, whatever else was made before
+            return nn.Parameter(uniform_weights(shape, 1.0, asked.seed, name))
+
+        self.centre = first("centre", COUNT, 3)
+        self.log_radius = first("log_radius", COUNT)
+        self.strength = first("strength", COUNT)
+        self.colour = first("colour", COUNT, 3)
+
+    def encode_directions(self, d: Tensor) -> Tensor:
+        return d[:, :0]
+
+    def density(self, x: Tensor) -> Tensor:
+        return self._shares(x).sum(dim=-1)
+
+    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        sigma = self.density(x)
+        return sigma, sigma
+
+    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        shares = self._shares(x)
+        sigma = shares.sum(dim=-1)
+        # the small number keeps 0/0 away where no blob is near
+        return sigma, (shares @ torch.sigmoid(self.colour)) / (sigma.unsqueeze(-1) + 1e-6)
+
+    def parameter_counts(self) -> dict[str, int]:
+        counts = {name: weight.numel() for name, weight in self.named_parameters()}
+        return {**counts, "total": sum(counts.values())}
+
+    def _shares(self, x: Tensor) -> Tensor:
+        """Density of each blob at each point [points, COUNT]."""
+        p = self.box.normalised(x)
+        squared = (p * p).sum(-1, keepdim=True) - 2.0 * p @ self.centre.T + (self.centre**2).sum(-1)
+        radius = RADIUS * torch.exp(self.log_radius.clamp(-3.0, 3.0))
+        return PEAK * softplus(self.strength) * torch.exp(-0.5 * squared.clamp(min=0.0) / radius**2)

@@ -1,0 +1,12 @@
+"""Run with the harness's checkout on the path: PYTHONPATH=/path/to/radiance-verdict python -m pytest"""
+
+import pytest
+
+from harness.conformance.catalog import conformance
+from harness.conformance.subject import Subject
+
+
+@pytest.mark.parametrize("method", ["nerf_base3", "blobs"])
+def test_conforms(method: str) -> None:
+    broken = [outcome for outcome in conformance(Subject(method)) if outcome.verdict == "broken"]
+    assert broken == []
