@@ -29,6 +29,9 @@ Scale = Literal["linear", "log", "symlog"]
 
 MANY_DECADES = 6.0
 """Beyond this a logarithmic axis is labelled in powers of ten."""
+DRAWABLE = 1e150
+"""Axes end here, and logarithmic ones begin at its reciprocal: much beyond, ends and
+ticks are not finite."""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -121,12 +124,13 @@ def _high(trace: Trace, axis: str) -> tuple[float, ...]:
 
 
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
-    """A little wider than the values."""
+    """A little wider than the values, and within `DRAWABLE`; what lies outside of it is not seen."""
     if not values:
         return None
-    low, high = min(values), max(values)
+    low, high = (min(max(end, -DRAWABLE), DRAWABLE) for end in (min(values), max(values)))
     if log:
-        ratio = (high / low) ** 0.05 if high > low else 1.5
+        low, high = max(low, 1 / DRAWABLE), max(high, 1 / DRAWABLE)
+        ratio = high**0.05 / low**0.05 if high > low else 1.5
         return low / ratio, high * ratio
     margin = 0.05 * (high - low) or 0.5
     return low - margin, high + margin
@@ -148,6 +152,9 @@ def draw(panel: Panel) -> Figure:
 
 def paint(axes: Axes, panel: Panel) -> None:
     """The panel's traces and axes onto axes that somebody else made."""
+    for name in "xy":
+        if (limits := getattr(panel, f"{name}_limits")) is not None:
+            getattr(axes, f"set_{name}lim")(*limits)  # first: else limits are sought among all numbers, however large
     for trace in panel.traces:
         _PENS[trace.kind](axes, trace)
     _axis(axes, panel, "x")
@@ -167,16 +174,13 @@ def paint(axes: Axes, panel: Panel) -> None:
 
 
 def _axis(axes: Axes, panel: Panel, name: str) -> None:
-    scale, limits = getattr(panel, f"{name}_scale"), getattr(panel, f"{name}_limits")
-    write = tick
+    scale, write = getattr(panel, f"{name}_scale"), tick
     axis = getattr(axes, f"{name}axis")
     getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
     if scale == "log":
         getattr(axes, f"set_{name}scale")("log")
     elif scale == "symlog":
         getattr(axes, f"set_{name}scale")("symlog", linthresh=panel.linear_below)
-    if limits is not None:
-        getattr(axes, f"set_{name}lim")(*limits)
     if scale == "linear":
         axis.set_major_locator(MaxNLocator(5))
     elif scale == "log":

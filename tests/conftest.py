@@ -1,4 +1,5 @@
-"""For every test: a browser to look at pages, and an int is a float to the type checker, as PEP 484 and mypy have it.
+"""For every test: a browser to look at pages, torch with one thread, and an int is a float to the type checker, as
+PEP 484 and mypy have it.
 
 `--jaxtyping-packages` in `pyproject.toml` names the checker, and can say neither its settings nor a module of ours;
 it looks `beartype.beartype` up while our packages are imported, which is after this file. Plain beartype would
@@ -11,8 +12,22 @@ from typing import Any
 
 import beartype
 import pytest
+import torch
 
 beartype.beartype = beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))
+torch.set_num_threads(1)  # nothing here is large, and threads that wait for each other burn a busy core
+
+
+@pytest.fixture(autouse=True)
+def torch_switches() -> Iterator[None]:
+    """A run sets threads and determinism for its whole process; here the process is the test session. What a test, or
+    a fixture of its module, has set is undone: each test begins alike, whichever were before it.
+    """
+    torch.set_deterministic_debug_mode("default")
+    torch.set_num_threads(1)
+    yield
+    torch.set_deterministic_debug_mode("default")
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="module")

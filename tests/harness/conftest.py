@@ -1,10 +1,8 @@
-"""A view set that needs no renderer, and torch's switches put back after each test."""
+"""A view set that needs no renderer."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import torch
 
 from scenes.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
@@ -19,13 +17,3 @@ def ball_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def ball(ball_folder: Path) -> ViewSet:
     return read_view_set(ball_folder)
-
-
-@pytest.fixture(autouse=True)
-def torch_switches() -> Iterator[None]:
-    """A run sets threads and determinism for its whole process; here the process is the test session."""
-    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
-    torch.set_num_threads(1)  # nothing here is large, and threads that wait for each other burn a busy core
-    yield
-    torch.set_num_threads(threads)
-    torch.set_deterministic_debug_mode(deterministic)

@@ -29,7 +29,6 @@ def without(name: str, train: TrainSettings = TRAIN) -> TrainSettings:
 
 
 def after_steps(method: str, settings: TrainSettings, steps: int = 12) -> Trainer:
-    torch.set_num_threads(1)
     made = trainer(method, settings)
     for step in range(steps):
         made.train_on(*rays_and_colours(seed=step))

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from baselines.catalog import CATALOG
 from harness.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
@@ -40,7 +39,6 @@ def views_of(learner: Learner, views: ViewSet, chunk: int) -> list[View]:
 
 def trained(folder: Path, methods: list[str], **options: Any) -> tuple[Path, Rendered]:
     """A run, and the test views as the learners themselves rendered them when they had been trained."""
-    torch.set_num_threads(1)  # as the run has it: another number may give other bits
     learners: list[Learner] = []
     out = train_run(folder, methods, on_trained=learners.append, **options)
     views = read_view_set(folder / "ball")

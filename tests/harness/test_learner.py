@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 
 from harness import lockstep
 from harness.cell_training import GroupSettings
@@ -27,8 +26,6 @@ def test_a_network_is_trained_by_the_trainer() -> None:
 def test_a_method_that_cannot_run_here_costs_nobody_else_anything(
     ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    torch.set_num_threads(1)
-
     def missing_one(method: str, *others: Any) -> Any:
         if method == "nerf_matched":
             raise NotAvailable("needs a library that is not here")

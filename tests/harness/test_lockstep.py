@@ -30,7 +30,6 @@ THREE = ("nerf", "nerf_matched", "qnerf")
 def group(
     ball: ViewSet, out: Path, methods: tuple[str, ...] = THREE, seed: int = 0, progress: Any = None, **changes: Any
 ) -> dict[str, CellRecord]:
-    torch.set_num_threads(1)  # before the switches of a test are set, where a fixture of the module calls this
     settings = replace(GroupSettings(methods, TRAIN, SCORE, BUDGET), **changes)
     cells = train_group(ball, "ball", seed, settings, CPU, out, {"here": 1}, progress or (lambda share: None))
     return {cell.method: cell for cell in cells}

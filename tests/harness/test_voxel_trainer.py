@@ -35,7 +35,6 @@ SETTINGS = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256)
 @pytest.fixture
 def available() -> None:
     drjit_or_skip()
-    torch.set_num_threads(1)
 
 
 def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:

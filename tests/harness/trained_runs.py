@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from harness import cell_training
 from harness.group import GroupTask, run_group
@@ -54,12 +53,8 @@ def train_run(
     plan = replace(plan, train=train, score=replace(SCORE, checkpoints=1, chunk=100, train_views=1))
     machine = Machine("cpu", 1, 1)
     claim(out, plan, machine, resume=False)
-    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.runner.run_locally", here)
         patch.setattr("harness.cell_training.save_checkpoint", saved)
         run(plan, out, folder, machine, "none", Quiet())
-    # a fixture of a whole module comes before the one that puts these back after each test
-    torch.set_num_threads(threads)
-    torch.set_deterministic_debug_mode(deterministic)
     return out

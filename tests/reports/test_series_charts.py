@@ -47,6 +47,13 @@ def test_sixteen_decades_are_labelled_in_powers_of_ten():
     assert power(1e5) == "10⁵"
 
 
+@pytest.mark.parametrize("values", [[5e-324, 1.0, 3.0], [1e-320, 1e308], [-1.7e308, 0.0, 1.7e308], [1.7e308]])
+def test_any_number_that_a_file_can_hold_is_drawn(values):
+    made = drawn(line(values))
+    assert all(map(math.isfinite, made.y_limits))
+    assert "<svg" in svg(made, "extreme")
+
+
 @pytest.mark.parametrize("lost", [None, math.nan, math.inf])
 def test_what_is_not_finite_breaks_the_line_and_is_marked_at_the_upper_edge(lost):
     made = drawn(line([1.0, 2.0, lost, 4.0, 5.0]))

@@ -1,9 +1,6 @@
 """Every method of the catalogue conforms: being listed is being tested."""
 
-from collections.abc import Iterator
-
 import pytest
-import torch
 
 from baselines.catalog import CATALOG
 from harness.conformance.catalog import FIELD_CHECKS, LEARNER_CHECKS, conformance, meaning
@@ -19,12 +16,8 @@ QUICK = ("two_passes",)
 
 
 @pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
+def as_in_a_run() -> None:
     use_threads(1)
-    yield
-    torch.set_num_threads(threads)
-    torch.set_deterministic_debug_mode(deterministic)
 
 
 @pytest.mark.parametrize("check", [name for name in FIELD_CHECKS if name not in QUICK])

