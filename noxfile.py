@@ -18,7 +18,7 @@ def install(session: nox.Session, *groups: str) -> None:
     """The pinned dependencies of the project and of the named groups."""
     extras = PROJECT["project"]["optional-dependencies"]
     asked = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
-    whole = session.name in ("tests_slow", "tests_thorough")
+    whole = session.name.startswith("tests")
     wanted = [one for name, words in asked.items() if whole or words & set(session.posargs) for one in extras[name]]
     session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *wanted)
 
