@@ -1,7 +1,6 @@
 """`python -m harness run`: what is wrong is said in one line, before anything is done."""
 
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,15 +8,14 @@ import pytest
 import torch
 
 from harness.__main__ import main
-from harness.group import GroupTask, run_group
-from harness.local_executor import Event
 from harness.output_folder import claim
 from harness.plan import Machine, planned
 from harness.progress import Quiet
-from harness.records import CellRecord, read_cells, read_comparisons
+from harness.records import read_cells, read_comparisons
 from harness.runner import run
 from tests.harness.bad_view_sets import SPOILT
 from tests.harness.shell import CELLS, TINY, refused, shell
+from tests.harness.trained_runs import in_this_process
 
 # bad input
 
@@ -143,14 +141,6 @@ def test_a_dry_run_prints_the_plan_and_its_cost_and_writes_nothing(
     for part in ("12 cells of 60 steps", "hotdog lego", "nerf nerf_matched qnerf", "16 px", "estimated cost"):
         assert part in said
     assert list(tmp_path.iterdir()) == []
-
-
-def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
-    """Workers take seconds to start."""
-    for task in tasks:
-        cells: list[CellRecord] = []
-        run_group(task, lambda share: None, cells.append)
-        yield from (Event(task, cell=cell) for cell in cells)
 
 
 @pytest.mark.thorough

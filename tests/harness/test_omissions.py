@@ -24,6 +24,7 @@ from scenes.needs import PARTS, Need, Needs, as_rows, left_out
 from scenes.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
+from tests.harness.trained_runs import in_this_process
 
 SOLID: Needs = {
     name: Need(name, name in ("fine_pass", "linear_quadrature", "depth_metric"), "as it is")
@@ -312,6 +313,7 @@ def test_a_run_that_verifies_names_what_costs_too_much(tmp_path: Path, monkeypat
     plan = planned("smoke", methods=["nerf"], seeds=1, view_set=folder, no_need=["view_direction"])
     plan = replace(plan, train=TRAIN, score=SCORE, views=replace(VIEWS, no_need=plan.views.no_need))
     plan = replace(plan, budget=Budget(2, None))
+    monkeypatch.setattr("harness.runner.run_locally", in_this_process)
     for verdict, code in (("costs more", 3), ("within its bound", 0)):
         one = Omission("ball", "nerf", "view_direction", 1.5, "training", -1.0, (-1.2, -0.8), 3, 0, verdict)  # type: ignore[arg-type]
         monkeypatch.setattr("harness.verification.verified", lambda *_, found=one: ([found], []))

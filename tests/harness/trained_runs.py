@@ -22,6 +22,14 @@ from tests.harness.tiny import SCORE, TRAIN
 SIZE = 16
 
 
+def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
+    """For `harness.runner.run_locally`: workers take seconds to start, and see nothing that a test has patched."""
+    for task in tasks:
+        cells: list[CellRecord] = []
+        run_group(task, lambda share: None, cells.append)
+        yield from (Event(task, cell=cell) for cell in cells)
+
+
 def train_run(
     folder: Path,
     methods: list[str],
@@ -31,12 +39,6 @@ def train_run(
     on_trained: Callable[[Learner], None] = lambda learner: None,
 ) -> Path:
     """The output folder `run`; its view set `ball` is beside it. `on_trained` gets each learner at its end."""
-
-    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        for task in tasks:
-            cells: list[CellRecord] = []
-            run_group(task, lambda share: None, cells.append)
-            yield from (Event(task, cell=cell) for cell in cells)
 
     def saved(
         learner: Learner, path: Path, save: Callable[[Learner, Path], None] = cell_training.save_checkpoint
@@ -54,7 +56,7 @@ def train_run(
     machine = Machine("cpu", 1, 1)
     claim(out, plan, machine, resume=False)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.runner.run_locally", here)
+        patch.setattr("harness.runner.run_locally", in_this_process)
         patch.setattr("harness.cell_training.save_checkpoint", saved)
         run(plan, out, folder, machine, "none", Quiet())
     return out

@@ -1,6 +1,5 @@
 """The committed limits, on this machine: this code passes, and what is broken on purpose does not."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,20 +9,9 @@ from harness import trainer
 from harness.__main__ import main
 from harness.gate import images, options
 from harness.gate.images import Renders
-from harness.group import GroupTask, run_group
-from harness.local_executor import Event
-from harness.records import CellRecord
 
 ROOT = Path(__file__).parents[3]
 GATES = ("training.lego.nerf", "images.materials", "fairness.first_weights", "fairness.copies.nerf")
-
-
-def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
-    """Workers would not see what is broken here."""
-    for task in tasks:
-        cells: list[CellRecord] = []
-        run_group(task, lambda share: None, cells.append)
-        yield from (Event(task, cell=cell) for cell in cells)
 
 
 @pytest.mark.thorough

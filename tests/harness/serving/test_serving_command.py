@@ -8,16 +8,16 @@ import pytest
 
 from harness.__main__ import main
 from harness.finished import FinishedRun
-from harness.group import GroupTask, run_group
+from harness.group import GroupTask
 from harness.local_executor import Event
 from harness.progress import Quiet
-from harness.records import CellRecord, read_cells
+from harness.records import read_cells
 from harness.serving import runner
 from harness.serving.runner import Asked
 from harness.serving_record import SERVING_FILE, read_serving
 from tests.harness.serving.conftest import CPU, fail_with, with_study
 from tests.harness.shell import refused
-from tests.harness.trained_runs import SIZE
+from tests.harness.trained_runs import SIZE, in_this_process
 
 
 def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,13 +81,7 @@ def test_a_run_measures_it_at_its_end(
         assert (out / "records/comparisons.json").exists()
         asked.append(out)
 
-    def here(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        for task in tasks:
-            cells: list[CellRecord] = []
-            run_group(task, lambda share: None, cells.append)
-            yield from (Event(task, cell=cell) for cell in cells)
-
-    monkeypatch.setattr("harness.runner.run_locally", here)
+    monkeypatch.setattr("harness.runner.run_locally", in_this_process)
     monkeypatch.setattr(runner, "after_run", noted)
     monkeypatch.setattr("harness.device.available_cores", lambda: 1)
     typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
