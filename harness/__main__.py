@@ -151,7 +151,7 @@ def main(arguments: list[str]) -> int:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
     except OSError as error:
-        names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM)
+        names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST, errno.EIO)
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
             raise
         show.close()

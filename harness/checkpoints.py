@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.torch import load, save
 from torch import Tensor
 
 from harness.json_record import write_whole
@@ -38,14 +38,17 @@ def save_checkpoint(learner: "Learner", path: Path) -> None:
     write_whole(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
 
-def load_checkpoint(learner: "Learner", path: Path, step: int) -> None:
-    """Makes a learner what it was after `step` steps. Raises `InputError` for a file that is missing, damaged or of
-    another network; nothing is unpickled.
+def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:
+    """Makes a learner what it was after `step` steps. Raises `InputError` for a file that is missing, damaged, of
+    another network, or of another SHA-256 than `digest`; nothing is unpickled.
     """
     if not path.is_file():
         raise InputError(f"{path}: this checkpoint is missing; train the cell again, or choose another one")
     try:
-        tensors = load_file(path, device=str(learner.device))
+        content = path.read_bytes()
+        if digest is not None and hashlib.sha256(content).hexdigest() != digest:
+            raise ValueError("changed since it was written; --resume trains the cell again")
+        tensors = {name: value.to(learner.device) for name, value in load(content).items()}
         if spoilt := [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]:
             raise ValueError(f"{' '.join(spoilt)}: not finite")
         learner.restore(tensors, step)

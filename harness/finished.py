@@ -20,7 +20,16 @@ from harness.lockstep import needs_view_direction_of, stream_of
 from harness.needed import with_needs
 from harness.plan import known_names
 from harness.plugins import require_methods
-from harness.records import CellRecord, RunRecord, SceneRecord, cell_path, read_cell, read_run, records_folder
+from harness.records import (
+    CellRecord,
+    RunRecord,
+    SceneRecord,
+    cell_path,
+    checkpoint_name,
+    read_cell,
+    read_run,
+    records_folder,
+)
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings
 from scenes.errors import InputError
@@ -117,7 +126,8 @@ class FinishedRun:
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
         directed = needs_view_direction_of([row.what for row in scene.left_out])
         learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
-        load_checkpoint(learner, checkpoint, cell.steps)
+        written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records
+        load_checkpoint(learner, checkpoint, cell.steps, written)
         found = TrainedCell(scene, cell, learner)
         try:
             found.camera(np.eye(4))

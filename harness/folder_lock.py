@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -80,8 +81,10 @@ def lock_folder(out: Path, option: str = "--out") -> LockedFolder:
         return LockedFolder(path, None)
     while True:
         try:
-            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            file = _opened(path, os.O_CREAT)
         except OSError as error:
+            if error.errno == errno.ELOOP:
+                raise InputError(f"{path}: is no plain file of this folder alone; remove it") from error
             raise InputError(f"{path}: cannot be written ({error.strerror}); name another folder") from error
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -110,7 +113,7 @@ def is_locked(out: Path) -> bool:
     try:
         import fcntl
 
-        file = os.open(out / LOCK_FILE, os.O_RDWR | os.O_CLOEXEC)
+        file = _opened(out / LOCK_FILE, 0)
     except (ImportError, OSError):
         return False
     try:
@@ -120,6 +123,16 @@ def is_locked(out: Path) -> bool:
     finally:
         os.close(file)
     return False
+
+
+def _opened(path: Path, flags: int) -> int:
+    """Raises `OSError`, `ELOOP` for a link of either kind or a device: what it leads to is not ours to write."""
+    file = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o644)
+    found = os.fstat(file)
+    if stat.S_ISREG(found.st_mode) and found.st_nlink <= 1:  # none where its holder has just removed it
+        return file
+    os.close(file)
+    raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
 
 
 def _is_still(path: Path, file: int) -> bool:

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import stat
+from contextlib import suppress
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -110,9 +111,9 @@ def write_json(path: Path, data: Any) -> None:
 
 def write_whole(path: Path, data: bytes) -> None:
     """Whole or not at all, also under `kill -9`; raises `OSError`, naming the file, where it cannot be written."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("wb") as file:
             file.write(data)
             file.flush()
@@ -122,7 +123,8 @@ def write_whole(path: Path, data: bytes) -> None:
         # a failed write does not say of which file
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):  # what went wrong before is what is said
+            beside.unlink()
 
 
 def read_record(path: Path, kind: type, schema: int, formerly: tuple[str, ...] = ()) -> dict[str, Any]:

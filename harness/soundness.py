@@ -25,19 +25,20 @@ from harness.serving_record import SERVING_FILE, read_serving
 from harness.targets_record import TARGETS_FILE, read_targets
 from harness.unfinished import ENDED, read_unfinished, unfinished_path
 from harness.unfinished import FOLDER as UNFINISHED
+from scenes.errors import InputError
 
 SCRATCH = (".serving-*", ".scratch-*")
 """Temporary folders of what is measured beside a run."""
 DAMAGED = "damaged"
 """Folder under OUT."""
+FOLDERS = ("records", "records/cells", "records/pictures", "checkpoints", UNFINISHED)
+"""In which a run writes, the outer ones first."""
 Say = Callable[[str], None]
 
 
 def sweep(out: Path) -> int:
     """Removes what killed writers left half written, of which nobody else can be writing: the folder is ours."""
-    records = records_folder(out)
-    folders = (out, records, records / "cells", records / "pictures", out / "checkpoints", out / UNFINISHED)
-    parts = [part for folder in folders for part in folder.glob(".*.part") if part.is_file()]
+    parts = [part for folder in (".", *FOLDERS) for part in (out / folder).glob(".*.part") if part.is_file()]
     for part in parts:
         part.unlink(missing_ok=True)
     scratch = [folder for pattern in SCRATCH for folder in out.glob(pattern) if folder.is_dir()]
@@ -49,8 +50,12 @@ def sweep(out: Path) -> int:
 def mend(out: Path, plan: Plan, say: Say) -> None:
     """Leaves nothing in the folder that is not as it was written; says what was damaged and what is done about it.
 
-    Raises `OSError` where something cannot be moved.
+    Raises `OSError` where something cannot be moved, and `InputError` where there is no place to move it to.
     """
+    for folder in FOLDERS:
+        if (out / folder).exists() and not (out / folder).is_dir():
+            say(f"{folder}: is no folder; moved aside")
+            aside(out, folder)
     sweep(out)
     cells = files = 0
     for scene, method, seed in plan.cells():
@@ -209,7 +214,10 @@ def aside(out: Path, name: str) -> None:
     if not (path.exists() or path.is_symlink()):
         return
     folder = out / DAMAGED
-    folder.mkdir(exist_ok=True)
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{folder}: is a file, and damaged files are moved there; remove it") from None
     stem = name.replace("/", ".")
     free = next(one for count in range(1, 1_000_000) if not (one := folder / f"{stem}.{count}").exists())
     path.rename(free)

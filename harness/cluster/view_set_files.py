@@ -3,8 +3,10 @@
 import hashlib
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,9 +86,18 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
 
 
 def node_folder() -> Path:
-    """Where a node keeps what it was sent: of this user alone, in the node's temporary folder (`TMPDIR`)."""
-    folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{os.getuid() if hasattr(os, 'getuid') else 'node'}"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    """Where a node keeps what it was sent: of this user alone, in the node's temporary folder (`TMPDIR`).
+
+    Raises `InputError` where somebody else made it, or could change what is in it: code is run from there.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else None
+    folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700, parents=True)
+    found = folder.lstat()
+    shared = user is not None and (found.st_uid != user or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    if shared or not stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{folder}: is no folder of this user alone; remove it, or set TMPDIR to a folder of your own")
     return folder
 
 

@@ -15,7 +15,7 @@ from harness.evaluate import View, cameras_of, mean_scores, render_split, render
 from harness.finished import FinishedRun, from_plain
 from harness.json_record import DamagedRecord
 from harness.learner import Learner
-from harness.records import cell_path, read_cell
+from harness.records import cell_path, checkpoint_name, read_cell
 from harness.schedule import Budget
 from harness.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
 from scenes.errors import InputError
@@ -209,6 +209,16 @@ def test_a_damaged_or_foreign_record_is_refused(wrong: str, copy: FinishedRun) -
     with pytest.raises((InputError, DamagedRecord), match=said) as caught:
         copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
     assert "ball.nerf.0" in str(caught.value) or "ball, nerf, seed 0" in str(caught.value)
+
+
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.99])
+def test_weights_that_changed_since_they_were_written_are_refused(place: float, copy: FinishedRun) -> None:
+    weights = copy.out / checkpoint_name("ball", "nerf", 0)
+    data = bytearray(weights.read_bytes())
+    data[int(place * len(data))] ^= 0x40
+    weights.write_bytes(data)
+    with pytest.raises(InputError, match="changed since it was written; --resume"):
+        copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
 
 
 @pytest.mark.parametrize("views", ["--help", {"need": [["empty_space"]]}, {"no_need": 7}])

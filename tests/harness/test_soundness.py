@@ -1,6 +1,7 @@
 """What a run left is checked before it is gone on with; what is damaged is named and moved aside, nothing else."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from harness.plan import Plan, planned
 from harness.records import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons
 from harness.soundness import DAMAGED, mend, sweep
 from harness.unfinished import Unfinished, unfinished_path, write_unfinished
+from scenes.errors import InputError
 from tests.harness.cells import diverged
 
 CELL = ("lego", "nerf", 0)
@@ -91,6 +93,22 @@ def test_a_folder_in_the_place_of_a_file_keeps_what_is_in_it(out: Path, plan: Pl
     (out / "records/comparisons.json/mine.txt").write_text("mine")
     said(out, plan)
     assert b"mine" in files(out / DAMAGED).values()
+
+
+@pytest.mark.parametrize("name", ["checkpoints", "records/cells", "records/pictures", "records", "unfinished"])
+def test_a_file_in_the_place_of_a_folder_is_moved_aside(out: Path, plan: Plan, name: str) -> None:
+    shutil.rmtree(out / name, ignore_errors=True)
+    (out / name).write_text("mine")
+    assert said(out, plan)[0] == f"{name}: is no folder; moved aside"
+    assert not (out / name).exists()
+    assert b"mine" in files(out / DAMAGED).values()
+
+
+def test_where_the_place_for_damaged_files_is_a_file_that_is_said(out: Path, plan: Plan) -> None:
+    (out / DAMAGED).write_text("mine")
+    (out / checkpoint_name(*CELL)).unlink()
+    with pytest.raises(InputError, match=f"{DAMAGED}: is a file, .* remove it"):
+        mend(out, plan, lambda line: None)
 
 
 def test_the_record_of_another_cell_is_not_taken_for_this_one(out: Path, plan: Plan) -> None:

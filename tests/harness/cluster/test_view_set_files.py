@@ -1,5 +1,6 @@
 """View sets on nodes without the driver's disk: the same files, fetched once, and nothing else of the driver's."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,36 @@ def fetching(listing: view_set_files.Listing, asked: list[str]) -> Callable[[str
         return piece(listing, relative, offset)
 
     return fetch
+
+
+def shared(folder: Path) -> None:
+    folder.mkdir()
+    folder.chmod(0o777)
+
+
+def others(folder: Path) -> None:
+    folder.mkdir()
+    if os.geteuid() != 0:
+        pytest.skip("only root gives a folder away")
+    os.chown(folder, 65534, 65534)
+
+
+def led_elsewhere(folder: Path) -> None:
+    (folder.parent / "elsewhere").mkdir(mode=0o700)
+    folder.symlink_to(folder.parent / "elsewhere")
+
+
+@pytest.mark.parametrize("made", [shared, others, led_elsewhere, Path.touch])
+def test_what_others_could_change_is_not_run_from(
+    made: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    folder = node_folder()
+    assert folder == node_folder(), "ours is taken again"
+    folder.rmdir()
+    made(folder)
+    with pytest.raises(InputError, match="no folder of this user alone; remove it, or set TMPDIR"):
+        node_folder()
 
 
 def test_a_shared_folder_is_used_where_it_is(folder: Path) -> None:
