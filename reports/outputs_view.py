@@ -7,7 +7,7 @@ from reports.claims import claims
 from reports.figure import Panel, Trace, with_common_limits
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.ledger import Claim
-from reports.outputs import EVERYWHERE, Against, Output, unequal_facts
+from reports.outputs import EVERYWHERE, Against, Output, Row, unequal_facts
 from reports.palette import colours_of
 from reports.psnr_table import lines, losses, tone_of
 from reports.table import cells_frame, curves_frame, spread_of
@@ -15,6 +15,8 @@ from reports.wording import counted, interval, listed, number, signed
 
 DASHES = ((), (5.0, 2.0), (1.5, 1.5), (6.0, 2.0, 1.5, 2.0))
 """One an output, over and over."""
+FEW = 3
+"""Scenes that a headline names; more are counted."""
 BUDGETS: tuple[tuple[Budget, str], ...] = (("steps", "equal steps"), ("seconds", "equal training time"))
 
 
@@ -27,18 +29,46 @@ def headline(first: Output, found: list[Against]) -> str:
         elif one.identical == one.shared and not one.alone:
             said.append(f"{one.other.name} has the same results as {first.name}, to the last bit")
         else:
-            verdicts = [f"{method} {_verdict(one, method)}" for method in methods_of([first, one.other])]
-            said.append(f"{one.other.name} against {first.name}: {listed(verdicts)}")
+            known = methods_of([first, one.other])
+            places = {_place(first, one, method) for method in known} - {None}
+            # said once where it is the same for all
+            where = ", ".join(filter(None, [*(places if len(places) == 1 else []), _extent(one)]))
+            verdicts = [f"{method} {_verdict(first, one, method, placed=len(places) > 1)}" for method in known]
+            said.append(f"{one.other.name} against {first.name}{', ' if where else ''}{where}: {listed(verdicts)}")
     return "; ".join(said)
 
 
-def _verdict(one: Against, method: str) -> str:
-    row = one.row(EVERYWHERE, method) or next((r for r in one.rows if r.method == method), None)
+def _extent(one: Against) -> str:
+    """How much the verdicts stand on, where it is not all of both."""
+    return f"in the {one.shared} of {counted(one.shared + len(one.alone), 'cell')} that both have" if one.alone else ""
+
+
+def _place(first: Output, one: Against, method: str) -> str | None:
+    """The scenes that the verdict on a method is of, where they are not all of several; None without a verdict."""
+    row = _row(one, method)
+    if row is None:
+        return None
+    every = scenes_of([first, one.other])
+    of_method = [r.scene for r in one.rows if (r.method, r.metric, r.budget) == (method, row.metric, row.budget)]
+    judged = [scene for scene in every if scene in of_method] if row.scene == EVERYWHERE else [row.scene]
+    if len(judged) == len(every) > 1:
+        return ""
+    return f"on {listed(judged)} alone" if len(judged) <= FEW else f"on {len(judged)} of {len(every)} scenes"
+
+
+def _row(one: Against, method: str) -> Row | None:
+    """The one over all scenes; else that of the first scene which both have."""
+    scenes = dict.fromkeys([EVERYWHERE, *(row.scene for row in one.rows)])
+    return next(filter(None, (one.row(scene, method) for scene in scenes)), None)
+
+
+def _verdict(first: Output, one: Against, method: str, placed: bool) -> str:
+    row = _row(one, method)
     if row is None:
         return "not compared"
-    if row.found.difference == 0 and row.found.interval == (0.0, 0.0):
-        return "the same"
-    return row.found.verdict
+    same = row.found.difference == 0 and row.found.interval == (0.0, 0.0)
+    place = _place(first, one, method) if placed else ""
+    return " ".join(filter(None, ["the same" if same else row.found.verdict, place]))
 
 
 def methods_of(outputs: list[Output]) -> list[str]:

@@ -103,6 +103,31 @@ def test_what_only_one_output_has_is_named_and_costs_the_others_nothing(tmp_path
     assert "and 3 more" in " ".join(sentences(outputs[0], [found]))
 
 
+def test_the_headline_says_on_how_little_it_stands(tmp_path, capsys):
+    first = made(tmp_path, "a")
+    few = made(tmp_path, "b", scenes=("chair", "lego"))
+    outputs = named([first, few])
+    told = "b against a, on chair alone, in the 9 of 27 cells that both have: nerf the same, nerf_matched the same and"
+    assert headline(outputs[0], [against(*outputs)]).startswith(told)
+    assert main([str(first.out), str(few.out)]) == 0
+    assert told in capsys.readouterr().out
+
+
+def test_a_single_scene_is_named_though_it_is_all_that_both_have(tmp_path):
+    outputs = named([made(tmp_path, "a", scenes=("chair",)), made(tmp_path, "b", scenes=("chair",), seeds=2)])
+    said = headline(outputs[0], [against(*outputs)])
+    assert said.startswith("b against a, on chair alone, in the 6 of 9 cells that both have: ")
+
+
+def test_each_verdict_names_its_scenes_where_they_are_not_the_same(tmp_path):
+    methods = {"nerf": "", "qnerf": ""}
+    outputs = named([made(tmp_path, "a", methods=methods), made(tmp_path, "b", methods=methods)])
+    lost = [cell for cell in outputs[1].records.cells if (cell.scene, cell.method) != ("drums", "qnerf")]
+    less = replace(outputs[1], records=replace(outputs[1].records, cells=lost))
+    said = headline(outputs[0], [against(outputs[0], less)])
+    assert said == "b against a, in the 9 of 12 cells that both have: nerf the same and qnerf the same on chair alone"
+
+
 def test_outputs_without_a_common_cell_say_so(tmp_path):
     outputs, found = compared(tmp_path, scenes=("lego", "mic"))
     assert found.shared == 0
