@@ -24,7 +24,7 @@ from reports.selection import Selection
 from reports.trace_data import as_element
 from reports.wording import MINUS, scientific, significant
 
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "range", "mark", "zero", "band", "area"]
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
 Scale = Literal["linear", "log", "symlog"]
 
 MANY_DECADES = 6.0
@@ -60,9 +60,9 @@ STYLE: dict[Any, Any] = {
 class Trace:
     """Points of one kind and colour; `x` and `y` are equally long.
 
-    A `range` is a bar from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is the union of polygons
-    that turn the same way, with NaN between them. A `line` may be dashed, a `mark`
-    has a shape (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
+    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
+    the union of polygons that turn the same way, with NaN between them. A `line` may be dashed, a `mark` has a shape
+    (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
     """
 
     label: str
@@ -242,6 +242,13 @@ def _outline(axes: Axes, trace: Trace) -> None:
     axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.4, drawstyle="steps-post", solid_joinstyle="miter")
 
 
+def _bins(axes: Axes, trace: Trace) -> None:
+    """Empty bins have no place on a logarithmic axis: they lie on its foot."""
+    foot = axes.get_ylim()[0]
+    edges = [*trace.x, trace.x_high[-1]]
+    axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
+
+
 def _range(axes: Axes, trace: Trace) -> None:
     axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
 
@@ -298,6 +305,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "cross": _cross,
     "floor": _floor,
     "outline": _outline,
+    "bins": _bins,
     "range": _range,
     "mark": _mark,
     "zero": _zero,

@@ -1,17 +1,18 @@
 """Density before and after the amplifier, and the amplifier's α and β over training."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 from harness.records import CellRecord, Checkpoint
-from reports.figure import Panel, Scale, Trace, with_common_limits
+from reports.figure import Panel, Scale, Trace
 from reports.load import Records
 from reports.palette import MUTED, colours_of
 from reports.selection import Selection
 
 GOLDEN = (1 + 5**0.5) / 2
-SMALLEST_SHARE = 1e-5
-"""Shares below it are drawn at it, so that an empty bin has a place on a log axis."""
+FOOT = 1e-5 / 1.6
+"""Where the axis of shares begins: smaller ones are drawn on it, so that empty bins have a place."""
 
 
 def density_histograms(records: Records) -> list[Panel]:
@@ -26,7 +27,8 @@ def density_histograms(records: Records) -> list[Panel]:
                 several = len(amplified_methods(records)) > 1
                 title = f"{scene}, {method}" if several else scene
                 panels.append(_panel(title, density, colours[method].light, Selection(scene, method)))
-    return with_common_limits(panels, "y")
+    most = min(max((share for panel in panels for trace in panel.traces for share in trace.y), default=1.0), 1.0)
+    return [replace(panel, y_limits=(FOOT, 1.6 * most)) for panel in panels]
 
 
 def amplified_methods(records: Records) -> list[str]:
@@ -70,9 +72,10 @@ def _panel(title: str, density: dict[str, list[float]], colour: str, behind: Sel
         Trace(
             side,
             tone,
-            "outline",
-            tuple(edges),
-            tuple(max(share, SMALLEST_SHARE) for share in [*shares, shares[-1]]),
+            "bins",
+            tuple(edges[:-1]),
+            tuple(shares),
+            x_high=tuple(edges[1:]),
             runs=(behind,),
         )
         for side, tone, shares in (

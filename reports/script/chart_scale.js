@@ -37,11 +37,15 @@ const chartScale = (() => {
     const x = xs(chart, trace)[index];
     const high = trace.x_high?.[index];
     if (x === null || trace.y[index] === null) return [NaN, NaN];
-    return [high === undefined ? to.x(x) : (to.x(x) + to.x(high)) / 2, to.y(trace.y[index])];
+    const y = trace.kind === "bins" ? heightOf(chart, to, trace.y[index]) : to.y(trace.y[index]);
+    return [high === undefined ? to.x(x) : (to.x(x) + to.x(high)) / 2, y];
   }
+
+  // An empty bin has no place on a logarithmic axis: it lies on its foot.
+  const heightOf = (chart, to, share) => to.y(Math.max(share, chart.y.low));
 
   function xs(chart, trace) {
     return typeof trace.x === "number" ? chart.traces[trace.x].x : trace.x;
   }
-  return { of, along, points, xs };
+  return { of, along, points, xs, heightOf };
 })();

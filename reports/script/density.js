@@ -39,10 +39,10 @@ const density = (() => {
   }
 
   // The same axis at every checkpoint and in every drawing of a run, so that only what changes moves.
-  function limits(one) {
+  function most(one) {
     const names = SIDES.flatMap(([, suffix]) => [`before${suffix}`, `after${suffix}`]);
     const every = one.at.flatMap((at) => names.flatMap((name) => at[name] ?? []));
-    return [histogram.SMALLEST / 1.6, Math.min(Math.max(...every), 1) * 1.6];
+    return Math.min(Math.max(...every), 1);
   }
 
   function draw(one, at, shares) {
@@ -54,7 +54,7 @@ const density = (() => {
       const [before, after] = shares[number];
       const title = `${one.scene}, ${one.method}, seed ${one.seed}: ${words}, step ${numbers.grouped(one.steps[at])}`;
       const sides = [["before the amplifier", "--muted", before], ["after the amplifier", colours[one.method] ?? "--ink", after]];
-      const chart = histogram.chart(title, one.edges, sides, limits(one), behind);
+      const chart = histogram.chart(title, one.edges, sides, most(one), behind);
       const alt = `${title}. Mean density about ${mean(one.edges, before)} before and ${mean(one.edges, after)} after the amplifier.`;
       histogram.draw(figure.querySelector("svg"), chart, alt);
       figures.give(figure, chart);
@@ -73,7 +73,7 @@ const density = (() => {
     shown = shares;
     if (!alike || still.matches) return draw(one, at, shares);
     const start = performance.now();
-    const floor = (share) => Math.log(Math.max(share, histogram.SMALLEST));
+    const floor = (share) => Math.log(Math.max(share, histogram.FOOT));
     const between = (a, b, part) => a.map((share, bin) => Math.exp(floor(share) + part * (floor(b[bin]) - floor(share))));
     const step = (now) => {
       const part = Math.min((now - start) / 250, 1);

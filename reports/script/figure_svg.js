@@ -2,7 +2,7 @@
 const figureSvg = (() => {
   const FONT = "system-ui, 'Segoe UI', Roboto, Arial, sans-serif";
   const HEAD = 34;
-  const KEYS = new Set(["line", "outline", "dots", "range", "mark", "floor"]);
+  const KEYS = new Set(["line", "outline", "bins", "dots", "range", "mark", "floor"]);
 
   function resolved(node, style) {
     for (const { name, value } of [...node.attributes])

@@ -127,18 +127,19 @@ const figures = (() => {
     return true;
   }
 
-  // A row a point: its line, numbers, and the run that it is of, where it is of one.
+  // A row a point or bin: its line, numbers, and the run that it is of, where it is of one.
   function csv(chart) {
     const runKeys = ["scene", "method", "against", "seed"].filter((key) => (chart.runs ?? []).some((one) => key in one));
     const has = (name) => chart.traces.some((trace) => trace[name]);
-    const wide = [["x_high", "to"], ["y_high", "to"]].filter(([name]) => has(name));
+    const bins = chart.traces.some((trace) => trace.kind === "bins");
+    const wide = ["x_high", "y_high"].filter((name) => has(name) && !(bins && name === "x_high"));
     const y = chart.y.rows ? "row" : chart.y.label;
-    const head = ["series", chart.x.label, y, ...wide.map(([name]) => `${name === "x_high" ? chart.x.label : y} up to`),
+    const head = ["series", ...(bins ? ["from", "to"] : [chart.x.label]), y, ...wide.map((name) => `${name === "x_high" ? chart.x.label : y} up to`),
       ...(has("steps") ? ["step"] : []), ...runKeys];
     const rows = chart.traces.flatMap((trace) => trace.y.map((value, index) => {
       const one = runsOf(chart, trace, index) ?? {};
       const row = chart.y.rows?.[Math.round(value)] ?? value;
-      return [trace.label, chartScale.xs(chart, trace)[index], row, ...wide.map(([name]) => trace[name]?.[index] ?? ""),
+      return [trace.label, chartScale.xs(chart, trace)[index], ...(bins ? [trace.x_high?.[index] ?? ""] : []), row, ...wide.map((name) => trace[name]?.[index] ?? ""),
         ...(has("steps") ? [trace.steps?.[index] ?? ""] : []), ...runKeys.map((key) => one[key] ?? "")];
     }));
     return download.csv([head, ...rows]);

@@ -2,7 +2,7 @@
 const histogram = (() => {
   const [WIDTH, HEIGHT] = [266, 187];
   const BOX = [42, 9, 216, 142];
-  const SMALLEST = 1e-5; // shares below it are drawn at it
+  const FOOT = 1e-5 / 1.6; // where the axis of shares begins: smaller ones are drawn on it, so that empty bins have a place
 
   // As the printed drawings choose it: even bins lie on a linear axis, others on a logarithmic one, through 0 if need be.
   function axisOf(edges) {
@@ -37,14 +37,13 @@ const histogram = (() => {
     return String(Number(value.toPrecision(3)));
   }
 
-  // A chart as the page's other drawings have it: `sides` are [[label, colour, shares], …].
-  function chart(title, edges, sides, limits, behind) {
+  // A chart as the page's other drawings have it: `sides` are [[label, colour, shares], …], up to `most`.
+  function chart(title, edges, sides, most, behind) {
     const traces = sides.map(([name, colour, shares], place) => ({
-      label: name, kind: "outline", colour, x: place === 0 ? edges : 0,
-      y: [...shares, shares[shares.length - 1]].map((share) => Math.max(share, SMALLEST)), runs: [0],
+      label: name, kind: "bins", colour, x: place === 0 ? edges.slice(0, -1) : 0, x_high: edges.slice(1), y: shares, runs: [0],
     }));
     return {
-      title, box: BOX, x: { label: "density σ", ...axisOf(edges) }, y: { label: "share of points", scale: "log", low: limits[0], high: limits[1] },
+      title, box: BOX, x: { label: "density σ", ...axisOf(edges) }, y: { label: "share of points", scale: "log", low: FOOT, high: most * 1.6 },
       traces, runs: [behind],
     };
   }
@@ -69,9 +68,9 @@ const histogram = (() => {
 
   function outline(chart, trace) {
     const to = chartScale.of(chart);
-    const x = chartScale.xs(chart, trace);
-    const steps = trace.y.slice(0, -1).map((share, place) => `${place > 0 ? "V" : ""}${place > 0 ? to.y(share).toFixed(1) : ""}H${to.x(x[place + 1]).toFixed(1)}`);
-    return `M${to.x(x[0]).toFixed(1)} ${to.y(trace.y[0]).toFixed(1)}${steps.join("")}`;
+    const start = to.x(chartScale.xs(chart, trace)[0]).toFixed(1);
+    const steps = trace.y.map((share, place) => `${place > 0 ? "V" : ""}${chartScale.heightOf(chart, to, share).toFixed(1)}H${to.x(trace.x_high[place]).toFixed(1)}`);
+    return `M${start} ${steps.join("")}`;
   }
 
   // Draws into `svg`, anew only where the axes are others.
@@ -87,5 +86,5 @@ const histogram = (() => {
   }
 
   const empty = () => element.svg("svg", { class: "plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" });
-  return { chart, draw, empty, SMALLEST };
+  return { chart, draw, empty, FOOT };
 })();

@@ -167,12 +167,37 @@ def test_density_moves_with_the_checkpoint_and_the_address_keeps_it(view, record
     assert player.locator("output").inner_text() == "step 50"
     assert path.get_attribute("d") != last
     assert "density.step=50" in address_of(view)
-    rows = rows_of(saved(view, player.locator("figure").first, "CSV"))
-    first = records.cells_of("chair", "qnerf")[0].curve[0].density
-    after = [float(row["share of points"]) for row in rows if row["series"] == "after the amplifier"][:-1]
-    assert after == [pytest.approx(max(share, 1e-5), rel=1e-5) for share in first["after"]]
     view.reload()
     assert player.locator("output").inner_text() == "step 50"
+
+
+@pytest.mark.parametrize("which", [".density figure", "#amplifier figure:has(script.drawn)"])
+def test_a_saved_histogram_holds_what_was_measured(view, records, which):
+    rows = rows_of(saved(view, view.locator(which).first, "CSV"))
+    last = [cell.curve[-1].density for cell in records.cells_of("chair", "qnerf")]
+    for side in ("before", "after"):
+        own = [row for row in rows if row["series"] == f"{side} the amplifier"]
+        assert [float(row["from"]) for row in own] == pytest.approx(last[0]["edges"][:-1], rel=1e-5)
+        assert [float(row["to"]) for row in own] == pytest.approx(last[0]["edges"][1:], rel=1e-5)
+        shares = [float(row["share of points"]) for row in own]
+        assert shares == pytest.approx(last[0][side], rel=1e-5), "the same in all seeds"
+        assert sum(shares) == pytest.approx(1, abs=1e-5)
+    assert shares.count(0) == last[0]["after"].count(0) > 10
+
+
+@pytest.mark.parametrize("which", [".density figure", "#amplifier figure:has(script.drawn)"])
+def test_an_empty_bin_says_so_and_lies_on_the_axis(view, which):
+    plot = view.locator(which).first.locator("svg.plot")
+    plot.focus()
+    for key in ("ArrowRight", "ArrowDown", "End"):
+        view.keyboard.press(key)
+    assert view.locator(".tip").inner_text().splitlines()[:3] == [
+        "after the amplifier",
+        "share of points: 0",
+        "density σ: 79.43 to 100",
+    ]
+    foot = plot.evaluate("svg => { const [, top, , high] = svg.closest('figure').chart.box; return top + high; }")
+    assert float(view.locator(".ring").get_attribute("cy")) == pytest.approx(foot)
 
 
 def test_density_plays_to_its_end(view):

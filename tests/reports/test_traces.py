@@ -6,8 +6,8 @@ from dataclasses import replace
 from harness.records import Checkpoint
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
-from reports.figure import Panel, Trace, svg, tick, with_common_limits
-from reports.histograms import amplifier_over_time, axis_of, density_histograms
+from reports.figure import Panel, Trace, draw, svg, tick, with_common_limits
+from reports.histograms import FOOT, amplifier_over_time, axis_of, density_histograms
 from reports.load import Records, read_records
 from reports.palette import KNOWN, MUTED
 from tests.reports.fake_run import write_fake_run
@@ -96,10 +96,11 @@ def test_histograms_of_methods_with_an_amplifier(tmp_path):
     assert panel.title == "chair"
     assert panel.x_scale == "linear"
     assert panel.traces == (
-        Trace("before the amplifier", MUTED.light, "outline", (0.0, 0.5, 1.0), (0.75, 0.25, 0.25)),
-        Trace("after the amplifier", ORANGE, "outline", (0.0, 0.5, 1.0), (1.0, 1e-5, 1e-5)),
+        Trace("before the amplifier", MUTED.light, "bins", (0.0, 0.5), (0.75, 0.25), (0.5, 1.0)),
+        Trace("after the amplifier", ORANGE, "bins", (0.0, 0.5), (1.0, 0.0), (0.5, 1.0)),
     )
     assert panel.alt.endswith("Mean about 0.375 before and 0.25 after.")
+    assert [list(one.get_data().values) for one in draw(panel).axes[0].patches] == [[0.75, 0.25], [1.0, FOOT]]
 
 
 def test_axes_of_histograms():
