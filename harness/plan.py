@@ -22,6 +22,7 @@ from harness.settings import (
 from scenes.catalog import CATALOG as SCENES
 from scenes.catalog import CLASSICS, RUNGS, STRESS
 from scenes.errors import InputError
+from scenes.needs import PARTS
 from scenes.scene_file import check_scene_file, name_of_file
 from scenes.source import Region
 
@@ -204,7 +205,7 @@ def planned(
     `ray_attention` None keeps the profile's. `region` says where the images of `view_set` have what is seen.
     """
     from harness.plugins import method_names, require_methods
-    from scenes.foreign import format_of
+    from scenes.foreign import check_listed
 
     if profile not in PROFILES:
         raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
@@ -227,7 +228,7 @@ def planned(
         plan = replace(plan, scenes=known_names("--scenes", scenes, list(SCENES)))
     if view_set is not None:
         try:
-            format_of(view_set)
+            check_listed(view_set)
         except InputError as error:
             raise InputError(f"--view-set {error}") from error
         views = replace(plan.views, region=region)
@@ -263,6 +264,11 @@ def planned(
 
 def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
     """Whatever `plan` does not leave out already counts as needed."""
+    for option, names in (("--need", need), ("--no-need", no_need)):
+        if fixed := [name for name in names if name in PARTS and name not in FORCEABLE]:
+            raise InputError(
+                f"{option} {' '.join(fixed)}: there is no choice about it; choose of {' '.join(FORCEABLE)}"
+            )
     given, out = known_names("--need", need, list(FORCEABLE)), known_names("--no-need", no_need, list(FORCEABLE))
     if both := [name for name in given if name in out]:
         raise InputError(f"--need and --no-need: {' '.join(both)} in both; known: {' '.join(FORCEABLE)}")

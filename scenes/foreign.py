@@ -12,6 +12,7 @@ from scenes.nerfstudio import read_nerfstudio
 from scenes.source import Region, Source
 from scenes.tiny_nerf import read_tiny_nerf
 from scenes.transforms import Frames, read_transforms, transforms_file
+from scenes.viewpoints import SPLITS
 
 BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
 """The field's habit for the NeRF synthetic scenes; the format itself says nothing."""
@@ -28,6 +29,13 @@ def source_of(path: Path) -> Source:
     Raises `InputError` for a path that is none of these, and where what was found there cannot be trusted.
     """
     return READERS[format_of(path)](path)
+
+
+def check_listed(path: Path) -> None:
+    """Reads which views there are and where their cameras stand, but no image. Raises `InputError` as `source_of`."""
+    source = source_of(path)
+    for split in SPLITS:
+        source.frames(split)
 
 
 def format_of(path: Path) -> str:

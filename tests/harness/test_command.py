@@ -51,6 +51,15 @@ def test_bad_options_are_said_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("listing", ['{"camera_angle_x": 0.6}', '{"camera_angle_x": 0.6, "frames": []}', "{"])
+def test_what_a_view_set_lists_is_read_before_anything_is_planned(
+    listing: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "transforms.json").write_text(listing)
+    said = refused(capsys, "--dry-run", "--view-set", str(tmp_path))
+    assert f"--view-set {tmp_path}/transforms.json" in said
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

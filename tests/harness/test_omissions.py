@@ -70,7 +70,10 @@ def test_nothing_is_forced_by_default() -> None:
     ("options", "said"),
     [
         ({"need": ["speed"]}, f"--need: unknown 'speed'; known: {' '.join(FORCEABLE)}"),
-        ({"no_need": ["background_model"]}, "--no-need: unknown 'background_model'; known: view_direction"),
+        (
+            {"no_need": ["background_model"]},
+            "--no-need background_model: there is no choice about it; choose of view_dir",
+        ),
         ({"need": ["outside_box"], "no_need": ["outside_box"]}, "outside_box in both; known: view_direction"),
         ({"need": ["outside_box", "outside_box"]}, "--need: outside_box named twice"),
         ({"without": ["grid"], "no_need": ["empty_space"]}, "--no-need empty_space: --without grid forces"),

@@ -85,8 +85,7 @@ def test_cells_come_seed_by_seed_so_that_a_stopped_run_has_every_scene() -> None
     assert len(set(plan.cells())) == 8
 
 
-def test_options_change_what_they_name_and_nothing_else(tmp_path: Path) -> None:
-    (tmp_path / "transforms_train.json").write_text("{}")
+def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> None:
     before = planned("smoke").settings()
     changes: list[tuple[dict[str, Any], set[str]]] = [
         ({"scenes": ["mic"]}, {"scenes"}),
@@ -97,7 +96,7 @@ def test_options_change_what_they_name_and_nothing_else(tmp_path: Path) -> None:
         ({"precision": "float32"}, {"train"}),
         ({"ray_attention": "gradients"}, {"train"}),
         ({"ray_attention": "none"}, set()),
-        ({"view_set": tmp_path}, {"view_set", "scenes"}),
+        ({"view_set": ball_folder}, {"view_set", "scenes"}),
     ]
     for options, expected in changes:
         after = planned("smoke", **options).settings()
