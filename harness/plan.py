@@ -264,8 +264,8 @@ def planned(
 
 def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
     """Whatever `plan` does not leave out already counts as needed."""
-    for option, names in (("--need", need), ("--no-need", no_need)):
-        if fixed := [name for name in names if name in PARTS and name not in FORCEABLE]:
+    for option, asked in (("--need", need), ("--no-need", no_need)):
+        if fixed := [name for name in asked if name in PARTS and name not in FORCEABLE]:
             raise InputError(
                 f"{option} {' '.join(fixed)}: there is no choice about it; choose of {' '.join(FORCEABLE)}"
             )
