@@ -11,7 +11,7 @@ import torch
 
 from harness import evaluate
 from harness.checkpoints import checkpoint_path, save_checkpoint
-from harness.cluster.sources import versions
+from harness.cluster.sources import CHECKED, PROGRAM
 from harness.flops import flops_per_evaluation
 from harness.json_record import DamagedRecord
 from harness.kept_views import KeptRenders
@@ -200,8 +200,11 @@ class CellTraining:
     def _made_with(self) -> dict[str, Any]:
         """All that its next steps depend on but what training changed; as it comes back from JSON."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
+        packages = self.provenance.get("packages", {})
         found = {
-            **versions(),
+            "Python": self.provenance.get("python"),
+            PROGRAM: self.provenance.get("sources"),
+            **{name: packages.get(name) for name in CHECKED},
             **{key: self.provenance.get(key) for key in place},
             "package": origins([self.trainer.method]),
             "settings": {key: value for key, value in asdict(self.settings).items() if key != "methods"},

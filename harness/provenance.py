@@ -3,21 +3,25 @@
 import platform
 import subprocess
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from harness.cluster.sources import CHECKED, PROGRAM, installed, versions
 from harness.device import available_cores, multiplies_bfloat16
 
-PACKAGES = ("torch", "numpy", "mitsuba", "drjit", "OpenImageIO", "colour-science", "flip-evaluator", "scipy")
+PACKAGES = (*CHECKED, "mitsuba", "colour-science")
 
 
 def provenance(device: torch.device) -> dict[str, Any]:
-    """Versions, processor, device and commit; no user names, no paths."""
+    """Versions, processor, device, commit and a digest of our sources; no user names, no paths.
+
+    Commit and digest are those of the first call in this process: what it has imported does not change any more.
+    """
     return {
-        "commit": _commit(),
+        "commit": commit(),
+        "sources": versions()[PROGRAM],
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "processor": processor(),
@@ -26,7 +30,7 @@ def provenance(device: torch.device) -> dict[str, Any]:
         "device": torch.cuda.get_device_name() if device.type == "cuda" else "cpu",
         "torch_build": f"ROCm {torch.version.hip}" if torch.version.hip else f"CUDA {torch.version.cuda}",
         "bfloat16_products": multiplies_bfloat16(device),
-        "packages": {name: version(name) for name in PACKAGES},
+        "packages": {name: installed(name) for name in PACKAGES},
     }
 
 
@@ -41,7 +45,9 @@ def processor() -> str:
     return platform.processor() or "unknown"
 
 
-def _commit() -> str:
+@cache
+def commit() -> str:
+    """As git names it, `-dirty` where files were changed since; "unknown" without git."""
     here = Path(__file__).parent
     try:
         found = subprocess.run(

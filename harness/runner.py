@@ -10,18 +10,17 @@ from typing import Any
 
 from harness.caveats import deviations, not_tested
 from harness.clocks import clocks_apart
+from harness.code_apart import code_apart, made_elsewhere
 from harness.comparisons import compare
 from harness.executors import device_here, run_groups
-from harness.ground_truth import read_views, render_view_sets
+from harness.ground_truth import render_view_sets
 from harness.group import GroupTask
-from harness.json_record import finite_or_none
 from harness.local_executor import run_locally
 from harness.paper import printed
 from harness.plan import Machine, Plan
 from harness.progress import Progress
 from harness.records import (
     CellRecord,
-    LeftOut,
     RunRecord,
     SceneRecord,
     cell_path,
@@ -30,6 +29,7 @@ from harness.records import (
     write_comparisons,
     write_run,
 )
+from harness.scene_record import scene_record
 from harness.source_lines import core_module_lines
 from harness.survival import targets
 from harness.targets_record import write_targets
@@ -55,21 +55,23 @@ def run(
     import torch
 
     from harness.device import use_threads
+    from harness.plugins import origins
     from harness.provenance import provenance
 
     began = time.monotonic()
     phases: dict[str, float] = {}
     use_threads(machine.threads)
-    origin = {**provenance(torch.device(device_here(machine))), "executor": machine.executor}
+    origin = {**provenance(torch.device(device_here(machine))), "executor": machine.executor, **origins(plan.methods)}
     with _timed(phases, "render"):
         folders = view_set_folders(plan, view_sets, show)
-        scenes = [_scene_record(plan, name, folders[name], out) for name in plan.scenes]
+        scenes = [scene_record(plan, name, folders[name], out) for name in plan.scenes]
 
     def write(finished: bool) -> None:
         phases["total"] = time.monotonic() - began
+        there = list(read_cells_of(out, sorted(plan.cells())))
+        apart = [*clocks_apart(there), *code_apart(there)]
         write_run(out, _run_record(plan, command, scenes, origin, phases, finished, apart))
 
-    apart: list[str] = []
     write(finished=False)
     try:
         with _timed(phases, "train"):
@@ -78,7 +80,6 @@ def run(
         write(finished=False)
         raise KeyboardInterrupt(_kept(out, plan)) from None
     cells = _compared(out, plan)
-    apart += clocks_apart(cells)
     costly = False
     write(finished=True)
     if verify:
@@ -104,6 +105,10 @@ def _train(
 ) -> None:
     """The cells that are missing; what the executor has to say is noted in `origin`."""
     tasks = _tasks(plan, folders, machine, out)
+    kept = list(read_cells_of(out, sorted(plan.cells())))
+    elsewhere = made_elsewhere(kept, origin, out)
+    if elsewhere and (tasks or code_apart(kept)):
+        show.line(elsewhere)
     show.start_training(len(plan.cells()), sum(len(task.methods) for task in tasks))
     for event in run_groups(machine, tasks, origin["commit"], run_locally):
         if event.notice is not None:
@@ -186,46 +191,6 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
     return folders
 
 
-def _scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord:
-    """Reads the view set once, so that whatever is wrong with it is said before any training."""
-    import numpy as np
-
-    from harness.evaluate import floor_psnr
-    from harness.kept_views import drop_truth, keep_truth
-    from harness.metrics import psnr_from_mse
-    from harness.view_set_facts import finished_on
-
-    views = read_views(folder, plan.views, out)
-    if not finished_on(out, [key for key in plan.cells() if key[0] == name], views):
-        drop_truth(out, name)
-    noise = views.test.noise_mse
-    ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(one)) for one in noise])))
-    keep_truth(out, name, views, plan.score.stored_views)
-    manifest = views.rendered
-    kept = ("variant", "integrator", "spp", "seconds", "versions", "digest")
-    return SceneRecord(
-        name=name,
-        title=views.title,
-        view_set=folder.name,
-        width=views.width,
-        height=views.height,
-        views={"train": len(views.train.names), "val": 0, "test": len(views.test.names)},
-        near=views.near,
-        far=views.far,
-        bounds=views.bounds.tolist(),
-        psnr_ceiling=ceiling,
-        psnr_floor=floor_psnr(views),
-        rendered={key: manifest[key] for key in kept if key in manifest},
-        left_out=[_left_out(row) for row in manifest.get("left_out", [])],
-    )
-
-
-def _left_out(row: dict[str, Any]) -> LeftOut:
-    """What a manifest says, as far as it says it: an older one knows no bounds."""
-    known = ("name", "concerns", "bound", "unit")
-    return LeftOut(row["what"], row["reason"], **{key: row[key] for key in known if key in row})
-
-
 def _verified(
     plan: Plan,
     cells: list[CellRecord],
@@ -287,7 +252,7 @@ def _run_record(
     finished: bool,
     apart: list[str],
 ) -> RunRecord:
-    from harness.plugins import origins, title_of
+    from harness.plugins import title_of
 
     return RunRecord(
         profile=plan.profile,
@@ -298,7 +263,7 @@ def _run_record(
         paper={**printed(), **_measured_beside()},
         seeds=list(plan.seeds),
         settings=plan.settings(),
-        provenance={**origin, **origins(plan.methods)},
+        provenance=origin,
         phases=dict(phases),
         finished=finished,
         not_tested=[*not_tested(plan), *apart],

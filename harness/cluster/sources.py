@@ -11,6 +11,8 @@ PACKAGES = ("harness", "scenes", "baselines")
 """Of ours: what a cell needs, sent to every node."""
 CHECKED = ("torch", "numpy", "drjit", "OpenImageIO", "flip-evaluator", "scipy", "safetensors", "jaxtyping")
 """Of others: what a cell's bits or scores may depend on. Mitsuba is needed where view sets are rendered alone."""
+PROGRAM = "this program"
+"""Among `versions`, our own sources."""
 
 
 def our_folders() -> list[Path]:
@@ -20,14 +22,17 @@ def our_folders() -> list[Path]:
 
 @cache
 def versions() -> dict[str, str]:
-    """Python, `CHECKED`, and a digest of our own sources, of this process."""
-    found = {"Python": platform.python_version(), "this program": _digest(our_folders())}
-    for name in CHECKED:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    """Python, `CHECKED`, and a digest of our own sources, of this process, as they were when it was first asked."""
+    found = {"Python": platform.python_version(), PROGRAM: _digest(our_folders())}
+    return found | {name: installed(name) for name in CHECKED}
+
+
+def installed(package: str) -> str:
+    """The version of a package, which is not imported; "not installed" where there is none."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:

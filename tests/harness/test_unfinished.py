@@ -41,7 +41,17 @@ class Stopped(Exception):
     """What a `kill -9` is to the group."""
 
 
-def train(ball: ViewSet, out: Path, notices: list[str], until: float = 2.0, **changes: Any) -> dict[str, CellRecord]:
+ORIGIN = {"threads": 1, "sources": "one"}
+
+
+def train(
+    ball: ViewSet,
+    out: Path,
+    notices: list[str],
+    until: float = 2.0,
+    origin: dict[str, Any] = ORIGIN,
+    **changes: Any,
+) -> dict[str, CellRecord]:
     """The records until the group's share of training reaches `until`."""
 
     def on_progress(share: float) -> None:
@@ -52,7 +62,7 @@ def train(ball: ViewSet, out: Path, notices: list[str], until: float = 2.0, **ch
     cells: dict[str, CellRecord] = {}
     with suppress(Stopped):
         for cell in train_group(
-            ball, "ball", 0, settings, CPU, out, {"threads": 1}, on_progress, keep_every=0.0, on_notice=notices.append
+            ball, "ball", 0, settings, CPU, out, origin, on_progress, keep_every=0.0, on_notice=notices.append
         ):
             cells[cell.method] = cell
     return cells
@@ -132,10 +142,9 @@ def test_other_settings_begin_again(ball: ViewSet, stopped: Path, changes: dict[
     assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
 
 
-def test_other_code_begins_again(ball: ViewSet, stopped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.cell_training.versions", lambda: {"this program": "another"})
+def test_other_code_begins_again(ball: ViewSet, stopped: Path) -> None:
     notices: list[str] = []
-    train(ball, stopped, notices, until=0.0)
+    train(ball, stopped, notices, until=0.0, origin={**ORIGIN, "sources": "another"})
     assert notices[1] == "ball, qnerf, seed 0: trained from the start, as this program changed since it was kept"
 
 

@@ -236,7 +236,7 @@ def test_a_training_of_another_plan_is_moved_aside_and_not_lost(situation: Situa
 
 @pytest.fixture
 def at_commit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance, "_commit", lambda: HERE)
+    monkeypatch.setattr(provenance, "commit", lambda: HERE)
 
 
 @pytest.mark.usefixtures("at_commit")
