@@ -1,7 +1,7 @@
 """Density before and after the amplifier, and the amplifier's α and β over training."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from harness.records import CellRecord, Checkpoint
@@ -9,53 +9,81 @@ from reports.figure import Panel, Scale, Trace
 from reports.load import Records
 from reports.palette import MUTED, colours_of
 from reports.selection import Selection
+from reports.wording import count, counted
 
 GOLDEN = (1 + 5**0.5) / 2
 FOOT = 1e-5 / 1.6
 """Where the axis of shares begins: smaller ones are drawn on it, so that empty bins have a place."""
 
 
+@dataclass(frozen=True)
+class Mean:
+    """Mean shares over seeds, of one method on one scene at one step."""
+
+    edges: list[float]
+    before: list[float]
+    after: list[float]
+    step: int
+    seeds: int
+    finished: bool
+    """Else there is none of a finished run, and it is of others."""
+
+    @property
+    def words(self) -> str:
+        return f"step {count(self.step)}, {counted(self.seeds, 'seed' if self.finished else 'unfinished seed')}"
+
+
 def density_histograms(records: Records) -> list[Panel]:
-    """A panel for each scene and method with an amplifier: the last checkpoint, mean over seeds with the same bins."""
+    """A panel for each scene and method with an amplifier: mean over seeds, the last step that all of them have."""
     colours = colours_of(records.methods)
+    amplified = amplified_methods(records)
     panels = []
     for scene in records.scenes:
-        for method in records.methods:
-            points = [point for cell in records.cells_of(scene, method) if (point := _last_with_density(cell))]
-            density = _mean_density([point.density for point in points if point.density])
-            if density is not None and (points[0].alpha is not None or density["before"] != density["after"]):
-                several = len(amplified_methods(records)) > 1
-                title = f"{scene}, {method}" if several else scene
-                panels.append(_panel(title, density, colours[method].light, Selection(scene, method)))
+        for method in amplified:
+            mean = _mean_density(records.cells_of(scene, method))
+            if mean is not None:
+                whose = f"{scene}, {method}" if len(amplified) > 1 else scene
+                panels.append(_panel(f"{whose}: {mean.words}", mean, colours[method].light, Selection(scene, method)))
     most = min(max((share for panel in panels for trace in panel.traces for share in trace.y), default=1.0), 1.0)
     return [replace(panel, y_limits=(FOOT, 1.6 * most)) for panel in panels]
 
 
 def amplified_methods(records: Records) -> list[str]:
     """Methods whose density is changed on its way to the picture."""
-    found = set()
-    for cell in records.cells:
-        point = _last_with_density(cell)
-        if point and point.density and (point.alpha is not None or point.density["before"] != point.density["after"]):
-            found.add(cell.method)
+    found = {cell.method for cell in records.cells if any(map(_amplifies, cell.curve))}
     return [method for method in records.methods if method in found]
 
 
-def _last_with_density(cell: CellRecord) -> Checkpoint | None:
-    return next((point for point in reversed(cell.curve) if point.density), None)
+def _amplifies(point: Checkpoint) -> bool:
+    density = point.density
+    if not density or not _is_histogram(density):
+        return False
+    return point.alpha is not None or density["before"] != density["after"]
 
 
-def _mean_density(found: list[dict[str, list[float]]]) -> dict[str, list[float]] | None:
-    """Mean shares over the seeds whose bins are the first one's."""
-    sound = [one for one in found if _is_histogram(one)]
-    if not sound:
+def _mean_density(cells: list[CellRecord]) -> Mean | None:
+    """Over finished runs, or where there is none over the others."""
+    finished = [cell for cell in cells if cell.status == "done"]
+    return _mean_of(finished, True) or _mean_of([cell for cell in cells if cell not in finished], False)
+
+
+def _mean_of(cells: list[CellRecord], finished: bool) -> Mean | None:
+    """At the step, and with the bins, that most runs share, and of these at the last step: a run that ended early is
+    not mixed with others that went on.
+    """
+    found: dict[tuple[int, tuple[float, ...]], list[dict[str, list[float]]]] = {}
+    for point in (point for cell in cells for point in cell.curve):
+        if point.density and _is_histogram(point.density):
+            found.setdefault((point.step, tuple(point.density["edges"])), []).append(point.density)
+    if not found:
         return None
-    alike = [one for one in sound if one["edges"] == sound[0]["edges"]]
-    means = {
-        side: [sum(shares) / len(alike) for shares in zip(*(one[side] for one in alike), strict=True)]
+    step, edges = max(found, key=lambda key: (len(found[key]), key[0]))
+    alike = found[step, edges]
+    before, after = (
+        [sum(shares) / len(alike) for shares in zip(*(one[side] for one in alike), strict=True)]
         for side in ("before", "after")
-    }
-    return {"edges": sound[0]["edges"], **means}
+    )
+    return Mean(list(edges), before, after, step, len(alike), finished)
 
 
 def _is_histogram(one: dict[str, list[float]]) -> bool:
@@ -65,8 +93,8 @@ def _is_histogram(one: dict[str, list[float]]) -> bool:
     return bins > 0 and len(one["before"]) == bins == len(one["after"])
 
 
-def _panel(title: str, density: dict[str, list[float]], colour: str, behind: Selection) -> Panel:
-    edges = density["edges"]
+def _panel(title: str, mean: Mean, colour: str, behind: Selection) -> Panel:
+    edges = mean.edges
     scale, linear_below = axis_of(edges)
     traces = tuple(
         Trace(
@@ -79,11 +107,11 @@ def _panel(title: str, density: dict[str, list[float]], colour: str, behind: Sel
             runs=(behind,),
         )
         for side, tone, shares in (
-            ("before the amplifier", MUTED.light, density["before"]),
-            ("after the amplifier", colour, density["after"]),
+            ("before the amplifier", MUTED.light, mean.before),
+            ("after the amplifier", colour, mean.after),
         )
     )
-    alt = f"{title}: share of points by density, before and after the amplifier. {_shift(density)}"
+    alt = f"{title}: share of points by density, before and after the amplifier. {_shift(mean)}"
     limits = (edges[0], edges[-1])
     return Panel(title, "density σ", "share of points", traces, alt, scale, "log", limits, linear_below=linear_below)
 
@@ -98,12 +126,12 @@ def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
     return "symlog", min(abs(edge) for edge in edges if edge != 0)
 
 
-def _shift(density: dict[str, list[float]]) -> str:
+def _shift(mean: Mean) -> str:
     """The means of both histograms, from the bins' middles."""
-    middles = [(low + high) / 2 for low, high in pairwise(density["edges"])]
+    middles = [(low + high) / 2 for low, high in pairwise(mean.edges)]
     means = [
-        sum(middle * share for middle, share in zip(middles, density[side], strict=True))
-        for side in ("before", "after")
+        sum(middle * share for middle, share in zip(middles, shares, strict=True))
+        for shares in (mean.before, mean.after)
     ]
     return f"Mean about {means[0]:.3g} before and {means[1]:.3g} after."
 

@@ -3,6 +3,8 @@
 import re
 from dataclasses import replace
 
+import pytest
+
 from harness.records import Checkpoint
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
@@ -93,7 +95,7 @@ def test_histograms_of_methods_with_an_amplifier(tmp_path):
 
     out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False, change_cell=small_bins)
     (panel,) = density_histograms(read_records(out))
-    assert panel.title == "chair"
+    assert panel.title == "chair: step 50, 3 seeds"
     assert panel.x_scale == "linear"
     assert panel.traces == (
         Trace("before the amplifier", MUTED.light, "bins", (0.0, 0.5), (0.75, 0.25), (0.5, 1.0)),
@@ -101,6 +103,30 @@ def test_histograms_of_methods_with_an_amplifier(tmp_path):
     )
     assert panel.alt.endswith("Mean about 0.375 before and 0.25 after.")
     assert [list(one.get_data().values) for one in draw(panel).axes[0].patches] == [[0.75, 0.25], [1.0, FOOT]]
+
+
+def test_a_mean_histogram_is_of_finished_runs_at_one_step(tmp_path):
+    """The last checkpoint of the diverged run is an early one; the first seed has one more than the second."""
+
+    def told_apart(cell):
+        share = 0.1 * (cell.seed + 1)
+        curve = [
+            replace(point, density={"edges": [0.0, 0.5, 1.0], "before": [share, 1 - share], "after": [1.0, 0.0]})
+            for point in cell.curve[: 6 - cell.seed]
+        ]
+        return replace(cell, curve=curve if cell.method == "qnerf" else [])
+
+    (panel,) = density_histograms(read_records(write_fake_run(
+        tmp_path / "run", ("chair",), pictures=False, change_cell=told_apart)))  # fmt: skip
+    assert panel.title == "chair: step 800, 2 seeds"
+    assert panel.traces[0].y == pytest.approx((0.15, 0.85))
+    assert panel.alt.startswith("chair: step 800, 2 seeds: share of points")
+
+
+def test_a_mean_histogram_of_unfinished_runs_says_so(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False)
+    (panel,) = density_histograms(read_records(out))
+    assert panel.title == "chair: step 400, 1 unfinished seed"
 
 
 def test_axes_of_histograms():
