@@ -15,13 +15,9 @@ PACKAGES = (*CHECKED, "mitsuba", "colour-science")
 
 
 def provenance(device: torch.device) -> dict[str, Any]:
-    """Versions, processor, device, commit and a digest of our sources; no user names, no paths.
-
-    Commit and digest are those of the first call in this process: what it has imported does not change any more.
-    """
+    """Versions, processor, device, commit and a digest of our sources; no user names, no paths."""
     return {
-        "commit": commit(),
-        "sources": versions()[PROGRAM],
+        **code_here(),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "processor": processor(),
@@ -30,6 +26,16 @@ def provenance(device: torch.device) -> dict[str, Any]:
         "device": torch.cuda.get_device_name() if device.type == "cuda" else "cpu",
         "torch_build": f"ROCm {torch.version.hip}" if torch.version.hip else f"CUDA {torch.version.cuda}",
         "bfloat16_products": multiplies_bfloat16(device),
+    }
+
+
+def code_here() -> dict[str, Any]:
+    """Commit, digest of our sources and packages, as they were when this process first asked: what it has imported
+    does not change any more.
+    """
+    return {
+        "commit": commit(),
+        "sources": versions()[PROGRAM],
         "packages": {name: installed(name) for name in PACKAGES},
     }
 

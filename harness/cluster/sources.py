@@ -27,6 +27,7 @@ def versions() -> dict[str, str]:
     return found | {name: installed(name) for name in CHECKED}
 
 
+@cache
 def installed(package: str) -> str:
     """The version of a package, which is not imported; "not installed" where there is none."""
     try:
@@ -42,6 +43,11 @@ def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
         for name, value in ours.items()
         if theirs.get(name) != value
     )
+
+
+def changed_since(ours: dict[str, str]) -> str:
+    """`differences` to this process, with our own sources read again."""
+    return differences(ours, {**versions(), PROGRAM: _digest(our_folders())})
 
 
 def _digest(folders: list[Path]) -> str:

@@ -9,11 +9,14 @@ from typing import Any
 
 import pytest
 
+from harness import local_executor
+from harness.cluster.sources import versions
 from harness.group import GroupTask, run_group
 from harness.local_executor import run_locally
 from harness.records import CellRecord, cell_path, read_cell, read_cells
 from harness.schedule import Budget
 from harness.trainer import Trainer
+from tests.harness import dying_workers
 from tests.harness.tiny import BUDGET, SCORE, TRAIN, VIEWS
 
 
@@ -137,3 +140,55 @@ def test_closing_ends_the_workers(ball_folder: Path, tmp_path: Path) -> None:
     events.close()  # type: ignore[attr-defined]
     assert multiprocessing.active_children() == []
     assert list(read_cells(tmp_path)) == []
+
+
+def test_a_worker_that_dies_after_its_last_word_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_executor, "_work", dying_workers.after_its_last_word)
+    ended = []
+    for event in run_locally(tasks(tmp_path, tmp_path), 1):
+        if event.task.seed == 0 and event.share == 0.5:
+            multiprocessing.active_children()[0].join()
+        assert event.cell is None
+        ended += [event.task.seed] if event.share == 1.0 else []
+    assert ended == [0, 1]
+
+
+def test_a_worker_that_dies_in_the_middle_of_a_message_costs_its_group_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_executor, "_work", dying_workers.in_the_middle_of_a_message)
+    events = list(run_locally(tasks(tmp_path, tmp_path), 1))
+    assert [event.task.seed for event in events if event.share == 1.0] == [0, 1]
+    reasons = {(event.cell.seed, event.cell.reason) for event in events if event.cell is not None}
+    assert reasons == {(0, "the worker process ended with signal 9 (SIGKILL); out of memory, perhaps")}
+
+
+def test_a_worker_of_other_sources_trains_nothing(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_executor, "versions", lambda: {**versions(), "this program": "before"})
+    events = list(run_locally(tasks(ball_folder, tmp_path), 2))
+    cells = [event.cell for event in events if event.cell is not None]
+    assert [(cell.seed, cell.method, cell.status) for cell in cells] == [
+        (seed, method, "error") for seed in range(2) for method in ("nerf", "qnerf")
+    ]
+    assert {cell.reason for cell in cells} == {
+        f"the sources changed while the run was going on (this program {versions()['this program']} instead of "
+        "before); start it again with --resume"
+    }
+    assert multiprocessing.active_children() == []
+
+
+def test_cells_are_labelled_with_the_code_that_the_run_was_started_with(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.provenance.commit", lambda: "of the start")
+    list(run_locally(tasks(ball_folder, tmp_path, Budget(2, None))[:1], 1))
+    assert {cell.provenance["commit"] for cell in read_cells(tmp_path)} == {"of the start"}
+    assert {cell.provenance["sources"] for cell in read_cells(tmp_path)} == {versions()["this program"]}
+
+
+def test_sources_that_change_while_they_are_imported_are_other_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = ["", "this program"]
+    monkeypatch.setattr(local_executor, "changed_since", lambda versions: found.pop(0))
+    assert local_executor._other_code({}) == "this program"

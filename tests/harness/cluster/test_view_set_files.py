@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.cluster import view_set_files
-from harness.cluster.sources import differences, versions
+from harness.cluster import sources, view_set_files
+from harness.cluster.sources import changed_since, differences, versions
 from harness.cluster.view_set_files import listed, node_folder, on_this_node, piece
 from scenes.errors import InputError
 
@@ -116,3 +116,12 @@ def test_what_differs_between_two_machines_is_named() -> None:
     assert differences(ours, {**ours, "torch": "1.0"}) == f"torch 1.0 instead of {ours['torch']}"
     assert "this program unknown instead of" in differences({"this program": "ab"}, {})
     assert set(ours) >= {"Python", "torch", "numpy", "this program"}
+
+
+def test_sources_are_read_again_where_that_is_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "one.py").write_text("A = 1")
+    monkeypatch.setattr(sources, "our_folders", lambda: [tmp_path])
+    ours = versions.__wrapped__()  # not what this process was started with
+    assert changed_since(ours) == ""
+    (tmp_path / "one.py").write_text("A = 2")
+    assert changed_since(ours).startswith("this program ")

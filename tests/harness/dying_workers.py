@@ -1,0 +1,25 @@
+"""Workers that die at the worst moments, for `harness.local_executor._work`; quick, as they train nothing."""
+
+import os
+import signal
+import struct
+from multiprocessing.connection import Connection
+from typing import Any
+
+
+def after_its_last_word(connection: Connection, *_: Any) -> None:
+    """At seed 0, after the end of its task, before it is given another."""
+    while (task := connection.recv()) is not None:
+        connection.send(0.5)
+        connection.send(None)
+        if task.seed == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def in_the_middle_of_a_message(connection: Connection, *_: Any) -> None:
+    """At seed 0, 1000 bytes into one of 50000."""
+    while (task := connection.recv()) is not None:
+        if task.seed == 0:
+            os.write(connection.fileno(), struct.pack("!i", 50_000) + bytes(1000))
+            os.kill(os.getpid(), signal.SIGKILL)
+        connection.send(None)
