@@ -238,7 +238,7 @@ const compare = (() => {
         });
       }
       return [...found].map(([name, values]) => ({
-        title: errorMaps.MAPS[name].title + (choice.mode === "difference" ? ", A against B" : ""),
+        title: errorMaps.titleOf(name, choice.channel).replace(" (", "\n(") + (choice.mode === "difference" ? ", A against B" : ""),
         value: (image, place) => {
           const value = values.get(image.id)?.[place];
           return value === undefined || Number.isNaN(value) ? "–" : numbers.fixed(value, 4);

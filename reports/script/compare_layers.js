@@ -42,9 +42,9 @@ const compareLayers = (() => {
     const [truth] = choice.images;
     const picture = await compareData.load(image);
     const { width, height } = picture;
+    const pair = image === against || map.alone ? null : { test: picture, truth: await compareData.load(against) };
     const record = against.isTruth ? image.record : null;
     if (name === "colour") {
-      const pair = image === against ? null : { test: picture, truth: await compareData.load(against) };
       const key = `colour ${choice.stops} ${compareData.keyOf(image)}`;
       const drawn = await painted(key, async () => bitmap(compareData.exposed(picture, choice.stops), width, height));
       const shades = (place) => drawn.getContext("2d").getImageData(place % width, Math.floor(place / width), 1, 1).data;
@@ -54,7 +54,7 @@ const compareLayers = (() => {
     const ends = errorMaps.endsOf(name, choice.scale, choice.shown);
     const key = [name, choice.channel, ...ends, ...[image, against].map(compareData.keyOf)].join(" ");
     const drawn = await painted(key, async () => bitmap(colourMaps.paint(values, map.colours, ...ends), width, height));
-    return { bitmap: drawn, said: map.said(values, null, record, choice.channel), values };
+    return { bitmap: drawn, said: map.said(values, pair, record, choice.channel), values };
   }
 
   return { mapOf, layer };

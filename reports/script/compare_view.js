@@ -87,7 +87,7 @@ const compareView = (() => {
       stage.style.setProperty("--ratio", String(choice.shown.width / choice.shown.height));
       stage.style.setProperty("--columns", String(columns.length));
       for (const part of stage.querySelectorAll(".maplegend")) {
-        part.replaceChildren(element("b", {}, errorMaps.MAPS[part.dataset.map].title), ...legend(part.dataset.map, choice));
+        part.replaceChildren(element("b", {}, errorMaps.titleOf(part.dataset.map, choice.channel)), ...legend(part.dataset.map, choice));
       }
     }
 
@@ -99,7 +99,7 @@ const compareView = (() => {
     const labelOf = (one, choice) => {
       const names = one.column.parts.map((part) => part.name).join(" and ");
       const other = choice.mode === "difference" ? ` against ${one.column.against.name}` : "";
-      return `${errorMaps.MAPS[one.name].title} of ${names}${other}, ${choice.scene.name}, view ${choice.shown.name}`;
+      return `${errorMaps.titleOf(one.name, choice.channel)} of ${names}${other}, ${choice.scene.name}, view ${choice.shown.name}`;
     };
 
     function row(name, columns, choice) {

@@ -59,6 +59,7 @@ const errorMaps = (() => {
   }, 0);
 
   // `range` is the largest value that the colours tell apart; maps with `scaled` let the reader change it.
+  // `titled`: its title over all channels, where these are not weighed alike.
   // `said(values, pair, record, channel)`: its figures in words; `record` has psnr, flip and delta_e of the same view or null.
   const MAPS = {
     colour: {
@@ -68,6 +69,7 @@ const errorMaps = (() => {
     },
     signed: {
       title: "Signed error",
+      titled: `Signed error of luma (${LUMA.map((weight, which) => `${weight} ${"RGB"[which]}`).join(" + ")})`,
       about: "display value, less … more than",
       colours: "diverging",
       range: 0.25,
@@ -76,7 +78,11 @@ const errorMaps = (() => {
       channelled: true,
       needs: ["planes"],
       work: (pair, channel) => differences(pair, channel, LUMA, (v) => v),
-      said: (values) => `mean ${fixed(mean(values), 4)}, RMSE ${fixed(Math.sqrt(mean(values, (v) => v * v)), 4)}`,
+      // errors of opposite sign cancel in luma, so that its own RMSE would not be the picture's
+      said: (values, pair, _, channel) =>
+        channel === "all"
+          ? `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squares(pair)), 4)}`
+          : `mean ${fixed(mean(values), 4)}, RMSE ${fixed(Math.sqrt(mean(values, (v) => v * v)), 4)}`,
     },
     absolute: {
       title: "Absolute error",
@@ -165,6 +171,8 @@ const errorMaps = (() => {
     },
   };
 
+  const titleOf = (name, channel) => (channel === "all" && MAPS[name].titled) || MAPS[name].title;
+
   // What lies at the two ends of the colours: of depth the view's near and far, else the range as the reader scaled it.
   function endsOf(name, scale, view) {
     const map = MAPS[name];
@@ -173,5 +181,5 @@ const errorMaps = (() => {
     return [map.signed ? -most : 0, most];
   }
 
-  return { MAPS, CHANNELS, endsOf };
+  return { MAPS, CHANNELS, titleOf, endsOf };
 })();

@@ -1,5 +1,7 @@
 """What the picture comparer shows in a real browser: pictures, numbers, exposure, what is missing, what is saved."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,23 @@ def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address):
     light = [float(part) for part in cells(view, "truth")[2].split()]
     assert max(light) > 5
     assert light == pytest.approx(truth["linear"][17, 16], rel=1e-3)
+
+
+def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(browser, address):
+    view, _ = ready(browser, address, "at=pictures&compare.map=colour+signed&compare.pixel=20,25")
+    title = "Signed error of luma (0.2126 R + 0.7152 G + 0.0722 B)"
+    assert view.inner_text('.maplegend[data-map="signed"] b') == title
+    assert view.inner_text(".probe thead th:last-child").split() == title.split()
+    for method in ("nerf", "nerf_matched", "qnerf"):
+        psnr, rmse = (
+            float(re.search(rf"{name}[a-z ]* (\d+\.\d+)", view.inner_text(f'[data-panel="{method}-{shown}"] .said'))[1])
+            for shown, name in (("colour", "PSNR"), ("signed", "RMSE"))
+        )
+        assert psnr == pytest.approx(-20 * np.log10(rmse), abs=0.005 + 20 / np.log(10) * 0.00005 / rmse), method
+    view.get_by_role("combobox", name="Channel").select_option("red")
+    settle(view)
+    assert view.inner_text('.maplegend[data-map="signed"] b') == "Signed error"
+    assert "all channels" not in view.inner_text('[data-panel="nerf-signed"] .said')
 
 
 def test_exposure_scales_linear_light_and_the_truth_may_be_brighter_than_white(browser, address):

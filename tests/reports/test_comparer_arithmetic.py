@@ -202,6 +202,9 @@ Promise.all([planesOf(given.truth), planesOf(given.test)]).then(async ([truth, t
         assert found[name][0] == pytest.approx(values.ravel().tolist(), abs=1e-6), name
     assert f"PSNR {metrics.psnr(test, truth):.2f} dB (record 30.0" in found["squared all"][1]
     assert "record" not in found["squared red"][1]
+    rmse = np.sqrt((difference**2).mean())
+    assert found["signed all"][1].endswith(f", RMSE of all channels {rmse:.4f}")
+    assert found["signed green"][1].endswith(f", RMSE {np.sqrt((difference[..., 1] ** 2).mean()):.4f}")
     values = np.array([np.nan if value is None else value for value in found["depth_error all"][0]]).reshape(40, 56)
     opaque = opacity > 0.99
     assert (np.isnan(values) == ~opaque).all()
