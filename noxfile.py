@@ -105,9 +105,14 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def tests_slow(session: nox.Session) -> None:
-    """The slow part of the test suite: whole runs, browsers, measurements from end to end."""
+    """The slow part of the test suite: whole runs, browsers, measurements from end to end.
+
+    Tests of an `xdist_group` share one process, where what they start from takes long to make.
+    """
     install(session, "test")
-    session.run("pytest", "-n", "auto", "-m", "slow and not thorough and not cluster", *session.posargs)
+    session.run(
+        "pytest", "-n", "auto", "--dist", "loadgroup", "-m", "slow and not thorough and not cluster", *session.posargs
+    )
 
 
 @nox.session
