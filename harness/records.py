@@ -182,7 +182,8 @@ class RunRecord:
     settings: dict[str, Any]
     provenance: dict[str, Any]
     phases: dict[str, float]
-    """Wall seconds by phase: render, train, total."""
+    """Wall seconds by phase: render, train, verify, serve, total; of a run that was gone on with the sums, without what
+    a process that was killed had not yet written."""
     finished: bool
     not_tested: list[str]
     """What a reader might expect and this run did not do; one sentence each."""

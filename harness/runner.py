@@ -1,9 +1,6 @@
 """Plan → view sets → cells → records: the main path, from top to bottom."""
 
-import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +9,13 @@ from harness.caveats import deviations, not_tested
 from harness.clocks import clocks_apart
 from harness.code_apart import code_apart, made_elsewhere
 from harness.comparisons import compare
+from harness.earlier_run import costs_more, earlier_run, notices_of, with_measured
 from harness.executors import device_here, run_groups
 from harness.ground_truth import render_view_sets
 from harness.group import GroupTask
 from harness.local_executor import run_locally
 from harness.paper import printed
+from harness.phases import Phases
 from harness.plan import Machine, Plan
 from harness.progress import Progress
 from harness.records import (
@@ -58,46 +57,45 @@ def run(
     from harness.plugins import origins
     from harness.provenance import provenance
 
-    began = time.monotonic()
-    phases: dict[str, float] = {}
+    earlier = earlier_run(out)
+    phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
     origin = {**provenance(torch.device(device_here(machine))), "executor": machine.executor, **origins(plan.methods)}
-    with _timed(phases, "render"):
+    origin |= notices_of(earlier)
+    with phases.timed("render"):
         folders = view_set_folders(plan, view_sets, show)
-        scenes = [scene_record(plan, name, folders[name], out) for name in plan.scenes]
+        scenes = with_measured([scene_record(plan, name, folders[name], out) for name in plan.scenes], earlier)
 
     def write(finished: bool) -> None:
-        phases["total"] = time.monotonic() - began
         there = list(read_cells_of(out, sorted(plan.cells())))
         apart = [*clocks_apart(there), *code_apart(there)]
-        write_run(out, _run_record(plan, command, scenes, origin, phases, finished, apart))
+        write_run(out, _run_record(plan, command, scenes, origin, phases.seconds(), finished, apart))
 
     write(finished=False)
     try:
-        with _timed(phases, "train"):
+        with phases.timed("train"):
             _train(plan, folders, machine, out, origin, show)
     except KeyboardInterrupt:
         write(finished=False)
         raise KeyboardInterrupt(_kept(out, plan)) from None
     cells = _compared(out, plan)
-    costly = False
     write(finished=True)
     if verify:
-        with _timed(phases, "verify"):
-            scenes, costly = _verified(plan, cells, scenes, folders, machine, out, show)
+        with phases.timed("verify"):
+            scenes = _verified(plan, cells, scenes, folders, machine, out, show)
         write(finished=True)
     if serve:
         from harness.serving.runner import after_run
 
         try:
-            with _timed(phases, "serve"):
+            with phases.timed("serve"):
                 after_run(out, device_here(machine), view_sets, show)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         write(finished=True)
     # a method that this machine lacks the means for is no failure; its cells say what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
-    return 0 if ended == len(plan.cells()) and not costly else 3
+    return 0 if ended == len(plan.cells()) and not costs_more(scenes) else 3
 
 
 def _train(
@@ -113,7 +111,8 @@ def _train(
     for event in run_groups(machine, tasks, origin["commit"], run_locally):
         if event.notice is not None:
             show.line(event.notice)
-            origin.setdefault("notices", []).append(event.notice)
+            if event.notice not in (notices := origin.setdefault("notices", [])):
+                notices.append(event.notice)
         if event.cell is not None:
             show.cell(event.cell)
         if event.share is not None:
@@ -199,22 +198,21 @@ def _verified(
     machine: Machine,
     out: Path,
     show: Progress,
-) -> tuple[list[SceneRecord], bool]:
-    """`scenes` with what leaving out saved and changed, by one method; and whether anything costs more than it may."""
+) -> list[SceneRecord]:
+    """`scenes` with what leaving out saved and changed, by one method."""
     from harness.verification import filled, line_of, too_costly, verified
 
     trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
     if not trained:
-        return scenes, False
+        return scenes
     one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
     found, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
     for one in too_costly(found):
         show.line(f"left out at too high a price: {line_of(one)}")
-    told = [
+    return [
         replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
         for scene in scenes
     ]
-    return told, bool(too_costly(found))
 
 
 def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) -> list[GroupTask]:
@@ -264,7 +262,7 @@ def _run_record(
         seeds=list(plan.seeds),
         settings=plan.settings(),
         provenance=origin,
-        phases=dict(phases),
+        phases=phases,
         finished=finished,
         not_tested=[*not_tested(plan), *apart],
     )
@@ -280,13 +278,6 @@ def _measured_beside() -> dict[str, Any]:
         "sloc_measured": sum(lines.values()),
         "sloc_files": lines,
     }
-
-
-@contextmanager
-def _timed(phases: dict[str, float], name: str) -> Iterator[None]:
-    began = time.monotonic()
-    yield
-    phases[name] = time.monotonic() - began
 
 
 def outcome(out: Path) -> str:

@@ -126,7 +126,7 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
     notice, going_on = [event for event in events if event.notice is not None]
     assert notice.notice is not None
     assert f"the node died (node {killed})" in notice.notice
-    assert "1 of its cells had ended and are kept; 1 cells are trained again, 1 of them from where" in notice.notice
+    assert "1 of its cells had ended and are kept; 1 cells are trained again, 1 of them kept on" in notice.notice
     assert going_on.notice is not None
     assert f"seed {notice.task.seed}: goes on at step " in going_on.notice
     cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path / "ray")}

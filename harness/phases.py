@@ -1,0 +1,29 @@
+"""Wall seconds of a run by phase; of one that is gone on with the sums over its processes."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+
+class Phases:
+    """Of this process, since it was made, and of those `before` it."""
+
+    def __init__(self, before: Mapping[str, float], now: Callable[[], float] = time.monotonic) -> None:
+        self._before = dict(before)
+        self._now = now
+        self._began = now()
+        self._ended: dict[str, float] = {}
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """A phase, also one that is interrupted."""
+        began = self._now()
+        try:
+            yield
+        finally:
+            self._ended[name] = self._now() - began
+
+    def seconds(self) -> dict[str, float]:
+        """Phase → wall seconds, of those that have ended; `total` up to now."""
+        here = {**self._ended, "total": self._now() - self._began}
+        return {name: self._before.get(name, 0.0) + here.get(name, 0.0) for name in {**here, **self._before}}
