@@ -1,4 +1,4 @@
-"""The picture comparer of the page: its script files, in order; after state.js, element.js and numbers.js."""
+"""The picture comparer of the page: its scripts, in order; after state.js, element.js, numbers.js and filter.js."""
 
 SCRIPTS = (
     "chunks.js",

@@ -252,7 +252,7 @@ const compare = (() => {
     new ResizeObserver(() => repaint()).observe(stage);
     state.on((changed) => {
       if (writing) return;
-      const ours = [...changed].filter((key) => SHARED.includes(key) || key.startsWith("compare."));
+      const ours = [...changed].filter((key) => SHARED.includes(key) || /^(compare|filter)\./.test(key));
       for (const key of ours) live.delete(key);
       if (changed.has("method") && get("method") !== choice.a) live.set("compare.b", null);
       if (changed.has("at") && state.get("at") === "pictures") document.getElementById("pictures")?.scrollIntoView();

@@ -50,14 +50,24 @@ const compareChoice = (() => {
     return { seed, seeds, step, steps, said };
   }
 
+  // Those that the reader has not filtered out, or all where none is left.
+  function shownOf(some, allowed) {
+    const left = some.filter(allowed);
+    return left.length > 0 ? left : some;
+  }
+
+  const instead = (data, asked) =>
+    data.scenes.some((one) => one.name === asked && one.views.length) ? `${asked} is filtered out` : `There are no pictures of ${asked}`;
+
   function from(data, get) {
-    const scenes = data.scenes.filter((one) => one.views.length);
+    const scenes = shownOf(data.scenes.filter((one) => one.views.length), (one) => filter.allows(one.name, null));
     const asked = get("scene");
     const scene = scenes.find((one) => one.name === asked) ?? scenes[0];
     const view = viewIn(scene, get("view"));
     const { said, ...cell } = run(scene, view, get);
-    if (asked !== null && scene.name !== asked) said.unshift(`There are no pictures of ${asked}; shown is ${scene.name}.`);
-    const images = compareData.images(data, scene, view, cell.seed, cell.step);
+    if (asked !== null && scene.name !== asked) said.unshift(`${instead(data, asked)}; shown is ${scene.name}.`);
+    const [truth, ...rendered] = compareData.images(data, scene, view, cell.seed, cell.step);
+    const images = [truth, ...shownOf(rendered, (one) => filter.allows(null, one.method))];
     const ids = images.map((one) => one.id);
     const method = ids.slice(1).find((id) => id === get("method"));
     const a = known(get("compare.a"), ids, compareData.TRUTH);

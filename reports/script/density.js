@@ -12,9 +12,12 @@ const density = (() => {
 
   const distinct = (name, some) => [...new Set(some.map((one) => one[name]))];
 
+  // Runs that the reader has not filtered out.
+  const allowed = () => data.filter((one) => filter.allows(one.scene, one.method));
+
   // The run that is looked at: what the reader has selected, as far as there are histograms of it.
   function current() {
-    let left = data;
+    let left = allowed();
     for (const name of ["scene", "method", "seed"]) {
       const wanted = state.get(name);
       const fitting = left.filter((one) => String(one[name]) === wanted);
@@ -90,9 +93,11 @@ const density = (() => {
 
   function show() {
     const one = current();
+    nodes.whole.hidden = !one;
+    if (!one) return;
     const at = place(one);
-    const of = (...names) => data.filter((each) => names.every((name) => each[name] === one[name]));
-    options(nodes.scene, distinct("scene", data), one.scene);
+    const of = (...names) => allowed().filter((each) => names.every((name) => each[name] === one[name]));
+    options(nodes.scene, distinct("scene", of()), one.scene);
     options(nodes.method, distinct("method", of("scene")), one.method);
     options(nodes.seed, distinct("seed", of("scene", "method")), one.seed);
     nodes.step.max = one.steps.length - 1;
@@ -129,9 +134,9 @@ const density = (() => {
       const one = current();
       if (place(one) === one.steps.length - 1) go(0);
       timer = setInterval(() => {
-        const last = place(current()) >= current().steps.length - 1;
-        if (last) play();
-        else go(place(current()) + 1);
+        const one = current();
+        if (!one || place(one) >= one.steps.length - 1) play();
+        else go(place(one) + 1);
       }, 900);
     }
     nodes.play.textContent = playing ? "play" : "stop";
@@ -155,11 +160,12 @@ const density = (() => {
     const key = element("p", { class: "legend" },
       element("span", {}, element("i", { class: "swatch", style: "background: var(--muted)" }), "density before the amplifier"),
       element("span", {}, nodes.swatch, "after it"), "One run, checkpoint by checkpoint.");
-    section.querySelector("h2").after(element("div", { class: "density" }, controls, key, element("div", { class: "plots" }, nodes.figures), nodes.note));
+    nodes.whole = element("div", { class: "density" }, controls, key, element("div", { class: "plots" }, nodes.figures), nodes.note);
+    section.querySelector("h2").after(nodes.whole);
     nodes.figures.forEach(figures.enhance);
     show();
     state.on((changed) => {
-      if (["scene", "method", "seed", "density.step"].some((name) => changed.has(name))) show();
+      if (["scene", "method", "seed", "density.step", "filter.scenes", "filter.methods"].some((name) => changed.has(name))) show();
     });
   }
   return { start };

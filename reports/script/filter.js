@@ -1,4 +1,4 @@
-// Which scenes and methods are shown, in tables and figures alike; what is taken out stays in means and verdicts.
+// Which scenes and methods are shown, in tables, figures and pictures alike; what is taken out stays in means and verdicts.
 const filter = (() => {
   const known = element.data("runs-data", { scenes: [], methods: [] });
   const parts = [["scene", "scenes", known.scenes], ["method", "methods", known.methods]];
@@ -22,6 +22,12 @@ const filter = (() => {
     }
   }
 
+  // Whether a scene and a method are shown; either may be left open.
+  function allows(scene, method) {
+    const about = { scene, method };
+    return parts.every(([one, name, every]) => !about[one] || (chosen(name, every)?.has(about[one]) ?? true));
+  }
+
   function change(name, every) {
     const left = [...box.querySelectorAll(`input[name=${name}]`)].filter((one) => one.checked).map((one) => one.value);
     const all = left.length === every.length || left.length === 0;
@@ -39,18 +45,18 @@ const filter = (() => {
       }));
     });
     box.replaceChildren(...lists,
-      element("p", { class: "note" }, "Takes rows, columns and figures of the others out of sight. Means and verdicts stay those of the whole run."),
+      element("p", { class: "note" }, "Takes rows, columns, figures and pictures of the others out of sight. Means and verdicts stay those of the whole run."),
       element("button", { type: "button", class: "act", click: () => { state.set({ "filter.scenes": null, "filter.methods": null }); fill(); } }, "show all"),
       " ", element("button", { type: "button", class: "act", click: () => toggle(false) }, "done"));
   }
 
   function apply() {
-    const left = Object.fromEntries(parts.map(([one, name, every]) => [one, chosen(name, every)]));
-    const isOut = (about) => parts.some(([one]) => left[one] && about[one] && !left[one].has(about[one]));
+    const isOut = ({ scene, method }) => !allows(scene, method);
     for (const row of document.querySelectorAll("tr[data-scene], tr[data-method]")) row.classList.toggle("out", isOut(row.dataset));
     for (const table of document.querySelectorAll("table:has(th[data-method])")) columns(table, isOut);
     for (const figure of figures.all()) figure.classList.toggle("out", isOut(figures.about(figure)));
-    const many = parts.filter(([one]) => left[one]).map(([one, name, every]) => `${left[one].size} of ${every.length} ${name}`);
+    const left = parts.map(([, name, every]) => [chosen(name, every), name, every]);
+    const many = left.filter(([some]) => some).map(([some, name, every]) => `${some.size} of ${every.length} ${name}`);
     button.textContent = many.length > 0 ? `Filter: ${many.join(", ")}` : "Filter";
     button.classList.toggle("on", many.length > 0);
     tables.refresh();
@@ -87,5 +93,5 @@ const filter = (() => {
     });
     if (state.get("filter.scenes") !== null || state.get("filter.methods") !== null) apply();
   }
-  return { start, toggle };
+  return { start, toggle, allows };
 })();
