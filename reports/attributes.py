@@ -26,7 +26,7 @@ UNITS = {
 
 def value_of(text: str) -> float | None:
     """The number at the beginning of a text of ours, in seconds or bytes where it is a time or a size; None where
-    there is none, or it only counts what was lost, as in `2 of 3 diverged`.
+    there is none, or it only counts what was lost, as in `2 of 3 diverged`, or it is the end of a range.
     """
     found = FIGURE.fullmatch(text.strip())
     if found is None:
@@ -35,7 +35,7 @@ def value_of(text: str) -> float | None:
     digits = (found["digits"] or "1").replace(NARROW, "")
     value = float(f"{digits}e{power.translate(LEVELLED) or '0'}")
     rest = found["rest"].replace(NARROW, " ").replace("\u00a0", " ")
-    if re.match(r"\s+of\s+(\d|the)|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
+    if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
         return None
     return (-value if found["sign"] else value) * _scale(rest) + _rest_of_clock(rest)
 
@@ -59,10 +59,16 @@ def of_entry(one: Entry, numeric: bool) -> Markup:
         found["said"] = value
     elif value is not None and math.isfinite(value):
         found["value"] = f"{value:.7g}"
-    parts = {name: float(f"{part:.7g}") for name, part in one.parts.items() if part is not None and math.isfinite(part)}
+    parts = {name: known for name, part in one.parts.items() if (known := _part(part)) is not None}
     if parts:
         found["parts"] = as_json(parts)
     return _written(found) + of_runs(one.runs)
+
+
+def _part(part: float | str | None) -> float | str | None:
+    if part is None or isinstance(part, str):
+        return part
+    return float(f"{part:.7g}") if math.isfinite(part) else None
 
 
 def of_runs(runs: Selection | None) -> Markup:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from reports.claims import KINDS
 from reports.evidence_view import plain
 from reports.grid import Column, Entry, Grid
-from reports.ledger import UNTESTED, VERDICTS, Claim
+from reports.ledger import UNTESTED, VERDICTS, Claim, Number, Pair
 from reports.wording import NOTHING, count, interval, number, signed, significant
 
 TONES = {"holds": "holds", "does not hold": "fails", "inconclusive": "", UNTESTED: "muted"}
@@ -42,8 +42,7 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
     rows = []
     for claim in found:
         scale = "" if claim.verdict == UNTESTED or claim.scale == here else claim.scale
-        row = [Entry(claim.statement), Entry(printed_text(claim), claim.source.replace(", ", "\n"))]
-        row.append(Entry(measured_text(claim), interval_text(claim), runs=claim.runs))
+        row = [Entry(claim.statement), printed_entry(claim, claim.source.replace(", ", "\n")), measured_entry(claim)]
         row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
         row.append(Entry(claim.how, claim.note))
         rows.append(row)
@@ -53,7 +52,10 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
 
 def tally_grid(found: list[Claim]) -> Grid:
     """How many of each kind hold, do not, are undecided, were not tested."""
-    columns = [Column("", numeric=False), *(Column(f"{MARKS[verdict]} {verdict}") for verdict in VERDICTS)]
+    columns = [
+        Column("printed statements", numeric=False),
+        *(Column(f"{MARKS[verdict]} {verdict}") for verdict in VERDICTS),
+    ]
     rows = []
     for kind, words in KINDS.items():
         some = [claim.verdict for claim in found if claim.kind == kind]
@@ -67,7 +69,29 @@ def tally_grid(found: list[Claim]) -> Grid:
 
 
 def _counted(many: int, verdict: str) -> Entry:
-    return Entry(str(many), tone=TONES[verdict]) if many else Entry("·", tone="muted")
+    return Entry(str(many), tone=TONES[verdict]) if many else Entry("·", tone="muted", value=0)
+
+
+def printed_entry(claim: Claim, small: str = "") -> Entry:
+    """With its unit for files, in which numbers stand without."""
+    value, parts = _numbers(claim.printed)
+    unit = claim.unit if claim.printed is not None and claim.unit else None
+    return Entry(printed_text(claim), small, value=value, parts={**parts, "unit": unit})
+
+
+def measured_entry(claim: Claim) -> Entry:
+    value, parts = _numbers(claim.measured)
+    between = interval_text(claim)
+    low, high = claim.interval if claim.interval and between else (None, None)
+    parts = {**parts, "low": low, "high": high}
+    return Entry(measured_text(claim), between, value=value, parts=parts, runs=claim.runs)
+
+
+def _numbers(found: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
+    """A number; or the ends of a range, which is none, and is no interval either."""
+    if isinstance(found, tuple):
+        return None, {"from": found[0], "to": found[1]}
+    return found, {}
 
 
 def printed_text(claim: Claim) -> str:

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 from harness.evidence_record import Check, EvidenceRecord
 from reports.beside import Beside
-from reports.claims_table import MARKS, TONES, interval_text, measured_text, printed_text, tally_grid
-from reports.grid import Grid
+from reports.claims_table import MARKS, TONES, measured_entry, printed_entry, printed_text, tally_grid
+from reports.grid import Entry, Grid
 from reports.headline import roles, smallest_detectable
 from reports.ledger import UNTESTED, Claim
 from reports.load import Records
 from reports.scale import in_a_line
-from reports.selection import Selection
 from reports.wording import NARROW, NOTHING, interval, listed, number, signed
 
 PRINCIPAL = {
@@ -37,16 +36,14 @@ class Line:
 
     words: str
     source: str
-    printed: str
-    measured: str
-    interval: str
+    printed: Entry
+    measured: Entry
+    """With its interval, and the runs of this report behind it."""
     verdict: str
     mark: str
     tone: str
     note: str
     """What qualifies the verdict, and the scale where it is not the run's."""
-    runs: Selection | None
-    """Those of this report behind what was measured."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +78,22 @@ def _line(words: str, claim: Claim, here: str) -> Line:
     # its first sentence; what else is to be known of a study's cells stands with the study
     tested = claim.verdict != UNTESTED
     elsewhere = claim.scale.split(". ")[0] if claim.scale != here and tested else ""
-    measured, between = measured_text(claim), interval_text(claim)
+    measured = measured_entry(claim)
     # a figure beside a verdict would be read as what the verdict is about
-    instead = f"measured instead: {measured} {between}".strip() if claim.measured is not None and not tested else ""
+    instead = (
+        f"measured instead: {measured.text} {measured.small}".strip()
+        if claim.measured is not None and not tested
+        else ""
+    )
     return Line(
         words,
         claim.source,
-        printed_text(claim),
-        measured if tested else NOTHING,
-        between if tested else "",
+        printed_entry(claim),
+        measured if tested else Entry(NOTHING, runs=claim.runs),
         claim.verdict,
         MARKS[claim.verdict],
         TONES[claim.verdict],
         "; ".join(filter(None, [instead, claim.note, elsewhere])),
-        claim.runs,
     )
 
 

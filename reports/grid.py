@@ -1,5 +1,6 @@
 """A table as plain data: what `page.html` lays out and what tests compare with literals."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from reports.selection import Selection
@@ -19,8 +20,8 @@ class Entry:
     value: float | str | None = field(default=None, compare=False)
     """What it is sorted by and saved as, where that is not what its text says: a number before it was rounded, the
     scene where its name is not repeated."""
-    parts: dict[str, float | None] = field(default_factory=dict, compare=False)
-    """Further numbers of it for a file, by name: the ends of an interval, a standard deviation."""
+    parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
+    """What a file says of it besides, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
     """The runs behind it."""
 

@@ -32,7 +32,7 @@ from reports.serving_cache import cache
 from reports.shell import SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
-from reports.untested import not_tested
+from reports.untested import in_short, not_tested
 from reports.work_view import work
 
 
@@ -127,6 +127,7 @@ def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
 def _content(records: Records, beside: Beside) -> dict[str, Any]:
     """What each section shows; an empty one is left out with its entry in the contents."""
     run, found = records.run, claims(records, beside)
+    missing = not_tested(run.not_tested, found)
     return {
         "records": records,
         "run": run,
@@ -139,7 +140,8 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "on_other_pictures": on_other_pictures(records),
         "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
         "failed": records.failed,
-        "not_tested": not_tested(run.not_tested, found),
+        "not_tested": missing,
+        "not_tested_in_short": in_short(missing),
         "warned": sum(bool(cell.warnings) for cell in records.cells),
         "warning_kinds": properties.warning_kinds(records),
         "psnr": {

@@ -3,6 +3,7 @@
 const tables = (() => {
   const MANY_ROWS = 8;
   const SHORT = 52; // characters of a caption that leave room beside it
+  const EMPTY = { text: "", small: "", value: null, parts: {} };
   const compare = new Intl.Collator("en", { numeric: true }).compare;
   const all = [];
 
@@ -24,7 +25,7 @@ const tables = (() => {
 
   function read(row) {
     return cells(row).map((cell) => {
-      if (cell === null) return { text: "", small: "", value: null, parts: {} };
+      if (cell === null) return EMPTY;
       const value = cell.dataset.value === undefined ? null : Number(cell.dataset.value);
       const parts = cell.dataset.parts ? JSON.parse(cell.dataset.parts) : {};
       return { ...texts(cell), value, parts };
@@ -32,15 +33,17 @@ const tables = (() => {
   }
 
   // What is in sight: rows and columns that were taken out are left out of files too, as are those of marks alone.
-  // What stands above a group of rows becomes their first column.
+  // What stands above a group of rows becomes their first column, what qualifies a row in one below it their last.
   function model(table) {
     const head = table.tHead?.rows[table.tHead.rows.length - 1];
     const heads = head ? cells(head) : [];
     const kept = (_, place) => !heads[place]?.matches(".column-out, .drawn");
-    const rowsOf = (rows) => [...rows].filter((row) => !isOut(row) && !groupOf(row)).map((row) => read(row).filter(kept));
+    const noted = table.querySelector("tr.why") !== null;
+    const rowsOf = (rows) => [...rows].filter((row) => !isOut(row) && !groupOf(row) && !isNote(row))
+      .map((row) => [...read(row).filter(kept), ...(noted ? [noteOf(row)] : [])]);
     const groups = [...table.tBodies].map((body) => groupOf(body.rows[0]));
     const rows = [...table.tBodies].flatMap((body, place) => {
-      const own = groups[place] ? [{ ...texts(groups[place]), value: null, parts: {} }] : [];
+      const own = groups[place] ? [{ ...EMPTY, ...texts(groups[place]) }] : [];
       return rowsOf(body.rows).map((row) => [...own, ...row]);
     });
     const totals = table.tFoot && !table.tFoot.hasAttribute("aria-hidden") ? rowsOf(table.tFoot.rows) : [];
@@ -50,7 +53,17 @@ const tables = (() => {
       const numeric = [...rows, ...totals].some((row) => typeof row[place]?.value === "number");
       return { label: small ? `${text} (${small})`.trim() : text, numeric: numeric || isRight(cell) };
     });
+    if (noted) columns.push({ label: "note", numeric: false });
     return { caption: captionOf(table), columns, rows, totals };
+  }
+
+  function isNote(row) {
+    return row?.classList.contains("why") ?? false;
+  }
+
+  function noteOf(row) {
+    const next = row.nextElementSibling;
+    return isNote(next) ? { ...EMPTY, ...texts(next.cells[0]) } : EMPTY;
   }
 
   function groupOf(row) {
@@ -86,8 +99,9 @@ const tables = (() => {
       column.label, ...names.map((name) => `${column.label} ${name}`), ...(noted ? [`${column.label} note`] : []),
     ]);
     const line = (row) => plan.flatMap(({ names, noted }, place) => {
-      const cell = row[place] ?? { text: "", small: "", value: null, parts: {} };
-      const missing = cell.value === null && cell.text === numbers.NOTHING;
+      const cell = row[place] ?? EMPTY;
+      // of a range the ends alone, which stand beside
+      const missing = cell.text === numbers.NOTHING || Object.values(cell.parts).some(Number.isFinite);
       const first = cell.value ?? (missing ? "" : cell.text);
       return [first, ...names.map((name) => cell.parts[name] ?? ""), ...(noted ? [cell.small] : [])];
     });

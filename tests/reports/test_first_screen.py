@@ -8,9 +8,10 @@ from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecor
 from harness.paper import LEDGER
 from reports.beside import Beside
 from reports.claims import claims
-from reports.first_screen import PRINCIPAL, calibration, first_screen
+from reports.first_screen import PRINCIPAL, Line, calibration, first_screen
 from reports.load import Records, read_records
 from reports.page import page
+from reports.untested import in_short
 from tests.reports.fake_run import write_fake_run
 from tests.reports.test_claims_ablation import LISTING_2, effect, study
 from tests.reports.test_claims_time import ONE, record
@@ -19,6 +20,10 @@ from tests.reports.test_claims_time import ONE, record
 def shown(records: Records, evidence: EvidenceRecord | None = None):
     beside = Beside(evidence=evidence)
     return first_screen(records, claims(records, beside), beside)
+
+
+def shown_as(line: Line) -> tuple[str, str, str]:
+    return line.printed.text, line.measured.text, line.measured.small
 
 
 def calibrated(*checks: Check) -> EvidenceRecord:
@@ -34,12 +39,22 @@ def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records)
     said = shown(whole)
     assert said.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
     first, average, faster, *_, weights = said.lines
-    assert (first.printed, first.measured, first.interval) == ("+1.2 to +1.8 dB", "+0.76 to +0.86 dB", "")
+    assert shown_as(first) == ("+1.2 to +1.8 dB", "+0.76 to +0.86 dB", "")
     assert "mean +0.81 [+0.69, +0.93]" in first.note
     assert "against nerf_matched: " in average.note
-    assert (average.printed, average.verdict, average.mark) == ("+1.5 dB", "does not hold", "✕")
-    assert (faster.printed, faster.measured, faster.verdict) == ("18 %", "–", "not tested at this scale")
-    assert (weights.printed, weights.measured) == ("1\u202f370\u202f000", "546\u202f566")
+    assert shown_as(average) == ("+1.5 dB", "+0.81 dB", "[+0.69, +0.93]")
+    assert (average.verdict, average.mark) == ("does not hold", "✕")
+    assert (*shown_as(faster), faster.verdict) == ("18 %", "–", "", "not tested at this scale")
+    assert shown_as(weights) == ("1\u202f370\u202f000", "546\u202f566", "")
+
+
+def test_what_a_line_shows_stands_beside_it_as_numbers_with_its_unit(whole: Records):
+    first, average, faster, *_ = shown(whole).lines
+    assert (first.printed.value, first.printed.parts) == (None, {"from": 1.2, "to": 1.8, "unit": "dB"})
+    assert (average.printed.value, average.printed.parts) == (1.5, {"unit": "dB"})
+    assert average.measured.value == pytest.approx(0.81, abs=0.005)
+    assert average.measured.parts == pytest.approx({"low": 0.69, "high": 0.93}, abs=0.005)
+    assert (faster.measured.value, faster.measured.parts) == (None, {})
 
 
 def test_without_the_papers_numbers_the_question_is_the_runs(whole: Records):
@@ -56,7 +71,7 @@ def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
 
 def test_what_is_known_of_an_untested_claim_stands_below_it(whole: Records):
     faster = shown(replace(whole, targets=record(ONE, 24.0, False))).lines[2]
-    assert (faster.verdict, faster.measured, faster.interval) == ("not tested at this scale", "–", "")
+    assert (faster.verdict, *shown_as(faster)) == ("not tested at this scale", "18 %", "–", "")
     instead = "measured instead: 12.0 % [8.0, 16.0]; at 24.0 dB instead of 30 dB; within the training steps that both"
     assert faster.note.startswith(instead)
 
@@ -123,7 +138,21 @@ def test_the_page_opens_with_all_of_it(whole: Records):
     top = text[: text.index("<nav")]
     places = [
         top.index(words)
-        for words in ("as printed?", "<h1>", "PSNR gain, every scene", "Every printed number", "How sure",
-                      "84.6\u202f%", "At what scale", "What was not tested")
+        for words in ("as printed?", "<h1>", ">How sure<", "[+0.69, +0.93]", ">Scale<", "not the paper’s",
+                      ">Not tested<", 'href="#not-tested"', "PSNR gain, every scene", "How sure, in more detail",
+                      "84.6\u202f%", "Every printed number", "At what scale", "What was not tested")
     ]  # fmt: skip
     assert places == sorted(places)
+    assert text.count('href="#not-tested"') == 2, "at the top and in the contents"
+
+
+@pytest.mark.parametrize(
+    ("said", "short"),
+    [
+        ([], ""),
+        (["The paper's scale: 800 × 800 (here 100 px).", "LPIPS."], "2 things, among them the paper's scale"),
+        (["LPIPS."], "1 thing: LPIPS"),
+    ],
+)
+def test_what_was_not_tested_in_short(said, short):
+    assert in_short(said) == short
