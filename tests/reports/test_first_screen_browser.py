@@ -1,4 +1,4 @@
-"""The first screen in a real browser: what is in sight, and what its tables give as files."""
+"""The first screen in a real browser: what is in sight, what its tables give as files, and what long names do."""
 
 import re
 
@@ -6,7 +6,7 @@ import pytest
 
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import address_of, opened
+from tests.reports.browsing import address_of, opened, unfold
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_run import write_fake_run
 
@@ -98,3 +98,15 @@ def test_a_sorted_tally_keeps_its_total_last_and_links_are_no_part_of_buttons(br
     assert counts[-1] == sum(counts[:-1])
     assert rows.last.inner_text().startswith("93 printed statements")
     assert view.locator("button a, a button").count() == 0
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_long_name_makes_no_page_wider_and_is_not_cut(browser, lengthy, width):
+    view, _ = opened(browser, lengthy, viewport={"width": width, "height": 844})
+    unfold(view)
+    assert view.evaluate("document.documentElement.scrollWidth") == width
+    cut = """[...document.querySelectorAll('.alert, .scroll:has(.principal), figcaption')]
+        .filter(one => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1).map(one => one.textContent)"""
+    assert view.evaluate(cut) == []
+    for place in (".alert", ".principal .why td", "#convergence figcaption"):
+        assert view.locator(place, has_text=LONG).count() > 0
