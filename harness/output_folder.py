@@ -187,7 +187,7 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
                 f"plan ({unlike[0]}); use the same options or a new folder"
             ) from error
         if path.is_dir():
-            raise InputError(f"--resume: {path}: is a folder; move it away and go on") from error
+            aside(out, path.relative_to(out).as_posix())
         return
     now = json.loads(json.dumps(started_with))
     if any(one.get("machine", {}).get("executor") == "ray" for one in (before, now)):

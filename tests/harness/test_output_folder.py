@@ -118,6 +118,21 @@ def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(tmp_path: P
     assert (out / "records" / "plan.json").read_text() == sound
 
 
+def test_a_folder_in_the_plans_place_is_moved_aside(tmp_path: Path, plan: Plan) -> None:
+    out = with_results(tmp_path / "run", plan)
+    file = out / "records" / "plan.json"
+    sound = file.read_text()
+    file.unlink()
+    file.mkdir()
+    (file / "letter.txt").write_text("mine")
+    said: list[str] = []
+    with claimed(out, plan, MACHINE, True, said.append):
+        pass
+    assert said[0].startswith("records/plan.json: ")
+    assert file.read_text() == sound
+    assert (out / "damaged" / "records.plan.json.1" / "letter.txt").read_text() == "mine"
+
+
 @pytest.mark.parametrize("key", ['"digest"', '"dagest"', '"Digest"'])
 def test_a_flip_in_the_key_of_the_digest_is_damage(tmp_path: Path, plan: Plan, key: str) -> None:
     out = with_results(tmp_path / "run", plan)
