@@ -19,6 +19,7 @@ from scenes.scene_file import mistakes_in, name_of_file, scene_from_file
 from scenes.store import checked_order, ensure_view_set
 from scenes.view_set import read_view_set
 from scenes.viewpoints import FOV_X_RADIANS, RADIUS, all_poses
+from tests.harness.ball import write_ball
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 BALL = """<scene version="3.0.0">
@@ -322,7 +323,6 @@ def test_a_plan_says_what_it_depends_on(tmp_path: Path) -> None:
     assert own.scene_file_digest is not None
     assert own.settings()["scene_file_digest"] == own.scene_file_digest
     region = Region((0, 0, 0, 1, 1, 1), 0.5, 9.0)
-    (tmp_path / "transforms.json").touch()
-    far = planned("smoke", view_set=tmp_path, region=region).settings()["views"]["region"]
+    far = planned("smoke", view_set=write_ball(tmp_path / "ball"), region=region).settings()["views"]["region"]
     assert far == {"bounds": (0, 0, 0, 1, 1, 1), "near": 0.5, "far": 9.0}
     assert RADIUS > VISIBLE_RADIUS + 2.0

@@ -16,6 +16,7 @@ from harness.filming import film, plan
 from harness.filming.frames import as_levels, exr_channels
 from harness.filming.panels import HEADER, MARGIN, size_of
 from harness.finished import FinishedRun
+from harness.records import cell_path, read_cell, with_files, write_cell
 from scenes.images import read_channels, read_image
 from scenes.pixels import over_white
 from scenes.view_set import read_view_set
@@ -169,6 +170,7 @@ def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said
         {name: value if name == "occupied" else 1.5 * value for name, value in load_file(checkpoint).items()},
         checkpoint,
     )
+    write_cell(out, with_files(out, read_cell(cell_path(out, "ball", "nerf", 0))))
     counted.clear()
     assert "2: 0 there, 0 in the view cache, 2 to render" in render(out, "--frames", "2", "--methods", "nerf")
     assert counted == ["nerf", "nerf"]
