@@ -107,12 +107,11 @@ def tests(session: nox.Session) -> None:
 def tests_slow(session: nox.Session) -> None:
     """The slow part of the test suite: whole runs, browsers, measurements from end to end.
 
-    Tests of an `xdist_group` share one process, where what they start from takes long to make.
+    The tests of a file share a process: what they start from takes long to make.
     """
     install(session, "test")
-    session.run(
-        "pytest", "-n", "auto", "--dist", "loadgroup", "-m", "slow and not thorough and not cluster", *session.posargs
-    )
+    share = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
+    session.run("pytest", *share, "-m", "slow and not thorough and not cluster", *session.posargs)
 
 
 @nox.session

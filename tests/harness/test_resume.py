@@ -17,7 +17,7 @@ from harness.json_record import load_record, write_record
 from harness.records import read_cells, read_comparisons, read_run
 from tests.harness.shell import CELLS, ROOT, TINY, command, on_one_core, refused, shell
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("resume")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)

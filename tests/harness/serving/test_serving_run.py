@@ -24,7 +24,7 @@ from reports.serving_load import find_serving
 from tests.harness.serving.conftest import CPU, Ticks, fail_with, with_study
 from tests.harness.trained_runs import SIZE
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("serving_run")]
+pytestmark = pytest.mark.slow
 
 OTHER_ORIGINS: dict[str, dict[str, Any]] = {"machine": {"processor": "another"}, "torch": {"packages": {"torch": "0"}}}
 
