@@ -13,9 +13,6 @@ from pathlib import Path
 import pytest
 
 from tests.harness.ball import write_ball
-from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_speed import write_fake_speed
-from tests.reports.fake_stability import write_fake_stability
 
 ROOT = Path(__file__).parent.parent
 ALLOWED = {
@@ -244,6 +241,7 @@ def test_what_a_scene_needs_is_known_without_mitsuba() -> None:
     assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_dry_run_and_a_case_of_arithmetic_need_no_mitsuba(tmp_path: Path) -> None:
     dry = run_module("harness", "run", "--profile", "smoke", "--dry-run", "--need", "outside_box")
@@ -251,14 +249,6 @@ def test_a_dry_run_and_a_case_of_arithmetic_need_no_mitsuba(tmp_path: Path) -> N
     case = run_module("harness", "stability", "--cases", "Q1", "--quick", "--quiet", "--out", str(tmp_path / "q1"))
     assert heavy_imports_of(case) & {"mitsuba", "drjit"} == set()
     assert (tmp_path / "q1" / "stability.json").exists()
-
-
-@pytest.mark.parametrize("write", [write_fake_run, write_fake_stability, write_fake_speed])
-def test_a_page_is_built_without_torch_and_without_mitsuba(write: Callable[[Path], object], tmp_path: Path) -> None:
-    write(tmp_path / "out")
-    held = heavy_imports_of(run_module("reports", str(tmp_path / "out"), "--quiet"))
-    assert held & {"torch", "mitsuba", "drjit"} == set()
-    assert list((tmp_path / "out").glob("*.html"))
 
 
 def test_the_probe_sees_a_heavy_import() -> None:

@@ -184,6 +184,7 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="ne
 
 
 @needs_proc
+@pytest.mark.thorough
 def test_a_killed_run_goes_on_where_it_was(ball_folder: Path, finished: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     assert ended_midway(signal.SIGKILL, ball_folder, out, "--keep-every", "0")[0] == -signal.SIGKILL

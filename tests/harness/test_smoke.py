@@ -25,7 +25,7 @@ def typed(words: str, cwd: Path) -> str:
 
 @pytest.mark.slow
 def test_the_smoke_profile_from_end_to_end(tmp_path: Path) -> None:
-    said = typed("harness run --profile smoke", tmp_path)
+    said = typed("harness run --profile smoke --no-serving", tmp_path)
     assert "12 done" in said
     first = (tmp_path / "out" / "latest").resolve()
     page = typed("reports out/latest", tmp_path).splitlines()[-1]

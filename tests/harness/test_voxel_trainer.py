@@ -116,6 +116,7 @@ print(json.dumps([warm, steps, one.field.shape[0]]))
 """Hashes of the kernels launched by the warm-up and by each step after it, and whether they were compiled before."""
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_nothing_is_compiled_on_the_clock_after_the_warm_up(tmp_path: Path) -> None:
     """In a process and with a kernel cache of its own: both remember what any other test has compiled."""

@@ -71,12 +71,19 @@ def changed(place: list, value):
     return change
 
 
+def spoil(out, change) -> None:
+    """Writes a record with a change."""
+    write_fake_evidence(out, BAD)
+    data = json.loads((out / EVIDENCE_FILE).read_text(encoding="utf-8"))
+    data.pop("digest", None)
+    change(data)
+    (out / EVIDENCE_FILE).write_text(json.dumps(data), encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (changed(["studies", 0, "checks", 1, "figure"], "high"), "studies[0].checks[1].figure is 'high', not float"),
         (changed(["studies", 1, "effects", 0, "difference"], float("nan")), "NaN is no number"),
-        (changed(["studies", 1, "effects", 0, "verdict"], "great"), "verdict is 'great', not one of better, worse"),
         (changed(["studies", 1, "effects", 0, "interval"], [2, 1]), "has interval [2, 1], which runs backwards"),
         (changed(["studies", 1, "info", "id"], "calibration"), "study 'calibration' is there twice"),
         (changed(["studies", 0, "tables", 0, "rows"], [["a"]]), "has 3 columns but a row of 1"),
@@ -84,16 +91,28 @@ def changed(place: list, value):
         (changed(["studies", 0, "tables", 0, "item"], 4), "'Spread between seeds' belongs to item 4, not 0"),
     ],
 )
-def test_what_no_run_writes_is_named(tmp_path, change, said):
-    out = write_fake_evidence(tmp_path, BAD)
-    data = json.loads((out / EVIDENCE_FILE).read_text(encoding="utf-8"))
-    data.pop("digest", None)
-    change(data)
-    (out / EVIDENCE_FILE).write_text(json.dumps(data), encoding="utf-8")
-    done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(out))
+def test_what_no_run_writes_is_named(tmp_path, capsys, change, said):
+    spoil(tmp_path, change)
+    assert main([str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert "run `nox -s evidence` again" in told
+    assert len(told.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (changed(["studies", 0, "checks", 1, "figure"], "high"), "studies[0].checks[1].figure is 'high', not float"),
+        (changed(["studies", 1, "effects", 0, "verdict"], "great"), "verdict is 'great', not one of better, worse"),
+    ],
+)
+def test_what_is_of_another_type_is_named(tmp_path, change, said):
+    """In a process of its own: tests have types checked as records are made."""
+    spoil(tmp_path, change)
+    done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(tmp_path))
     assert done.returncode == 2
     assert said in done.stderr
-    assert "run `nox -s evidence` again" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -137,6 +156,7 @@ def test_unfinished_evidence_is_not_published(tmp_path, capsys):
     assert main([str(out)]) == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_page_is_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_evidence(tmp_path / "out", GOOD)

@@ -206,6 +206,7 @@ def test_one_scene_one_seed_is_a_page_too(tmp_path):
     assert "±" not in text[text.index('<section id="psnr">') : text.index("sample standard deviation") - 40]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_eight_scenes_stay_under_15_megabytes(tmp_path):
     out = write_fake_run(tmp_path / "run", EIGHT, size=128)

@@ -183,6 +183,7 @@ def test_what_is_rough_or_not_whole_is_not_published(out, tmp_path, capsys, sett
     assert not (tmp_path / "docs").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_page_is_built_without_torch_and_mitsuba(out, tmp_path):
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))

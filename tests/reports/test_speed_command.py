@@ -131,6 +131,7 @@ def test_titles_lose_what_all_share():
     assert short(["a", "a"]) == ["a", "a"]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_page_is_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_speed(tmp_path / "speed")

@@ -46,10 +46,14 @@ def outcome(views: ViewSet, limit: Limit) -> Outcome:
     return judged(PSNR, sample_of(PSNR, trained(views, GATE_SEEDS), GATE_SEEDS, Path()), limit, "")
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_unchanged_training_passes(ball: ViewSet, small_limit: Limit) -> None:
     assert outcome(ball, small_limit).status == "pass"
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_learning_rate_of_a_twentieth_fails(
     ball: ViewSet, small_limit: Limit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -61,6 +65,8 @@ def test_a_learning_rate_of_a_twentieth_fails(
     assert found.excess > 0
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_gradient_that_is_lost_fails(ball: ViewSet, small_limit: Limit, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Clipping, "scale", lambda self, norm: 0.0)
     assert outcome(ball, small_limit).status == "fail"
@@ -80,6 +86,8 @@ def test_a_failure_has_pictures(ball: ViewSet, tmp_path: Path) -> None:
     assert float(found.pictures.difference.max()) > 0.05
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_training_that_is_far_better_than_before_fails_too(small_limit: Limit) -> None:
     assert small_limit.high is not None
     better = small_limit.high + 0.5

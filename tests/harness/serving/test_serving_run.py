@@ -181,7 +181,10 @@ def everything_in(out: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in files}
 
 
-@pytest.mark.parametrize("ended", ["too long", "first study", "third study", "nothing to render", "late"])
+SELDOM = [pytest.param(ended, marks=pytest.mark.thorough) for ended in ("first study", "third study", "late")]
+
+
+@pytest.mark.parametrize("ended", ["too long", "nothing to render", *SELDOM])
 def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pytest.MonkeyPatch, ended: str) -> None:
     monkeypatch.setattr(runner, "_code", lambda: "measured again")
     before = everything_in(copy)
@@ -253,6 +256,7 @@ def test_the_estimate_is_near_to_what_is_rendered(
     assert seconds == pytest.approx(plan.LEAST_SECONDS + plan.BESIDE * rendered, rel=0.2)
 
 
+@pytest.mark.thorough
 def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_study(monkeypatch, "cache", lambda situation: None)
 
