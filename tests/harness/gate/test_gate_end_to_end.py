@@ -9,6 +9,7 @@ from harness import trainer
 from harness.__main__ import main
 from harness.gate import images, options
 from harness.gate.images import Renders
+from tests.harness.trained_runs import in_this_process
 
 ROOT = Path(__file__).parents[3]
 GATES = ("training.lego.nerf", "images.materials", "fairness.first_weights", "fairness.copies.nerf")
