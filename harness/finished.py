@@ -164,6 +164,9 @@ class FinishedRun:
         Raises `InputError` for whatever is wrong with the view set, and for another rendering than the methods were
         trained on.
         """
+        if missing := sorted({"train", "test"} - set(scene.views)):
+            path = records_folder(self.out) / "run.json"
+            raise DamagedRecord(f"{path}: {scene.name}: views says no number of {' '.join(missing)}; run again")
         asked, region, folder = self._needs_asked(), self._region(scene), self.view_set(scene, cache)
         found = read_view_set(
             folder,

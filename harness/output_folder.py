@@ -218,6 +218,8 @@ def _load_plan(path: Path) -> dict[str, Any]:
     found = load_record(path)
     if unknown := sorted(set(found) - {"machine", *(one.name for one in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")
+    if not isinstance(found.get("machine", {}), dict):
+        raise ValueError(f"machine is {shown(found['machine'])}, not an object, so it was damaged")
     return found
 
 

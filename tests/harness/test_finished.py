@@ -228,6 +228,12 @@ def test_settings_of_its_views_that_are_none_are_refused(views: Any, finished: F
         spoilt.views(spoilt.run.scenes[0])
 
 
+def test_views_that_are_not_counted_are_refused_with_the_file(finished: FinishedRun) -> None:
+    scene = replace(finished.run.scenes[0], views={"train": 5})
+    with pytest.raises(DamagedRecord, match=r"run\.json: ball: views says no number of test"):
+        finished.views(scene)
+
+
 def test_a_box_that_is_upside_down_is_refused_with_the_file(finished: FinishedRun) -> None:
     scene = replace(finished.run.scenes[0], bounds=[[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]])
     with pytest.raises(DamagedRecord, match=r"run\.json: ball: bounds"):

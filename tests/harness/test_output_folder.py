@@ -4,10 +4,11 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from harness.json_record import load_record, write_json
+from harness.json_record import load_record, write_json, write_record
 from harness.output_folder import (
     LEAST_FREE_BYTES,
     claim,
@@ -116,6 +117,16 @@ def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(tmp_path: P
     assert (out / "records" / "plan.json").read_text() == content
     claim(out, plan, MACHINE, resume=True)
     assert (out / "records" / "plan.json").read_text() == sound
+
+
+@pytest.mark.parametrize("machine", [None, [], "cpu", 7])
+def test_a_machine_that_is_none_is_damage(tmp_path: Path, plan: Plan, machine: Any) -> None:
+    out = with_results(tmp_path / "run", plan)
+    file = out / "records" / "plan.json"
+    sound = file.read_text()
+    write_record(file, {**load_record(file), "machine": machine})
+    claim(out, plan, MACHINE, resume=True)
+    assert file.read_text() == sound
 
 
 def test_a_folder_in_the_plans_place_is_moved_aside(tmp_path: Path, plan: Plan) -> None:
