@@ -39,6 +39,19 @@ BANDWIDTH: dict[str, Parts] = {
 }
 """Beside nerf, nerf_matched and nerf_phi_encoding: the golden ratio with NeRF's reach, and its reach without it."""
 
+UNITS = {"0_3": 0.3, "1": 1.0, "3": 3.0, "10": 10.0, "100": 100.0}
+"""Name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and QNERF themselves."""
+
+LADDER: dict[str, Parts] = {
+    f"{name}_unit_{label}": replace(parts, density_scale=scale)
+    for name, parts in (("nerf", NERF), ("qnerf", QNERF))
+    for label, scale in UNITS.items()
+}
+"""Two methods that differ in nothing but the unit of density."""
+
+NO_SHIFT = replace(NERF, amplifier="none_unshifted")
+"""NeRF's density without the one thing that Listing 2 does not have: the shift before softplus."""
+
 WEAKENED: dict[str, Parts] = {
     "nerf_no_encoding": replace(NERF, encoding="none"),
     "nerf_no_direction": replace(NERF, sees_direction=False),

@@ -1,6 +1,8 @@
 """The part between the network's density output and the density that is rendered.
 
-`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none.
+`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none. What they give is
+density in the unit of `baselines.composition.Parts.density_unit`, which the field multiplies by: no reading has a unit
+of its own.
 """
 
 import math
@@ -18,23 +20,26 @@ from baselines.held_mean import HeldMean
 from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, contrast_about, softplus_density
 from baselines.numerics.encoding import PHI
 
-DENSITY_SCALE = 25.0
-"""Density per unit of softplus output, in 1 / scene unit: a solid surface is within reach of ordinary weights."""
 DENSITY_BIAS = -4.4
-"""Shift before softplus: a fresh field is thin fog (0.3 per unit), light reaches everything, nothing saturates."""
+"""Shift before softplus: a fresh field is thin fog (0.012 of the unit), light reaches everything, nothing saturates.
+Listing 2 as printed has none; `nerf_no_shift` measures what it is worth."""
 
 
 class Amplifier(nn.Module, ABC):
     """What every reading supplies; the classes below are final."""
 
     bounded: bool
-    """Whether density stays within [0, 1]."""
+    """Whether what it gives stays within [0, 1]."""
     pointwise: bool
-    """Whether a point's density does not depend on the other points of the call."""
+    """Whether a rendered point's density does not depend on the other points of the call."""
 
     @abstractmethod
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        """The density entering the amplifier and the density that is rendered, both [points]; equal without one."""
+        """The density entering the amplifier and the density leaving it, both [points]; equal without one."""
+
+    def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """The density [points] with which a call of the renderer composites these points."""
+        return self.before_and_after(raw)[1]
 
     def begin_step(self) -> None:
         """A training step begins: a mean that belongs to the field takes in what is evaluated from here on."""
@@ -52,54 +57,96 @@ class NoAmplifier(Amplifier):
     bounded = False
     pointwise = True
 
+    def __init__(self, bias: float = DENSITY_BIAS) -> None:
+        super().__init__()
+        self.bias = bias
+
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
+        sigma = softplus_density(raw, self.bias)
         return sigma, sigma
 
 
-class Listing2Amplifier(Amplifier):
-    """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the call, β above 0.5, clamp to [0, 1].
+class CallMeanAmplifier(Amplifier):
+    """An amplifier about the mean of the points that share a call of the renderer, as the paper prints both of its own.
 
-    The mean runs over whatever points share the call, so the field depends on the chunk; density is bounded by 1.
+    A pixel then depends on the chunk that it is rendered in. Whoever asks for density alone – the occupancy grid, a
+    histogram – asks about other points, whose mean is another one: it gets the density about the mean that training
+    rendered with last, so that it sees the field that is rendered.
     """
 
-    bounded = True
     pointwise = False
 
     def __init__(self) -> None:
         super().__init__()
         self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-        self.beta = nn.Parameter(torch.tensor(1.0))
+        self.mean = HeldMean()
+
+    @abstractmethod
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """What the mean is taken of [points]."""
+
+    @abstractmethod
+    def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
+        """The density [points] about a given mean."""
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        normalised = torch.sigmoid(raw)
-        # the mean of no points is 0/0; without points there is nothing to amplify either
-        mean = normalised.mean() if normalised.numel() else normalised.new_zeros(())
-        return normalised, amplify_listing2(normalised, mean, self.alpha, self.beta)
+        quantity = self.quantity(raw)
+        mean = torch.where(self.mean.steps > 0, self.mean.value, _mean_of(quantity))
+        return quantity, self.about(quantity, mean)
+
+    def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
+        quantity = self.quantity(raw)
+        self.mean.take(quantity)
+        return self.about(quantity, _mean_of(quantity))
+
+    def begin_step(self) -> None:
+        self.mean.begin()
+
+    def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
+        self.mean.move(share=1.0)
+
+    def drop_step(self) -> None:
+        self.mean.drop()
 
 
-class Equation4Amplifier(Amplifier):
+def _mean_of(values: Float[Tensor, " points"]) -> Float[Tensor, ""]:
+    """0 for no points, whose mean is 0/0: there is nothing to amplify either."""
+    return values.mean() if values.numel() else values.new_zeros(())
+
+
+class Listing2Amplifier(CallMeanAmplifier):
+    """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the call, β above 0.5, clamp to [0, 1]."""
+
+    bounded = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.beta = nn.Parameter(torch.tensor(1.0))
+
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        return torch.sigmoid(raw)
+
+    def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
+        return amplify_listing2(quantity, mean, self.alpha, self.beta)
+
+
+class Equation4Amplifier(CallMeanAmplifier):
     """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
 
     bounded = False
-    pointwise = False
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        return softplus_density(raw, DENSITY_BIAS)
 
-    def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
-        mean = sigma.mean() if sigma.numel() else sigma.new_zeros(())
-        return sigma, amplify_about_mean(sigma, mean, self.alpha).clamp(min=0.0)
+    def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
+        return amplify_about_mean(quantity, mean, self.alpha).clamp(min=0.0)
 
 
 LARGEST_ALPHA = 1e3
 """A contrast beyond it is a step; without a limit an α that runs away makes ∞ · 0."""
 LEAST_TRANSMITTANCE = 1e-6
-"""Of 1 / DENSITY_SCALE of a unit, where density is read from an opacity: it ends at 345 a unit."""
-KAPPA = 100.0
-"""Density, in 1 / scene unit, that is 1 to Listing 2: a tenth of a unit of it has an opacity of 0.99995."""
+"""The least transmittance of a length in which density 1 is an optical depth of 1, where density is read from an
+opacity: density ends at 13.8."""
 
 
 @dataclass(frozen=True)
@@ -114,30 +161,30 @@ class Reading:
     """Of the quantity, above which β boosts where a reading has it."""
 
 
-def _kappa_bias() -> float:
-    """Where a sigmoid has the density of a fresh field of all other methods: no reading gets a start of its own."""
-    share = DENSITY_SCALE * math.log1p(math.exp(DENSITY_BIAS)) / KAPPA
-    return math.log(share / (1.0 - share))
+def _shifted_share(raw: Tensor) -> Tensor:
+    """A sigmoid that begins at the density of NeRF's fresh field."""
+    fog = math.log1p(math.exp(DENSITY_BIAS))
+    return torch.sigmoid(raw + math.log(fog / (1.0 - fog)))
 
 
 READINGS = {
     "density": Reading(
-        lambda raw: softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE),
-        lambda sigma: sigma.clamp(min=0.0),
-        DENSITY_SCALE * math.log(2.0),
+        lambda raw: softplus_density(raw, DENSITY_BIAS), lambda sigma: sigma.clamp(min=0.0), math.log(2.0)
     ),
-    "preactivation": Reading(lambda raw: raw + DENSITY_BIAS, lambda z: DENSITY_SCALE * softplus(z)),
-    # softplus(z) is −log of the sigmoid of −z: the transmittance of 1 / DENSITY_SCALE of a unit
+    "preactivation": Reading(lambda raw: raw + DENSITY_BIAS, softplus),
+    # softplus(z) is −log of the sigmoid of −z: the transmittance of a length in which density 1 is optical depth 1
     "opacity": Reading(
         lambda raw: torch.sigmoid(-(raw + DENSITY_BIAS)),
-        lambda through: -DENSITY_SCALE * torch.log(through.clamp(LEAST_TRANSMITTANCE, 1.0)),
+        lambda through: -torch.log(through.clamp(LEAST_TRANSMITTANCE, 1.0)),
     ),
-    "kappa": Reading(lambda raw: torch.sigmoid(raw + _kappa_bias()), lambda share: KAPPA * share.clamp(0.0, 1.0), 0.5),
+    "listing2": Reading(torch.sigmoid, lambda share: share.clamp(0.0, 1.0), 0.5),
+    "listing2_shifted": Reading(_shifted_share, lambda share: share.clamp(0.0, 1.0), 0.5),
 }
-"""density        the density of NeRF, as Eq. 4 is printed; negative becomes 0
-preactivation  what softplus makes a density of
-opacity        the [0, 1] of Listing 2 read as the opacity of a short length, of which density follows
-kappa          the [0, 1] of Listing 2 times a density that is opaque
+"""density           the density of NeRF, as Eq. 4 is printed; negative becomes 0
+preactivation     what softplus makes a density of
+opacity           the [0, 1] of Listing 2 read as the opacity of a short length, from which density follows
+listing2          the [0, 1] of Listing 2 as it is printed
+listing2_shifted  the same with the start that NeRF's density has
 """
 
 
@@ -148,12 +195,12 @@ class HeldMeanAmplifier(Amplifier):
     mean over fixed points of the box, otherwise it is that of the points which training evaluates.
     """
 
-    bounded = False
     pointwise = True
 
     def __init__(self, reading: str, boost: bool = False, positive: bool = False, over_box: bool = False) -> None:
         super().__init__()
         self.reading = READINGS[reading]
+        self.bounded = reading.startswith("listing2")
         self.over_box = over_box
         self.mean = HeldMean()
         if positive:
@@ -192,6 +239,7 @@ class HeldMeanAmplifier(Amplifier):
 
 AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {
     "none": NoAmplifier,
+    "none_unshifted": partial(NoAmplifier, 0.0),
     "listing2": Listing2Amplifier,
     "equation4": Equation4Amplifier,
     "running_mean": partial(HeldMeanAmplifier, "density"),
@@ -200,6 +248,8 @@ AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {
     "box_mean": partial(HeldMeanAmplifier, "density", over_box=True),
     "running_mean_boost": partial(HeldMeanAmplifier, "density", boost=True),
     "running_mean_opacity": partial(HeldMeanAmplifier, "opacity"),
-    "running_mean_kappa": partial(HeldMeanAmplifier, "kappa", boost=True),
+    "running_mean_listing2": partial(HeldMeanAmplifier, "listing2", boost=True),
+    "running_mean_listing2_shifted": partial(HeldMeanAmplifier, "listing2_shifted", boost=True),
 }
-"""none … equation4 as printed, with a mean of the call; the others about a mean that belongs to the field."""
+"""none and none_unshifted are NeRF's softplus with and without its shift; listing2 and equation4 are printed, with a
+mean of the call; the others are about a mean that belongs to the field."""

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from baselines.ablations import BANDWIDTH, PARTIAL, WEAKENED
+from baselines.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
 from baselines.amplifiers import Amplifier
-from baselines.composition import Ladder, Parts
+from baselines.composition import DENSITY_SCALE, Ladder, Parts
 from baselines.contract import FieldAsked
 from baselines.nerf import NERF, NERF_MATCHED
-from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
+from baselines.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from baselines.repaired import CANDIDATES, MEANING, REPAIRED
 
 
@@ -42,16 +42,26 @@ def parts_named(combination: str) -> str:
     return words.replace("_", ", ")
 
 
+def unit_title(name: str, parts: Parts) -> str:
+    """A rung of the ladder of units, in words."""
+    who = "Q-NeRF as listed" if name.startswith("qnerf") else "NeRF"
+    return f"{who} with density {parts.density_scale:g} per half of the box's longest side, not {DENSITY_SCALE:g}"
+
+
 CATALOG: dict[str, Method] = {
     "nerf": Method(NERF, "vanilla NeRF: 2^k encoding, softplus density, skip at half depth"),
     "nerf_matched": Method(NERF_MATCHED, "NeRF whose 2^k encoding reaches no further than φ does: bandwidth control"),
     "qnerf": Method(QNERF, "Q-NeRF as listed: φ encoding, amplifier of Listing 2, φ skip"),
+    "qnerf_printed": Method(QNERF_PRINTED, "Q-NeRF as listed, with density at most 1 per scene unit"),
     "qnerf_theorem": Method(QNERF_THEOREM, "Q-NeRF with the amplifier of Eq. 4 on density itself"),
     "qnerf_listing4": Method(QNERF_LISTING4, "Q-NeRF as listed, also with the quadrature of Listing 4"),
+    "nerf_listing4": Method(NERF_LISTING4, "NeRF with the quadrature of Listing 4: the authors' own baseline"),
     "qnerf_repaired": Method(REPAIRED, f"Q-NeRF repaired: {MEANING[REPAIRED.amplifier]}"),
     **{name: Method(parts, "NeRF with " + parts_named(name)) for name, parts in PARTIAL.items()},
     "nerf_phi_far": Method(BANDWIDTH["nerf_phi_far"], "NeRF with φ^k as far as 2^k reaches: bandwidth control"),
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
+    "nerf_no_shift": Method(NO_SHIFT, "NeRF whose density lacks the shift before softplus, as Listing 2 does"),
+    **{name: Method(parts, unit_title(name, parts)) for name, parts in LADDER.items()},
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},

@@ -3,8 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
+from baselines.contract import Box
 from baselines.numerics.encoding import PHI, matched_bands
+
+DENSITY_SCALE = 25.0
+"""The common unit of density, per half of the longest side of the box: a solid surface is within reach of ordinary
+weights. How density must scale with the unit of length is the subject of Alpha Invariance (arXiv 2404.02155)."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +22,10 @@ class Parts:
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on where it is seen from
+    density_scale   density σ where the amplifier gives 1: the unit of density, the same for all unless it is what
+                    is compared
+    density_per     the length that this density is per: "box", half of the longest side of the scene's box, so that
+                    no result depends on the unit in which poses are written, or "scene", one unit of the poses
     """
 
     encoding: str = "base2"
@@ -23,6 +33,12 @@ class Parts:
     skip: str = "half"
     quadrature: str = "midpoint"
     sees_direction: bool = True
+    density_scale: float = DENSITY_SCALE
+    density_per: Literal["box", "scene"] = "box"
+
+    def density_unit(self, box: Box) -> float:
+        """Density in 1 / scene unit where the amplifier gives 1."""
+        return self.density_scale / (box.half_extent if self.density_per == "box" else 1.0)
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,11 @@ class Box:
     def from_unit(self, unit: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
         return self.lower + unit * (self.upper - self.lower)
 
+    @property
+    def half_extent(self) -> float:
+        """Half of the longest side, in scene units: the length that density is counted by."""
+        return 0.5 * float((self.upper - self.lower).max())
+
     def normalised(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
         """World → centre at 0, longest half-extent 1: what an encoding sees. Keeps the aspect ratio."""
         return (x - 0.5 * (self.lower + self.upper)) / (0.5 * (self.upper - self.lower).max())
@@ -118,6 +123,9 @@ class FieldAsked:
 class RadianceField(Protocol):
     """A density and a colour for each point in space: what a renderer needs to know of a method.
 
+    Density is in 1 / scene unit. A field that is made for a box k times as large has 1 / k of it, so that no result
+    depends on the unit of length (`Box.half_extent`).
+
     `view` [rays, features] comes from `encode_directions` and `ray` [points] tells which of its rows a point takes.
     """
 
@@ -149,8 +157,8 @@ class TrainableField(RadianceField, Protocol):
     """What a method's own field has to be besides a `torch.nn.Module`."""
 
     @property
-    def bounded(self) -> bool:
-        """Whether density stays within [0, 1]."""
+    def density_limit(self) -> float:
+        """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""
         ...
 
     def parameter_counts(self) -> dict[str, int]:

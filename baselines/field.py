@@ -4,6 +4,7 @@ Matrix products run in the chosen precision on float32 master weights; encoding,
 run in float32 always.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -70,6 +71,7 @@ class NetworkField(nn.Module):
             nn.Linear(inputs, outputs) for inputs, outputs in zip(colour_widths, [*colour_widths[1:], 3], strict=True)
         )
         self.amplifier = AMPLIFIERS[parts.amplifier]()
+        self.density_unit = parts.density_unit(box)
         self.hidden_width = size.width
         _initialise(self, seed)
 
@@ -89,9 +91,8 @@ class NetworkField(nn.Module):
         return self.amplifier.pointwise
 
     @property
-    def bounded(self) -> bool:
-        """Whether density stays within [0, 1]."""
-        return self.amplifier.bounded
+    def density_limit(self) -> float:
+        return self.density_unit if self.amplifier.bounded else math.inf
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
         on = self.accelerations.recurrence
@@ -103,7 +104,8 @@ class NetworkField(nn.Module):
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        return self.amplifier.before_and_after(self._outputs(x, None, None)[0])
+        before, after = self.amplifier.before_and_after(self._outputs(x, None, None)[0])
+        return before * self.density_unit, after * self.density_unit
 
     def density_and_colour(
         self,
@@ -113,7 +115,7 @@ class NetworkField(nn.Module):
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
         raw, logits = self._outputs(x, view, ray)
         assert logits is not None
-        return self.amplifier.before_and_after(raw)[1], torch.sigmoid(logits)
+        return self.amplifier.rendered(raw) * self.density_unit, torch.sigmoid(logits)
 
     @torch.no_grad()
     def raw_in_box(self) -> Float[Tensor, " points"]:

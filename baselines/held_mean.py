@@ -32,11 +32,11 @@ class HeldMean(nn.Module):
             self._seen = (total + values.detach().sum(dtype=torch.float64), count + values.numel())
 
     @torch.no_grad()
-    def move(self) -> None:
-        """Ends the step: to the mean of what it has seen at first, later a share of the way there."""
+    def move(self, share: float = MEAN_SHARE) -> None:
+        """Ends the step: to the mean of what it has seen at first, later a `share` of the way there."""
         if self._seen is not None and self._seen[1]:
-            share = torch.clamp(1.0 / (self.steps + 1.0), min=MEAN_SHARE)
-            self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), share)
+            of_the_way = torch.clamp(1.0 / (self.steps + 1.0), min=share)
+            self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), of_the_way)
             self.steps += 1.0
         self._seen = None
 

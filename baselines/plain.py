@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.amplifiers import DENSITY_BIAS, DENSITY_SCALE
-from baselines.composition import skip_layer
+from baselines.amplifiers import DENSITY_BIAS
+from baselines.composition import DENSITY_SCALE, skip_layer
 from baselines.contract import Box, NetworkSize, Rays, uniform_weights
 
 
@@ -54,7 +54,8 @@ class PlainField(nn.Module):
             h = torch.relu(layer(h))
             if index == self.skip:
                 h = torch.cat([h, position], dim=-1)
-        sigma = DENSITY_SCALE * nn.functional.softplus(self.density_head(h).squeeze(-1) + DENSITY_BIAS)
+        unit = DENSITY_SCALE / self.box.half_extent
+        sigma = unit * nn.functional.softplus(self.density_head(h).squeeze(-1) + DENSITY_BIAS)
         if self.view_dependent:
             view = positional_encoding(d, self.bands[1]).unsqueeze(1).expand(-1, x.shape[1], -1)
             h = torch.cat([h, view], dim=-1)

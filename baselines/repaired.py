@@ -17,7 +17,8 @@ _AMPLIFIERS = (
     "box_mean",
     "running_mean_boost",
     "running_mean_opacity",
-    "running_mean_kappa",
+    "running_mean_listing2",
+    "running_mean_listing2_shifted",
 )
 """From the simplest, Eq. 4 as printed, to what departs from it most."""
 
@@ -33,13 +34,13 @@ MEANING = {
     "running_mean_positive": "Eq. 4 on NeRF's density about a running mean, α kept above 0",
     "box_mean": "Eq. 4 on NeRF's density, about the mean over fixed points of the box",
     "running_mean_boost": "Eq. 4 on NeRF's density about a running mean, with β of Listing 2 on dense matter",
-    "running_mean_opacity": "Eq. 4 on the opacity of 1/25 of a unit about a running mean, density from that",
-    "running_mean_kappa": "Listing 2 about a running mean, times a density that is opaque",
+    "running_mean_opacity": "Eq. 4 on the opacity of a short length about a running mean, density from that",
+    "running_mean_listing2": "Listing 2 as printed, about a running mean",
+    "running_mean_listing2_shifted": "Listing 2 about a running mean, beginning as thin fog like NeRF",
 }
 
 EXCLUDED = {
     "mean of a ray": "density would depend on the ray that asks for it: no field, no surface, no consistent views",
     "mean of a call": "a pixel would depend on the chunk it is rendered in; that reading is qnerf_theorem",
-    "[0, 1] without a bias": "collapses to fog at the near plane, whatever the scale; measured before this search",
 }
 """What is no candidate, and why."""

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from baselines.amplifiers import DENSITY_BIAS
+from baselines.composition import DENSITY_SCALE
 from baselines.contract import Box, Rays, Rendering
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
@@ -21,9 +23,6 @@ from baselines.voxel_grid import corners, interpolated, over_rays, ray_weights, 
 
 Backend = Literal["llvm", "cuda"]
 
-DENSITY_SCALE = 25.0
-DENSITY_BIAS = -4.4
-"""As the networks' densities have them (`baselines.amplifiers`): a fresh field is thin fog of 0.3 per scene unit."""
 CHANNELS = ("red", "green", "blue")
 DEGREE = 1
 """Of the spherical harmonics, where colour depends on the direction."""
@@ -46,7 +45,7 @@ class Samples:
 class VoxelField:
     """What is learnt; torch tensors come in and go out, everything between is Dr.Jit's."""
 
-    bounded = False
+    density_limit = math.inf
     pointwise = True
 
     def __init__(self, box: Box, voxels: int, view_dependent: bool, backend: Backend) -> None:
@@ -54,6 +53,7 @@ class VoxelField:
         self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
         self.box = box
         self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
+        self.density_unit = DENSITY_SCALE / box.half_extent  # as the networks have it, and their thin fog at first
         self.degree = DEGREE if view_dependent else 0
         self.shape = shape_of(box, voxels)
         count = math.prod(self.shape)
@@ -186,7 +186,8 @@ class VoxelField:
         return shown, w, over_rays(w, bins)
 
     def _density(self, at: Any) -> Any:
-        return DENSITY_SCALE * softplus(interpolated(self.values["density"], at, self.types.Float) + DENSITY_BIAS)
+        raw = interpolated(self.values["density"], at, self.types.Float)
+        return self.density_unit * softplus(raw + DENSITY_BIAS)
 
     def _roughness(self, voxel: Any) -> Any:
         """Mean squared difference of the chosen voxels from the next along each axis, over all that a voxel holds."""

@@ -171,17 +171,20 @@ def floor_psnr(views: ViewSet) -> float | None:
 def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, points: int = 32) -> dict[str, list[float]]:
     """Shares of a regular grid of points over the box by density, before and after the amplifier.
 
-    Bins are linear over [0, 1] where the method's density is bounded to it, else logarithmic from 1e-3 to 1e3. With the
+    Densities are per half of the box's longest side. Bins are linear up to the method's limit where it has one, else
+    logarithmic from 1e-3 to 1e3. With the
     true occupancy of the points, bool [points, points, points], the same for those inside and outside matter, and how
     many of them there are; it is looked at here alone, never trained on.
     """
     axis = (torch.arange(points, device=trainer.device) + 0.5) / points
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
-    before, after = trainer.field.density_before_and_after(trainer.box.from_unit(unit))
+    per_box = trainer.box.half_extent
+    before, after = (one * per_box for one in trainer.field.density_before_and_after(trainer.box.from_unit(unit)))
     if not bool(torch.isfinite(after).all()):
         raise Diverged(trainer.step, "density after the amplifier")
-    bounded = trainer.field.bounded
-    edges = np.linspace(0.0, 1.0, HISTOGRAM_BINS + 1) if bounded else np.geomspace(1e-3, 1e3, HISTOGRAM_BINS + 1)
+    limit = trainer.field.density_limit * per_box
+    bounded = np.isfinite(limit)
+    edges = np.linspace(0.0, limit, HISTOGRAM_BINS + 1) if bounded else np.geomspace(1e-3, 1e3, HISTOGRAM_BINS + 1)
     sides = {
         name: np.clip(values.double().cpu().numpy().reshape(-1), edges[0], edges[-1])
         for name, values in (("before", before), ("after", after))
@@ -202,14 +205,16 @@ def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
 
 @torch.no_grad()
 def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | str | None]:
-    """Chunk dependence of one test view, the opacity of one unit of the densest matter found, the grid's share."""
+    """Chunk dependence of one test view, the grid's occupied share, and the largest density found, per half of the
+    box's longest side, with the opacity that this length of it has.
+    """
     rays = test.all_rays(0)
     large = trainer.render(rays, LARGE_CHUNK).colour
     small = trainer.render(rays, SMALL_CHUNK).colour
     difference = (large - small).abs()
     axis = (torch.arange(48, device=trainer.device) + 0.5) / 48
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
-    densest = float(trainer.field.density(trainer.box.from_unit(unit)).max())
+    densest = float(trainer.field.density(trainer.box.from_unit(unit)).max()) * trainer.box.half_extent
     return {
         "chunk_max_difference": float(difference.max()),
         "chunk_rms_difference": float(difference.square().mean().sqrt()),

@@ -32,8 +32,8 @@ class LearnedField(Protocol):
     """The density that scoring looks at, and what it is made of."""
 
     @property
-    def bounded(self) -> bool:
-        """Whether density stays within [0, 1]."""
+    def density_limit(self) -> float:
+        """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""
         ...
 
     @property

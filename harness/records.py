@@ -127,8 +127,8 @@ class CellRecord:
     """Weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, float | str | None]
     """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
-    opacity_unit_slab (largest opacity that one unit of solid matter can reach), occupied_share, clipped_share (of the
-    steps, of which the gradient was clipped), …"""
+    largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
+    occupied_share, clipped_share (of the steps, of which the gradient was clipped), …"""
     warnings: list[str]
     """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
     settings: dict[str, Any]

@@ -12,8 +12,8 @@ from reports.wording import count, duration, interval, listed, signed, significa
 PROPERTY_NAMES = {
     "chunk_max_difference": "largest change of a pixel when a view is rendered in small chunks",
     "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
-    "largest_density": "largest density found in the scene",
-    "opacity_unit_slab": "largest opacity that one unit of solid matter can reach",
+    "largest_density": "largest density found, per half of the box’s longest side",
+    "opacity_unit_slab": "opacity of that length of it",
     "occupied_share": "share of the scene's box that holds matter",
 }
 

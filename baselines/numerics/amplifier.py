@@ -12,13 +12,13 @@ from torch import Tensor
 from baselines.numerics.encoding import PHI
 
 
-def softplus_density(raw: Float[Tensor, "*points"], bias: float, scale: float) -> Float[Tensor, "*points"]:
-    """σ = scale · log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
+def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
+    """log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
 
     Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and keeps 3 digits.
     """
     _require_float32(raw)
-    return scale * torch.nn.functional.softplus(raw + bias)
+    return torch.nn.functional.softplus(raw + bias)
 
 
 def amplify_about_mean(
@@ -49,7 +49,8 @@ def amplify_listing2(
 ) -> Float[Tensor, "*points"]:
     """Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0, 1].
 
-    As a density it is bounded by 1 per scene unit: one unit of solid matter has opacity 1 − 1/e = 0.63 at most.
+    As a density it is bounded by 1, whatever length that is per: a listing without a unit of length. Per scene unit,
+    one unit of solid geometry has opacity 1 − 1/e = 0.63 at most; per a 25th of it, 1 − e^(−25).
     The gradient is zero where the clamp acts.
     """
     amplified = amplify_about_mean(normalised, mean, alpha)

@@ -13,6 +13,7 @@ FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {
     "protocols": field_checks.keeps_the_protocols,
     "shapes": field_checks.gives_the_right_shapes,
     "ranges": field_checks.stays_in_range,
+    "unit_of_density": field_checks.has_the_unit_of_the_box,
     "magnitudes": field_checks.survives_magnitudes,
     "gradients": field_checks.gradients_reach_everything,
     "first_weights": field_checks.weights_depend_on_the_seed_alone,

@@ -5,9 +5,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from baselines.contract import Rays, TrainableField
+from baselines.contract import Box, Rays, TrainableField
 from baselines.numerics.encoding import PHI
 from harness.conformance.subject import (
+    BOX,
     DEPTHS,
     FAR,
     NEAR,
@@ -34,9 +35,10 @@ def keeps_the_protocols(subject: Subject) -> None:
     needed = [name for name in dir(TrainableField) if not name.startswith("_")]
     if missing := [name for name in needed if not hasattr(field, name)]:
         raise Broken(f"it lacks {' '.join(missing)}")
-    for name in ("pointwise", "bounded"):
-        if not isinstance(getattr(field, name), bool):
-            raise Broken(f"{name} is {getattr(field, name)!r}, not True or False")
+    if not isinstance(field.pointwise, bool):
+        raise Broken(f"pointwise is {field.pointwise!r}, not True or False")
+    if not isinstance(field.density_limit, float) or not field.density_limit > 0.0:
+        raise Broken(f"density_limit is {field.density_limit!r}, not a positive number or infinity")
     counted, held = field.parameter_counts().get("total"), sum(one.numel() for one in field.parameters())
     if counted != held:
         raise Broken(f"parameter_counts() says {counted} in total; it has {held}")
@@ -69,14 +71,14 @@ def gives_the_right_shapes(subject: Subject) -> None:
 
 @torch.no_grad()
 def stays_in_range(subject: Subject) -> None:
-    """Density is finite and at least 0, within [0, 1] where that is claimed; colour is within [0, 1]; all ways to ask
+    """Density is finite and at least 0, within the limit that is claimed; colour is within [0, 1]; all ways to ask
     for a density give the same one.
     """
     for alpha in (None, 2.0):
         field = roughened(subject.field(), alpha)
         x, d, ray = some_points(500)
         sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
-        _in("density", sigma, 0.0, 1.0 if field.bounded else float("inf"))
+        _in("density", sigma, 0.0, field.density_limit)
         _in("colour", colour, 0.0, 1.0)
         for what, other in (
             ("density()", field.density(x)),
@@ -84,6 +86,27 @@ def stays_in_range(subject: Subject) -> None:
         ):
             if not torch.allclose(other, sigma, rtol=1e-4, atol=1e-5):
                 raise Broken(f"{what} is off density_and_colour() by {float((other - sigma).abs().max()):.3g}")
+
+
+@torch.no_grad()
+def has_the_unit_of_the_box(subject: Subject) -> None:
+    """Written in a unit of length k times as fine, the same box has the same field with 1 / k of the density.
+
+    A method that is printed with a density per scene unit breaks it by its own definition: it is let off by name.
+    """
+    parts = subject.method.parts
+    if parts is not None and parts.density_per == "scene":
+        return
+    x, d, ray = some_points(500)
+    field = subject.field()
+    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+    for k in (0.1, 8.0, 25.0):
+        scaled = subject.field(box=Box(k * BOX.lower, k * BOX.upper))
+        k_sigma, k_colour = scaled.density_and_colour(k * x, scaled.encode_directions(d), ray)
+        for what, one, other in (("density × length", sigma, k * k_sigma), ("colour", colour, k_colour)):
+            if not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
+                change = float((one - other).abs().max())
+                raise Broken(f"{what} changes by {change:.3g} where the unit of length is {k:g} times as fine")
 
 
 def survives_magnitudes(subject: Subject) -> None:

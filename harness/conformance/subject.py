@@ -43,9 +43,9 @@ class Subject:
         """Whether it is a torch module that our renderer asks; otherwise a learner of its own."""
         return self.method.kind == "network"
 
-    def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True) -> Any:
+    def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
         """A fresh one (`baselines.field.field_of`)."""
-        return field_of(self.method, FieldAsked(replace(SMALL, depth=depth), BOX, "float32", seed, view_dependent))
+        return field_of(self.method, FieldAsked(replace(SMALL, depth=depth), box, "float32", seed, view_dependent))
 
     def rendered(self, field: Any, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
         return rendered(field, self.quadrature, rays, generator)

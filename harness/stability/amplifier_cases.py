@@ -10,6 +10,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor, nn
 
 from baselines.amplifiers import AMPLIFIERS, Amplifier
+from baselines.composition import DENSITY_SCALE
 from baselines.contract import Rays
 from baselines.field import NetworkField
 from baselines.numerics.bounds import ray_box
@@ -46,7 +47,7 @@ def identity(situation: Situation) -> Iterator[Finding]:
     generator = generator_for("stability", "A1")
     raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
     for reading in AMPLIFIERS:
-        if reading == "none":
+        if reading.startswith("none"):
             yield Outcome("A1", reading, WHOSE[reading], "not_applicable", why="nothing that could change a density")
             continue
         amplifier = AMPLIFIERS[reading]()
@@ -160,34 +161,39 @@ OPAQUE = 0.999
 
 
 def slab(situation: Situation) -> Iterator[Finding]:
-    """A4: the largest opacity of one unit of solid matter that a reading can reach with any weights, in a scene that
-    is built `scale` times as large.
+    """A4: the largest opacity of a solid slab as thick as half of the box that a reading can reach with any weights,
+    where the scene is written in a unit of length that makes it `scale` times as large.
     """
     del situation
     rows: list[list[str | float | None]] = []
-    for reading, whose_it_is in WHOSE.items():
-        sigma = largest_density(reading)
-        opacities = {scale: -math.expm1(-sigma * scale) for scale in SCALES}
+    for reading, (whose_it_is, sigma, per_box) in solids().items():
+        opacities = {scale: -math.expm1(-sigma * (1.0 if per_box else scale)) for scale in SCALES}
         ceilings = {scale: psnr_from_mse((1.0 - opacity) ** 2) for scale, opacity in opacities.items()}
         rows.append([reading, sigma, *opacities.values(), *(finite_or_none(value) for value in ceilings.values())])
         ends = ", ".join(f"{ceilings[scale]:.1f} dB at scale {scale:g}" for scale in (0.1, 1.0, 10.0))
         worst = min(opacities[scale] for scale in (0.1, 1.0, 10.0))
-        why = f"densities end at {sigma:.3g} a unit"
+        why = f"densities end at {sigma:.3g} per {'half of the box' if per_box else 'scene unit'}"
         if worst < OPAQUE:
             why += f"; cannot be opaque: a black silhouette on white ends at {ends}"
         yield judged(
             "A4", reading, whose_it_is, worst, OPAQUE, sense="at_least", why=why,
-            what="largest opacity of a unit of solid matter, the worst of scene scales 0.1, 1 and 10",
+            what="largest opacity of a solid as thick as half of the box, the worst of scene scales 0.1, 1 and 10",
         )  # fmt: skip
         yield Series(
-            "Opacity within reach of a slab one unit thick", 5, reading, "scene scale", "largest opacity",
-            DENSE_SCALES, [-math.expm1(-sigma * scale) for scale in DENSE_SCALES], log_y=False,
+            "Opacity within reach of a slab as thick as half of the box", 5, reading, "scene scale", "largest opacity",
+            DENSE_SCALES, [-math.expm1(-sigma * (1.0 if per_box else scale)) for scale in DENSE_SCALES], log_y=False,
         )  # fmt: skip
-    columns = ["amplifier", "largest density, 1 / unit", *(f"opacity at {scale:g}" for scale in SCALES)]
+    columns = ["amplifier", "largest density", *(f"opacity at {scale:g}" for scale in SCALES)]
     columns += [f"PSNR ceiling of a silhouette at {scale:g}, dB" for scale in SCALES]
     yield Table(
         "slab", 5, "Opacity within reach, and what a black silhouette on white then scores at best", columns, rows
     )
+
+
+def solids() -> dict[str, tuple[Whose, float, bool]]:
+    """Subject → whose it is, its largest density, and whether that is per half of the box, else per scene unit."""
+    readings = {reading: (whose, DENSITY_SCALE * largest_density(reading), True) for reading, whose in WHOSE.items()}
+    return readings | {"listing2, 1 per scene unit": ("paper", largest_density("listing2"), False)}
 
 
 @torch.no_grad()
@@ -264,7 +270,7 @@ def looked_at(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, boo
     gradients = [raw.grad, *(weight.grad for weight in amplifier.parameters())]
     finite = all(bool(torch.isfinite(one).all()) for one in (before, after, *gradients) if one is not None)
     with torch.no_grad():
-        dead = float(at_an_end(before, after, amplifier.bounded).float().mean())
+        dead = float(at_an_end(before, after, 1.0 if amplifier.bounded else math.inf).float().mean())
         together = torch.cov(torch.stack([before, after]).double())[0, 1]
     return finite, dead, bool(together < 0)
 

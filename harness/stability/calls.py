@@ -10,9 +10,8 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from baselines.amplifiers import DENSITY_BIAS, DENSITY_SCALE, Amplifier
+from baselines.amplifiers import Amplifier, CallMeanAmplifier
 from baselines.contract import Rays
-from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
 from baselines.rendering import Sampling, render_rays
 from harness import evaluate, metrics
 from harness.chart_record import Table
@@ -149,30 +148,25 @@ class MeanHeld(Amplifier):
 
     pointwise = True
 
-    def __init__(self, source: Amplifier, mean: Tensor) -> None:
+    def __init__(self, source: CallMeanAmplifier, mean: Tensor) -> None:
         super().__init__()
         self.bounded = source.bounded
         self.source = source
         self.register_buffer("mean", mean)
 
     def before_and_after(self, raw: Tensor) -> tuple[Tensor, Tensor]:
-        mean = self.get_buffer("mean")
-        alpha, beta = (getattr(self.source, name, None) for name in ("alpha", "beta"))
-        assert alpha is not None, "an amplifier without a mean has none to hold"
-        if beta is not None:
-            normalised = torch.sigmoid(raw)
-            return normalised, amplify_listing2(normalised, mean, alpha, beta)
-        sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
-        return sigma, amplify_about_mean(sigma, mean, alpha).clamp(min=0.0)
+        quantity = self.source.quantity(raw)
+        return quantity, self.source.about(quantity, self.get_buffer("mean"))
 
 
 @torch.no_grad()
 def with_mean_held(trainer: Trainer) -> Trainer:
     """A copy whose amplifier keeps the mean that evenly spread points of the box have."""
     copy = deepcopy(trainer)
-    x = copy.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("stability", "mean")))
     for one in copy.fields.children():
-        one.amplifier = MeanHeld(one.amplifier, one.density_before_and_after(x)[0].mean())  # type: ignore
+        source = one.amplifier
+        assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the call has none to hold"
+        one.amplifier = MeanHeld(source, source.quantity(one.raw_in_box()).mean())  # type: ignore
     return copy
 
 

@@ -151,6 +151,11 @@ _ALL = [
     _case("S7", "Far too small, large or far away", "scale 1e-4 and 1e4, offset 1e3 to 1e5",
           "Mitsuba's ray epsilon brightens by 9 %", "the scene at unit scale",
           "normalised: within noise, methods within 1.5 dB of each other; as it is: refused", "scene_cases:scaled", 10),
+    _case("S8", "Another unit of length", "poses, box, near and far × 0.1, 8, 10 and 25, after all normalisation",
+          "density per unit of length: what a method can show depends on the author's choice of metre",
+          "the same training in the first unit",
+          "× 8 changes no bit of a score; × 0.1, 10 and 25 change it by 0.5 dB at most, as rounding grows; density per "
+          "scene unit, as printed, is the paper's and depends on it", "unit_cases:units_of_length", 60),
     _case("C1", "Cameras that are none",
           "NaN, singular, origin on target, up along the view, field of view 0 or 180°; axis-parallel rays, "
           "directions of other length, the same view twice",

@@ -90,7 +90,7 @@ def refused_by_parts(dtype: torch.dtype) -> dict[str, bool]:
     one = torch.ones((), dtype=dtype)
     parts = {
         "encoding": lambda: encode(values, 2.0, 4),
-        "density": lambda: softplus_density(values, 0.0, 1.0),
+        "density": lambda: softplus_density(values, 0.0),
         "amplifier": lambda: amplify_about_mean(values, one, one),
         "quadrature": lambda: QUADRATURES["midpoint"](values, 0.5 * (edges[:, 1:] + edges[:, :-1]), edges),
     }

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from baselines.contract import NetworkSize
+from baselines.contract import Box, NetworkSize
 from harness.batches import Batches
 from harness.evaluate import cameras_of
 from harness.ground_truth import read_views
@@ -81,11 +81,13 @@ def setup(situation: Situation) -> Setup:
     return Setup(views, batches, cameras_of(views, views.test, CPU), settings, steps)
 
 
-def new_trainer(situation: Situation, method: str, settings: TrainSettings | None = None) -> Trainer:
+def new_trainer(
+    situation: Situation, method: str, settings: TrainSettings | None = None, box: Box | None = None
+) -> Trainer:
     here = setup(situation)
     return Trainer(
         method,
-        box_of(here.views, CPU),
+        box or box_of(here.views, CPU),
         settings or here.settings,
         Budget(here.steps, None),
         STREAM,
@@ -99,11 +101,13 @@ def train(
     trainer: Trainer,
     steps: int | None = None,
     on_step: Callable[[History], None] | None = None,
+    batches: Batches | None = None,
 ) -> History:
     """To the end of its budget, or for `steps`. Raises `Diverged`."""
     here, history = setup(situation), History(trainer)
+    batches = batches or here.batches
     for _ in range(here.steps if steps is None else steps):
-        trainer.train_on(*here.batches.batch(STREAM, trainer.step, trainer.settings.rays))
+        trainer.train_on(*batches.batch(STREAM, trainer.step, trainer.settings.rays))
         assert trainer.last_loss is not None
         history.losses.append(trainer.last_loss)
         if on_step is not None:
@@ -130,11 +134,10 @@ def dead_share(trainer: Trainer) -> float:
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("dead share")))
     before, after = trainer.field.density_before_and_after(x)
-    return float(at_an_end(before, after, trainer.field.amplifier.bounded).float().mean())
+    return float(at_an_end(before, after, trainer.field.density_limit).float().mean())
 
 
 def at_an_end(
-    before: Float[Tensor, " points"], after: Float[Tensor, " points"], bounded: bool
+    before: Float[Tensor, " points"], after: Float[Tensor, " points"], limit: float
 ) -> Bool[Tensor, " points"]:
-    ends = (before <= 0.0) | (after <= 0.0)
-    return ends | (before >= 1.0) | (after >= 1.0) if bounded else ends
+    return (before <= 0.0) | (after <= 0.0) | (before >= limit) | (after >= limit)

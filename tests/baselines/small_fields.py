@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from baselines.ablations import LADDER, PARTIAL
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import Parts
@@ -16,8 +17,10 @@ from tests.baselines.analytic import rays_at
 __all__ = ["BOX", "EIGHT", "SMALL", "WHITE", "roughened", "set_alpha", "some_points"]
 
 EIGHT = replace(SMALL, depth=8)
-PARTS: dict[str, Parts] = {name: method.parts for name, method in CATALOG.items() if method.parts is not None}
+ALL_PARTS: dict[str, Parts] = {name: method.parts for name, method in CATALOG.items() if method.parts is not None}
 """Of every method that is a network."""
+PARTS = {name: parts for name, parts in ALL_PARTS.items() if name not in (*PARTIAL, *LADDER)}
+"""Of those in which every part of the tables occurs: combinations and other units of density add no code."""
 OF_THE_POINT = [name for name, parts in PARTS.items() if AMPLIFIERS[parts.amplifier]().pointwise]
 OF_THE_CALL = [name for name in PARTS if name not in OF_THE_POINT]
 """Methods whose density depends on what else is asked for in a call: the paper's amplifiers as printed."""

@@ -30,7 +30,7 @@ def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Te
         h = torch.relu(layer(h))
         if index == skip_layer(parts.skip, len(field.density_net)):
             h = torch.cat([h, position], dim=-1)
-    sigma = field.amplifier.before_and_after(field.density_head(h).squeeze(-1))[1]
+    sigma = field.density_unit * field.amplifier.rendered(field.density_head(h).squeeze(-1))
     if field.view_dependent:
         h = torch.cat([h, encode(d, field.base, field.direction_bands)[ray]], dim=-1)
     for layer in list(field.colour_net)[:-1]:

@@ -83,7 +83,7 @@ def test_the_mean_over_the_box_is_that_of_a_dense_lattice() -> None:
         field.density(some_points(5)[0])
     axis = (torch.arange(24) + 0.5) / 24
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
-    dense = field.density_before_and_after(field.box.from_unit(unit))[0]
+    dense = field.density_before_and_after(field.box.from_unit(unit))[0] / field.density_unit
     error = float(dense.std()) / MEAN_POINTS**0.5
     assert abs(float(amplifier.mean.value - dense.mean())) < 2 * error
     assert float(dense.std()) > 0.1 * float(dense.mean()), "a lattice of equal densities shows nothing"
@@ -112,3 +112,19 @@ def test_every_reading_about_a_held_mean_is_a_candidate() -> None:
     """Nobody may add one after the search without searching again."""
     held = {name for name, make in AMPLIFIERS.items() if isinstance(make(), HeldMeanAmplifier)}
     assert held == {parts.amplifier for parts in CANDIDATES.values()}
+
+
+@pytest.mark.parametrize("method", ["qnerf", "qnerf_printed", "qnerf_theorem"])
+@torch.no_grad()
+def test_whoever_asks_for_density_alone_sees_the_field_that_training_rendered(method: str) -> None:
+    """The grid and the histogram ask about points whose mean is not that of the rendered ones."""
+    field = roughened(field_of(method), alpha=2.0)
+    x, d, ray = some_points(400)
+    with training_step([field]):
+        rendered, _ = field.density_and_colour(x, field.encode_directions(d), ray)
+    torch.testing.assert_close(field.density(x), rendered, rtol=1e-4, atol=1e-4)
+    few = field.density(x[:40])
+    torch.testing.assert_close(few, rendered[:40], rtol=1e-4, atol=1e-4)
+    alone, _ = field.density_and_colour(x[:40], field.encode_directions(d), ray[:40])
+    assert not torch.allclose(few, alone, rtol=1e-3), "the mean of 40 points must be told from that of 400"
+    torch.testing.assert_close(field.density(x[:40]), few)

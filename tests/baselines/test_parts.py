@@ -1,23 +1,22 @@
 """Which parts a method is made of: sizes, places of the skip, and that nothing else differs."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, combinations, pairwise
 
 import pytest
 import torch
 from torch import nn
 
-from baselines.ablations import PARTS_OF_QNERF, combination
+from baselines.ablations import LADDER, PARTS_OF_QNERF, combination
 from baselines.composition import Parts, encoding_bands, skip_layer
-from baselines.contract import NetworkSize
+from baselines.contract import Box, NetworkSize
 from baselines.field import NetworkField
 from baselines.nerf import NERF, NERF_MATCHED
 from baselines.numerics.encoding import PHI
-from baselines.qnerf import QNERF, QNERF_LISTING4
-from baselines.repaired import CANDIDATES
+from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from tests.baselines.small_fields import (
+    ALL_PARTS,
     BOX,
-    PARTS,
     SMALL,
     every_depth,
     every_method,
@@ -95,16 +94,27 @@ def test_combinations_of_nothing_and_of_everything() -> None:
 
 
 def test_catalogue_holds_every_combination_once() -> None:
-    parts = list(PARTS.values())
-    assert len(set(parts)) == 8 + 4 + 1 + 1 + 4 + len(CANDIDATES), (
-        "2³ combinations, those with Eq. 4, listing 4, the control, four other controls, candidates of the repaired"
-    )
-    twice = [name for name, one in PARTS.items() if parts.count(one) > 1]
+    parts = list(ALL_PARTS.values())
+    subsets = list(chain.from_iterable(combinations(PARTS_OF_QNERF, count) for count in range(4)))
+    assert {combination(*some, of=of) for of in (QNERF, QNERF_THEOREM) for some in subsets} <= {*parts}
+    twice = [name for name, one in ALL_PARTS.items() if parts.count(one) > 1]
     assert len(twice) == 2, "a candidate, and that it was chosen"
     assert twice[0] == "qnerf_repaired"
-    for part in PARTS_OF_QNERF.values():
-        others = {name for name, one in PARTS.items() if getattr(one, part) == getattr(QNERF, part)}
-        assert {"qnerf", "qnerf_listing4"} <= others
+
+
+def test_rungs_of_the_ladder_differ_in_the_unit_of_density_alone() -> None:
+    for name, parts in LADDER.items():
+        base = QNERF if name.startswith("qnerf") else NERF
+        assert replace(parts, density_scale=base.density_scale) == base
+    assert {parts.density_scale for parts in LADDER.values()} == {0.3, 1.0, 3.0, 10.0, 100.0}
+
+
+@pytest.mark.parametrize("extent", [0.5, 1.0, 30.0])
+def test_density_has_the_unit_of_the_box_and_as_printed_that_of_the_scene(extent: float) -> None:
+    box = Box(-extent * torch.tensor([1.0, 0.2, 0.6]), extent * torch.tensor([1.0, 0.2, 0.6]))
+    for parts in ALL_PARTS.values():
+        expected = 1.0 if parts == QNERF_PRINTED else parts.density_scale / extent
+        assert parts.density_unit(box) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", PARTS_OF_QNERF)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.amplifiers import DENSITY_BIAS, DENSITY_SCALE, Equation4Amplifier, Listing2Amplifier, NoAmplifier
+from baselines.amplifiers import DENSITY_BIAS, Equation4Amplifier, Listing2Amplifier, NoAmplifier
 from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
 from baselines.numerics.encoding import PHI
 
@@ -158,10 +158,10 @@ def test_bounded_says_whether_density_stays_within_0_and_1() -> None:
 
 def test_softplus_density_in_closed_form() -> None:
     raw = torch.linspace(-30.0, 30.0, 601, dtype=torch.float64)
-    sigma = softplus_density(raw, DENSITY_BIAS, DENSITY_SCALE)
-    torch.testing.assert_close(sigma, DENSITY_SCALE * torch.log1p(torch.exp(raw + DENSITY_BIAS)))
+    sigma = softplus_density(raw, DENSITY_BIAS)
+    torch.testing.assert_close(sigma, torch.log1p(torch.exp(raw + DENSITY_BIAS)))
     assert (sigma > 0).all()
-    assert 0.2 < softplus_density(torch.zeros(()), DENSITY_BIAS, DENSITY_SCALE) < 0.4, "a fresh field is thin fog"
+    assert 0.01 < softplus_density(torch.zeros(()), DENSITY_BIAS) < 0.02, "a fresh field is thin fog"
 
 
 def test_gradients() -> None:
@@ -172,7 +172,7 @@ def test_gradients() -> None:
     check = torch.autograd.gradcheck
     assert check(lambda s, a: amplify_about_mean(s, s.mean(), a), (sigma, alpha))
     assert check(lambda s, a, b: amplify_listing2(s, s.mean(), a, b), (sigma, alpha, beta))
-    assert check(lambda s: softplus_density(s, DENSITY_BIAS, DENSITY_SCALE), (sigma,))
+    assert check(lambda s: softplus_density(s, DENSITY_BIAS), (sigma,))
 
 
 SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]

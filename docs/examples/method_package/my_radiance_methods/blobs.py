@@ -8,7 +8,7 @@ from baselines.contract import FieldAsked, uniform_weights
 
 COUNT = 64
 PEAK = 20.0
-"""Density of a fresh blob's centre is about log 2 of it, in 1 / scene unit."""
+"""Density of a fresh blob's centre is about log 2 of it, per half of the longest side of the scene's box."""
 RADIUS = 0.25
 """Of a fresh blob, where the longest half-extent of the scene's box is 1."""
 
@@ -17,7 +17,7 @@ class Blobs(nn.Module):
     """Density is a sum of blobs, colour the mean of theirs, weighted by density; the same from all sides."""
 
     pointwise = True
-    bounded = False
+    density_limit = float("inf")
 
     def __init__(self, asked: FieldAsked) -> None:
         super().__init__()
@@ -57,4 +57,5 @@ class Blobs(nn.Module):
         p = self.box.normalised(x)
         squared = (p * p).sum(-1, keepdim=True) - 2.0 * p @ self.centre.T + (self.centre**2).sum(-1)
         radius = RADIUS * torch.exp(self.log_radius.clamp(-3.0, 3.0))
-        return PEAK * softplus(self.strength) * torch.exp(-0.5 * squared.clamp(min=0.0) / radius**2)
+        peak = PEAK / self.box.half_extent
+        return peak * softplus(self.strength) * torch.exp(-0.5 * squared.clamp(min=0.0) / radius**2)
