@@ -44,7 +44,7 @@ HISTORY = (
 """What was changed after something had been seen."""
 CLOCKS = {"cpu": "processor seconds"}
 """Kind of device → what a training time is counted in; elsewhere it is seconds of the wall."""
-REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip")
+REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip", "qnerf", "qnerf_theorem")
 """Trained beside the candidates, so that one sees where they stand; no candidates."""
 RULE = (
     "The best mean PSNR over validation views, scenes and seeds after equal training time. A candidate that diverges "
