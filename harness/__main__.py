@@ -169,6 +169,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _planned(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
+    from dataclasses import replace
+
     from harness.plan import planned
 
     plan = planned(
@@ -186,6 +188,8 @@ def _planned(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple
         no_need=options.no_need,
         ray_attention=options.ray_attention,
     )
+    if options.command != "run":  # what explains a run's result is no part of other measurements
+        plan = replace(plan, extras=())
     # last, as it may join a cluster
     device, bfloat16 = device_and_bfloat16(options, *say)
     if options.precision == "auto" and not bfloat16:

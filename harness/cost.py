@@ -32,8 +32,8 @@ class Extent:
 
     missing: int
     """View sets of the catalogue that are not in the cache."""
-    groups: int
-    """That lack a cell."""
+    groups: tuple[tuple[str, ...], ...]
+    """The methods of each group that lacks a cell."""
     verify: bool
     """What is left out is tried with and without."""
     serving: bool
@@ -61,30 +61,28 @@ def estimate_lines(
     return lines_of(plan, machine, probe, extent, available_cores())
 
 
-def groups_left(plan: Plan, before: Path | None) -> int:
-    """Groups of which an output folder lacks a cell that has ended; all without a folder."""
-    if before is None:
-        return len(plan.groups())
+def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
+    """The methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
 
-    def is_there(path: Path) -> bool:
+    def is_there(scene: str, method: str, seed: int) -> bool:
+        path = cell_path(before, scene, method, seed) if before is not None else None
         try:
-            return path.exists() and read_cell(path).status in ENDED
+            return path is not None and path.exists() and read_cell(path).status in ENDED
         except DamagedRecord:
             return False
 
-    return sum(
-        not all(is_there(cell_path(before, scene, method, seed)) for method in plan.methods)
-        for scene, seed in plan.groups()
-    )
+    groups = ((scene, seed, plan.methods_of(scene, seed)) for scene, seed in plan.groups())
+    return tuple(methods for scene, seed, methods in groups if not all(is_there(scene, name, seed) for name in methods))
 
 
 def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
     """As `estimate_lines`, from what was measured, on a machine of so many `cores`."""
-    paces, groups = list(probe.paces.values()), extent.groups
+    paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
+    groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
     phases = {
         "rendering": rendering_seconds(plan, extent.missing, cores),
-        "training": shared(groups, machine, [training_seconds(plan, pace) for pace in paces]),
-        "scoring": shared(groups, machine, [scoring_seconds(plan, pace, probe) for pace in paces]),
+        "training": shared([[training_seconds(plan, pace) for pace in group] for group in groups], machine),
+        "scoring": shared([[scoring_seconds(plan, pace, probe) for pace in group] for group in groups], machine),
     }
     # this process and the workers, one after the other
     low, high = (2 * probe.start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
@@ -104,8 +102,9 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
             most = "at most, " if name in at_most else ""
             note = f" ({notes[name]})" if notes.get(name) else ""
             found.append(f"  {name} {most}{length}{note}")
-    if groups < len(plan.groups()):
-        found.append(f"  {len(plan.groups()) - groups} of {len(plan.groups())} groups of cells are finished, not in it")
+    if len(groups) < len(plan.groups()):
+        ended = len(plan.groups()) - len(groups)
+        found.append(f"  {ended} of {len(plan.groups())} groups of cells are finished, not in it")
     if extent.verify:
         found.append("  verification of omissions is not in it: it trains cells again")
     if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
@@ -134,13 +133,16 @@ def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
     return low, high
 
 
-def shared(groups: int, machine: Machine, cells: list[Range]) -> Range:
-    """Of so many groups on the machine's workers; `cells` are those of one group."""
-    if not groups:
-        return 0.0, 0.0
-    rounds = -(-groups // machine.workers)  # the last may leave workers idle
-    low, high = (sum(cell[end] for cell in cells) for end in (0, 1))
-    return BESIDE[0] * max(1.0, groups / machine.workers) * low, BESIDE[1] * rounds * high
+def shared(groups: list[list[Range]], machine: Machine) -> Range:
+    """Seconds of groups of cells on the machine's workers, each of which does one group after the other.
+
+    At best they are evenly loaded, and no sooner done than the longest group; at worst the longest one begins when all
+    others are done (Graham's bound of list scheduling).
+    """
+    least, most = ([sum(cell[end] for cell in group) for group in groups] for end in (0, 1))
+    even = sum(least) / machine.workers
+    late = (sum(most) - max(most, default=0.0)) / machine.workers + max(most, default=0.0)
+    return BESIDE[0] * max(even, max(least, default=0.0)), BESIDE[1] * late
 
 
 def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:

@@ -89,9 +89,8 @@ class FinishedRun:
         return [known[name] for name in known_names(option, asked or list(known), list(known))]
 
     def methods(self, asked: list[str] | None) -> list[str]:
-        """Those of `asked`, or all; raises `InputError` for a name that the run does not have."""
-        known = list(self.run.methods)
-        return list(known_names("--methods", asked or known, known))
+        """Those of `asked`, or all that every scene has; raises `InputError` for a name that the run does not have."""
+        return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
         """Whether its weights are there."""

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from baselines.ablations import LADDER
 from baselines.accelerations import Accelerations
 from baselines.contract import NetworkSize, Precision
 from harness.executors import KEPT_EVERY
@@ -33,6 +34,15 @@ SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 
 
 
 @dataclass(frozen=True)
+class Extra:
+    """Further methods on one scene, beside those that train on all: what explains a result, and no part of it."""
+
+    scene: str
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """A run."""
 
@@ -52,10 +62,20 @@ class Plan:
     """SHA-256 of its bytes."""
     render_limit: float | None = None
     """Seconds that the scene file, or one of its views, may take, else the usual; no result depends on it."""
+    extras: tuple[Extra, ...] = ()
 
     def cells(self) -> list[tuple[str, str, int]]:
         """(scene, method, seed) in the order in which they are run."""
-        return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods]
+        return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods_of(scene, seed)]
+
+    def methods_of(self, scene: str, seed: int) -> tuple[str, ...]:
+        """What trains in lockstep there: the methods of the plan, then the further ones of that scene and seed."""
+        more = (name for one in self.extras if one.scene == scene and seed in one.seeds for name in one.methods)
+        return tuple(dict.fromkeys((*self.methods, *more)))
+
+    def all_methods(self) -> tuple[str, ...]:
+        """Those of all scenes, then those of single ones."""
+        return tuple(dict.fromkeys((*self.methods, *(name for one in self.extras for name in one.methods))))
 
     def groups(self) -> list[tuple[str, int]]:
         """(scene, seed): its methods train in lockstep. Seeds outermost, so that a stopped run has every scene."""
@@ -72,6 +92,8 @@ class Plan:
             del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are the same
         if self.views.region is None:
             del kept["views"]["region"]
+        if not self.extras:
+            del kept["extras"]
         return {**kept, "scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
 
 
@@ -96,6 +118,18 @@ class Machine:
         usual = ("device", "workers", "threads")
         return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}
 
+
+EXPLAINED = "lego"
+"""The scene of the paper's ablation, Table 4."""
+EXPLAINING = (
+    "qnerf_printed",
+    "nerf_phi_encoding",
+    "nerf_phi_encoding_amplifier",
+    "qnerf_repaired",
+    "nerf_no_shift",
+)
+"""The form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; the best that could be made of the idea;
+NeRF without the part of its density that Listing 2 lacks."""
 
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """Every default run has the bandwidth control beside the two methods of the paper."""
@@ -135,6 +169,7 @@ PROFILES: dict[str, Plan] = {
         train=replace(REDUCED_TRAINING, grid=GridSettings(cells=24, first_step=30, every=10)),
         score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=1024, train_views=2, stored_views=1),
         views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
+        extras=(Extra(EXPLAINED, ("qnerf_printed", "nerf_unit_1", "qnerf_unit_1"), (0,)),),
     ),
     "reduced": Plan(
         profile="reduced",
@@ -145,6 +180,7 @@ PROFILES: dict[str, Plan] = {
         train=REDUCED_TRAINING,
         score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
         views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
+        extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
     ),
     "stress": Plan(
         profile="stress",
@@ -240,11 +276,14 @@ def planned(
         plan = replace(
             plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
         )
-    if methods is not None:
-        plan = replace(plan, methods=known_names("--methods", methods, method_names()))
+    if methods is not None:  # who names methods wants these and no others
+        plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=())
     require_methods(plan.methods)
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))
+    there = [one for one in plan.extras if one.scene in plan.scenes]
+    there = [replace(one, seeds=tuple(seed for seed in one.seeds if seed in plan.seeds)) for one in there]
+    plan = replace(plan, extras=tuple(one for one in there if one.seeds))
     if budget_steps is not None or budget_seconds is not None:
         plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
     if resolution is not None:

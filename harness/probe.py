@@ -6,11 +6,14 @@ as it is once it has settled, which a few steps cannot bring about.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
 
+from baselines.catalog import CATALOG
+from baselines.composition import DENSITY_SCALE
 from baselines.contract import Box, Rays
 from harness.device import keep_freed_memory, use_threads
 from harness.evaluate import ALONG_TRAINING
@@ -65,13 +68,22 @@ class Probe:
 
 
 def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
-    """Tries every method of `plan`; processor seconds where one thread of one works, else wall seconds."""
+    """Tries every method of `plan`; processor seconds where one thread of one works, else wall seconds.
+
+    Methods that differ in their unit of density alone have the same pace.
+    """
     use_threads(threads)
     keep_freed_memory()
     clock = time.process_time if device.type == "cpu" and threads == 1 else time.perf_counter
     wall = busy = start = 0.0
-    paces, untried = {}, {}
-    for method in plan.methods:
+    paces: dict[str, Pace] = {}
+    untried: dict[str, str] = {}
+    alike: dict[Any, str] = {}
+    for method in plan.all_methods():
+        first = alike.setdefault(_work_of(method), method)
+        if first in paces:
+            paces[method] = paces[first]
+            continue
         try:
             learner = _learner(plan, method, device)
             rays, colours = _batch(plan, FEW, device)
@@ -86,6 +98,12 @@ def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
     compared = _compared_seconds(plan.views.resolution, clock)
     delayed = wall / busy if clock is time.process_time and busy > 0 else 1.0
     return Probe(paces, untried, start, compared, max(1.0, delayed))
+
+
+def _work_of(method: str) -> Any:
+    """Equal for methods whose steps are the same work."""
+    parts = CATALOG[method].parts if method in CATALOG else None
+    return replace(parts, density_scale=DENSITY_SCALE, density_per="box") if parts is not None else method
 
 
 def _learner(plan: Plan, method: str, device: torch.device) -> Learner:

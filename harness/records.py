@@ -189,6 +189,12 @@ class RunRecord:
     """What a reader might expect and this run did not do; one sentence each."""
     schema: int = SCHEMA
 
+    @property
+    def main_methods(self) -> list[str]:
+        """Methods that were planned on every scene; the others explain a result on one of them."""
+        planned = self.settings.get("methods")
+        return [name for name in self.methods if not isinstance(planned, list) or name in planned]
+
 
 @dataclass(frozen=True)
 class Estimate:

@@ -16,7 +16,7 @@ from harness.group import GroupTask
 from harness.local_executor import run_locally
 from harness.paper import printed
 from harness.phases import Phases
-from harness.plan import Machine, Plan
+from harness.plan import Extra, Machine, Plan
 from harness.progress import Progress
 from harness.records import (
     CellRecord,
@@ -60,7 +60,11 @@ def run(
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
-    origin = {**provenance(torch.device(device_here(machine))), "executor": machine.executor, **origins(plan.methods)}
+    origin = {
+        **provenance(torch.device(device_here(machine))),
+        "executor": machine.executor,
+        **origins(plan.all_methods()),
+    }
     origin |= notices_of(earlier)
     with phases.timed("render"):
         folders = view_set_folders(plan, view_sets, show)
@@ -126,10 +130,11 @@ def _compared(out: Path, plan: Plan) -> list[CellRecord]:
     """Comparisons and targets of the groups that are whole, written, so that a stopped run has some; all its cells."""
     cells = list(read_cells_of(out, sorted(plan.cells())))
     ended = Counter((cell.scene, cell.seed) for cell in cells)
-    whole = [cell for cell in cells if ended[cell.scene, cell.seed] == len(plan.methods)]
+    whole = [cell for cell in cells if ended[cell.scene, cell.seed] == len(plan.methods_of(cell.scene, cell.seed))]
     if whole:
-        write_comparisons(out, compare(whole, list(plan.methods)))
-        write_targets(out, targets(whole, list(plan.methods)))
+        write_comparisons(out, compare(whole, list(plan.all_methods())))
+        everywhere = [cell for cell in whole if cell.method in plan.methods]
+        write_targets(out, targets(everywhere, list(plan.methods)))
     return cells
 
 
@@ -158,11 +163,17 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
         f"  scenes   {' '.join(plan.scenes)}",
         f"  methods  {' '.join(plan.methods)}",
         f"  seeds    {' '.join(map(str, plan.seeds))}",
+        *(f"  also     {' '.join(one.methods)} on {one.scene}, {_seeds(one)}" for one in plan.extras),
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "
         f"{plan.train.rays} rays a step, {plan.train.precision} products",
         f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} threads",
     ]
+
+
+def _seeds(extra: Extra) -> str:
+    """`seeds 0 1 2`"""
+    return f"seed{'s' if len(extra.seeds) > 1 else ''} {' '.join(map(str, extra.seeds))}"
 
 
 def _at_once(machine: Machine) -> str:
@@ -222,7 +233,7 @@ def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) ->
             cell_path(out, cell.scene, cell.method, cell.seed).unlink()
     tasks = []
     for scene, seed in plan.groups():
-        missing = tuple(name for name in plan.methods if not cell_path(out, scene, name, seed).exists())
+        missing = tuple(name for name in plan.methods_of(scene, seed) if not cell_path(out, scene, name, seed).exists())
         if missing:
             tasks.append(
                 GroupTask(
@@ -256,7 +267,7 @@ def _run_record(
         profile=plan.profile,
         command=command,
         scenes=scenes,
-        methods={name: title_of(name) for name in plan.methods},
+        methods={name: title_of(name) for name in plan.all_methods()},
         deviations=deviations(plan),
         paper={**printed(), **_measured_beside()},
         seeds=list(plan.seeds),

@@ -60,6 +60,10 @@ class Records:
     """When a score was reached; None in runs recorded before that was noted."""
     left_out: list[str] = field(default_factory=list)
     """With `--partial`: files that are damaged and therefore not shown, and why, a line each."""
+    extra_cells: list[CellRecord] = field(default_factory=list)
+    """Cells of methods that were planned on single scenes: they explain a result and are in no table of all scenes."""
+    extra_comparisons: list[Comparison] = field(default_factory=list)
+    """Comparisons of those methods."""
 
     @property
     def folder(self) -> Path:
@@ -72,13 +76,13 @@ class Records:
 
     @property
     def methods(self) -> list[str]:
-        """Methods in the run's order, then those that only cells know."""
-        return _in_order(list(self.run.methods), (cell.method for cell in self.cells))
+        """Methods of every scene in the run's order, then those that only cells know."""
+        return _in_order(self.run.main_methods, (cell.method for cell in self.cells))
 
     @property
     def failed(self) -> list[CellRecord]:
         """Cells that diverged or ended in an error."""
-        return [cell for cell in self.cells if cell.status in ("diverged", "error")]
+        return [cell for cell in (*self.cells, *self.extra_cells) if cell.status in ("diverged", "error")]
 
     @property
     def not_available(self) -> dict[str, dict[str, int]]:
@@ -95,13 +99,14 @@ class Records:
         return next((scene for scene in self.run.scenes if scene.name == name), None)
 
     def cells_of(self, scene: str, method: str) -> list[CellRecord]:
-        return [cell for cell in self.cells if cell.scene == scene and cell.method == method]
+        every = (*self.cells, *self.extra_cells)
+        return [cell for cell in every if cell.scene == scene and cell.method == method]
 
     def comparison(
         self, scene: str, method: str, against: str, metric: str = "psnr", budget: str = "steps"
     ) -> Comparison | None:
         wanted = (scene, method, against, metric, budget)
-        for one in self.comparisons:
+        for one in (*self.comparisons, *self.extra_comparisons):
             if (one.scene, one.method, one.against, one.metric, one.budget) == wanted:
                 return one
         return None
@@ -131,14 +136,24 @@ def read_records(out: Path, partly: bool = False) -> Records:
     if not cells:
         raise NoRecords(f"{folder}: no finished cell is sound; finish the run (python -m harness run --resume)")
     comparisons = sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out), [])
-    known = Records(out, run, cells, comparisons).methods
+    extra = {name for name in run.methods if name not in run.main_methods}
+    known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
     targets = sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: _of_methods(read_targets(out), known))
     if len(cells) < len(paths):  # both are of cells that are not shown
-        comparisons, targets = compare(of_whole_groups(cells, list(run.methods)), list(run.methods)), None
+        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
     unsorted = Records(out, run, cells, comparisons)
-    scenes, methods = unsorted.scenes, unsorted.methods
+    scenes, methods = unsorted.scenes, [*known, *run.methods]
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
-    return Records(out, run, cells, comparisons, targets, left_out or [])
+    return Records(
+        out,
+        run,
+        [cell for cell in cells if cell.method not in extra],
+        [one for one in comparisons if one.method not in extra],
+        targets,
+        left_out or [],
+        [cell for cell in cells if cell.method in extra],
+        [one for one in comparisons if one.method in extra],
+    )
 
 
 def find_record(

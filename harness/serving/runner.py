@@ -124,7 +124,7 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
         settings = finished.run.settings
         asked = Asked(
             scenes=[one.name for one in finished.run.scenes],
-            methods=list(finished.run.methods),
+            methods=finished.run.main_methods,
             seed=finished.run.seeds[0],
             width=min(WIDTH, *(one.width for one in finished.run.scenes)),
             quick=settings.get("profile") == "smoke",
