@@ -31,18 +31,18 @@ from harness.serving.runner import MOST_SECONDS, MOST_SHARE, WIDTH
 from harness.unscored import unscored
 
 SUMMARY = json.loads((Path(__file__).parents[2] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
-PLAN = PROFILES["reduced"]
+PLAN = replace(PROFILES["reduced"], extras=())
 MACHINE = Machine("cpu", 2, 1)
 PACE = Pace(first_step=0.02, step=(0.01, 0.02), ray=(5e-6, 1e-5), point=1e-6)
 PROBE = Probe(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)
-ALL = len(PLAN.groups())
+ALL = (PLAN.methods,) * len(PLAN.groups())
 
 
 def said(
     plan: Plan = PLAN,
     *,
     missing: int = 0,
-    groups: int = ALL,
+    groups: tuple[tuple[str, ...], ...] = ALL,
     verify: bool = False,
     serving: bool = False,
     **changes: Any,
@@ -78,7 +78,7 @@ def test_training_as_recorded_is_estimated_as_recorded() -> None:
         )
         cells.append(training_seconds(PLAN, Pace(first, (later, later), (0.0, 0.0), 0.0)))
     clocks = sum(cell["train_seconds"] for cell in SUMMARY["cells"]) / MACHINE.workers
-    low, high = shared(ALL, MACHINE, cells)
+    low, high = shared([cells] * len(ALL), MACHINE)
     assert 0.95 * clocks < low < 1.05 * clocks < high
     assert low < SUMMARY["phases"]["train"], "which has scoring in it as well"
 
@@ -93,10 +93,10 @@ def test_every_part_of_a_run_is_named_and_they_add_up() -> None:
     found = said(missing=3, serving=True)
     assert [line.split()[0] for line in found] == ["estimated", "rendering", "training", "scoring", "view"]
     assert "3 of 8 view sets are not in the cache" in found[1]
-    assert found[0] == "estimated cost: 12 to 25 min"
+    assert found[0] == "estimated cost: 12 to 30 min"
     assert "cached" in said()[1]
     assert not any("attention" in line for line in said())
-    group_alone = said(replace(PLAN, scenes=("lego",), seeds=(0,)), groups=1)
+    group_alone = said(replace(PLAN, scenes=("lego",), seeds=(0,)), groups=ALL[:1])
     assert group_alone[2] == "  training 35 to 80 s", "two workers train one group no faster"
 
 
@@ -207,12 +207,12 @@ def test_what_is_finished_is_not_in_it_and_what_else_is_not_is_said(tmp_path: Pa
         write_cell(tmp_path, unscored(scene, method, 1, "error", "is tried again"))
     damaged = cell_path(tmp_path, scene, methods[0], 2)
     damaged.write_text("{", encoding="utf-8")
-    assert groups_left(PLAN, tmp_path) == ALL - 1
+    assert groups_left(PLAN, tmp_path) == ALL[1:]
     assert groups_left(PLAN, tmp_path / "nothing") == groups_left(PLAN, None) == ALL
-    found = said(groups=ALL // 2, verify=True)
+    found = said(groups=ALL[:12], verify=True)
     assert found[-2:] == [
         "  12 of 24 groups of cells are finished, not in it",
         "  verification of omissions is not in it: it trains cells again",
     ]
-    assert said(groups=0)[2] == "  24 of 24 groups of cells are finished, not in it", "neither training nor scoring"
+    assert said(groups=())[2] == "  24 of 24 groups of cells are finished, not in it", "neither training nor scoring"
     assert not any("not in it" in line for line in said())
