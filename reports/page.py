@@ -32,6 +32,7 @@ from reports.serving_cache import cache
 from reports.shell import SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
+from reports.units import printed_form, units
 from reports.untested import in_short, not_tested
 from reports.work_view import work
 
@@ -68,6 +69,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
 
 SECTIONS = (
     ("psnr", "PSNR"),
+    ("units", "The unit of density"),
     ("evidence", "Evidence"),
     ("convergence", "Convergence"),
     ("work", "Error against run time"),
@@ -149,6 +151,8 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
             "differences": differences_grids(records),
             "plots": plots(difference_panels(records), "difference"),
         },
+        "units": units(records),
+        "as_printed": printed_form(records),
         "convergence": _some(
             steps=plots(convergence(records, "step"), "steps"),
             seconds=plots(convergence(records, "seconds"), "seconds"),
