@@ -127,6 +127,7 @@ def search_plan(precision_as_planned: bool) -> Plan:
         seeds=SEEDS,
         budget=Budget(steps=None, seconds=SECONDS),
         train=plan.train if precision_as_planned else replace(plan.train, precision="float32"),
+        extras=(),
     )
 
 
