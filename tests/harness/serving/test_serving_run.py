@@ -65,7 +65,7 @@ def test_the_record_is_whole(served: Path) -> None:
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["seed"]) == (["ball"], ["nerf", "qnerf"], 0)
     assert (settings["width"], settings["quick"], settings["complete"]) == (SIZE, True, True)
-    assert not list(served.glob(".serving-*")), "scratch files are gone"
+    assert not list(served.glob(".scratch-*")), "scratch files are gone"
 
 
 def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pyt
         after_run(copy, "cpu", copy, said)
     assert said.lines != ["serving: measured before"]
     assert everything_in(copy) == before
-    assert not list(copy.glob(".serving-*"))
+    assert not list(copy.glob(".scratch-*"))
 
 
 def test_what_is_left_of_a_stopped_run_replaces_other_weights(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from harness.__main__ import main
 from harness.chart_record import Series, Table
 from harness.json_record import DamagedRecord
-from harness.soundness import DAMAGED
+from harness.soundness import DAMAGED, mend
 from harness.stability import catalog, runner
 from harness.stability.catalog import CASES, Case, measure_of
 from harness.stability.situation import METHODS, Finding, Situation, whose
@@ -136,12 +136,18 @@ def names_another(situation: Situation) -> Iterator[Finding]:
     yield from made_up("X1")
 
 
-MADE_UP = {"X1": passes, "X2": fails, "X3": is_a_property, "X4": stops, "X5": names_another}
+def trains_in_the_same_folder(situation: Situation) -> Iterator[Finding]:
+    mend(situation.out, situation.plan("smoke"), lambda line: None)
+    assert situation.scratch.is_dir()
+    yield from made_up("X6")
+
+
+MADE_UP = {"X1": passes, "X2": fails, "X3": is_a_property, "X4": stops, "X5": names_another, "X6": trains_in_the_same_folder}
 
 
 @pytest.fixture
 def _made_up_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A catalogue of five cases that cost nothing."""
+    """A catalogue of cases that cost nothing."""
     asked.clear()
     cases = {name: Case(CaseInfo(name, "t", "i", "d", "r", "b"), "made:up", 1.0) for name in MADE_UP}
     monkeypatch.setattr(catalog, "CASES", cases)
@@ -167,6 +173,11 @@ def test_the_record_holds_what_the_cases_yield(tmp_path: Path) -> None:
     assert [one.status for one in record.outcomes()] == ["pass", "fail"]
     assert broken(record) == []
     assert list((tmp_path / "out").iterdir()) == [tmp_path / "out" / STABILITY_FILE]
+
+
+@pytest.mark.usefixtures("_made_up_cases")
+def test_a_training_that_tidies_the_folder_leaves_the_cases_scratch_alone(tmp_path: Path) -> None:
+    assert run(tmp_path / "out", "X6") == 0
 
 
 @pytest.mark.usefixtures("_made_up_cases")
