@@ -222,7 +222,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
             told = board_options.also_written(options, out, show)
             code = run(plan, out, options.view_sets, machine, command, told, *extras)
     except InputError:
-        if before is not None and not out.exists():
+        if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
