@@ -127,22 +127,6 @@ def test_the_pixel_and_the_view_move_by_keys_and_are_told(browser, address):
     assert view.inner_text(".probe thead th:first-child") == "pixel 40, 21"
 
 
-def test_checkpoints_are_gone_through(browser, address):
-    view, _ = ready(browser, address)
-    slider = view.get_by_role("slider", name="Checkpoint")
-    assert slider.get_attribute("aria-valuetext") == "step 1600 · 32.0–38.4 s"
-    slider.focus()
-    view.keyboard.press("ArrowLeft")
-    settle(view)
-    made = rendered(ball(SIDE, SIDE, 0), 2, 0, 400)["display"]
-    assert shown(view, "qnerf-colour", 20, 30) == bytes_of(made, 20, 30)
-    until(view, "location.hash.includes('step=400')")
-    assert "record" not in view.inner_text('[data-panel="qnerf-colour"] .said')
-    view.get_by_role("button", name="Play the checkpoints").click()
-    until(view, "location.hash.includes('step=1600')")
-    assert view.get_by_role("button", name="Play the checkpoints").get_attribute("aria-pressed") == "false"
-
-
 def test_an_address_restores_everything(browser, address):
     view, _ = ready(browser, address)
     view.get_by_role("combobox", name="Scene").select_option("mic")
@@ -167,41 +151,3 @@ def test_an_address_restores_everything(browser, address):
         assert again.evaluate(what) == view.evaluate(what)
     assert again.evaluate(pictures)[0] != again.evaluate(pictures)[1]
     assert again.inner_text(".probe thead").count("A against B") == 2
-
-
-def test_what_others_choose_is_followed_and_the_nearest_shown(browser, address):
-    view, noise = ready(browser, address, "at=pictures&compare.mode=wipe")
-    view.evaluate("location.hash = 'at=pictures&compare.mode=wipe&scene=mic&method=nerf_matched&seed=9&step=500'")
-    settle(view)
-    notes = view.inner_text(".notes")
-    assert "No picture of seed 9 was kept of mic; shown is seed 1." in notes
-    assert "No picture of step 500 was kept; shown is the nearest, step 1600." in notes
-    assert view.locator("figcaption .who").all_inner_texts() == ["ground truth", "nerf_matched"]
-    assert asked(view, "seed") == "9"
-    view.evaluate(
-        "location.hash = 'at=pictures&scene=nowhere&seed=0&step=300&compare.zoom=NaN&compare.a=x&compare.ev=1e999'"
-    )
-    settle(view)
-    notes = view.inner_text(".notes")
-    assert "There are no pictures of nowhere; shown is lego." in notes
-    assert "step 400" in notes
-    assert noise == []
-
-
-def test_a_further_row_of_maps_needs_no_key(browser, address):
-    view, _ = ready(browser, address, has_touch=True)
-    rows = view.locator(".maprow")
-    more = view.get_by_role("button", name="Add a row of maps")
-    more.tap()
-    assert more.get_attribute("aria-pressed") == "true"
-    for name, many in (("Signed error", 2), ("FLIP", 3), ("FLIP", 2)):
-        view.get_by_role("button", name=name, exact=True).tap()
-        settle(view)
-        assert rows.count() == many, name
-    more.tap()
-    view.get_by_role("button", name="Depth", exact=True).tap()
-    settle(view)
-    assert rows.count() == 1
-    view.locator(".stage").focus()
-    view.keyboard.press("?")
-    assert "+ row" in view.inner_text("dialog")
