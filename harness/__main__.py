@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     repair = commands.add_parser("repair", help="which candidate becomes qnerf_repaired, by a fixed protocol, as JSON")
     repair.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     repair.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache")
-    repair.add_argument("--quick", action="store_true", help="sizes at which no figure means anything, to try the search")
+    repair.add_argument("--quick", action="store_true", help="sizes at which no figure means anything")
     repair.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     pairs = commands.add_parser("equivalence", help="what empty-space skipping and precision change in scores, as JSON")
     _add_plan_options(pairs)

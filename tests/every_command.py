@@ -96,7 +96,8 @@ def run(line: str, nox: str, here: Path) -> str:
         wrong = f"exit code {code}"
     if "Traceback" in text:
         wrong += " with a traceback"
-    print(f"{time.monotonic() - began:5.1f} s  {typed}", flush=True)
+    sys.stdout.write(f"{time.monotonic() - began:5.1f} s  {typed}\n")
+    sys.stdout.flush()
     return wrong and f"{typed}: {wrong}\n{text[-3000:]}"
 
 
@@ -124,7 +125,7 @@ def main(nox: str) -> int:
         both = blocks(folder)
         done = pool.map(lambda block: [run(line, nox, Path(folder)) for line in block], both)
         wrong = [one for block in done for one in block if one]
-    print(*wrong, f"{len(wrong)} wrong; {time.monotonic() - began:.0f} s", sep="\n")
+    sys.stdout.write("\n".join([*wrong, f"{len(wrong)} wrong; {time.monotonic() - began:.0f} s\n"]))
     return 1 if wrong else 0
 
 

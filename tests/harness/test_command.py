@@ -144,18 +144,6 @@ def test_an_output_folder_that_cannot_be_is_refused(
 # other surfaces
 
 
-def test_a_dry_run_prints_the_plan_and_its_cost_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "--profile", "smoke", "--resolution", "16", "--dry-run"]) == 0
-    said, complaints = capsys.readouterr()
-    assert complaints == ""
-    for part in ("12 cells of 60 steps", "hotdog lego", "nerf nerf_matched qnerf", "16 px", "estimated cost"):
-        assert part in said
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_the_same_command_can_be_typed_again(

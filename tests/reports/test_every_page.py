@@ -1,4 +1,4 @@
-"""What holds for every page that is written: whole, self-contained, readable in the dark and on a phone, to be saved."""
+"""What holds for every page: whole, self-contained, readable in the dark and on a phone, and to be saved."""
 
 import re
 from collections.abc import Callable
