@@ -1,7 +1,8 @@
-"""nox -s benchmark · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
+"""nox -s benchmark · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow · commands ·
 tests_thorough · fuzz · endurance · lint; uv makes their environments.
 """
 
+import sys
 import time
 
 import nox
@@ -18,7 +19,7 @@ def install(session: nox.Session, *groups: str) -> None:
     """The pinned dependencies of the project and of the named groups."""
     extras = PROJECT["project"]["optional-dependencies"]
     asked = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
-    whole = session.name.startswith("tests")
+    whole = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
     wanted = [one for name, words in asked.items() if whole or words & set(session.posargs) for one in extras[name]]
     session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *wanted)
 
@@ -123,6 +124,13 @@ def tests_thorough(session: nox.Session) -> None:
     install(session, "test")
     session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
     session.run("pytest", "-m", "cluster", *session.posargs)
+
+
+@nox.session
+def commands(session: nox.Session) -> None:
+    """Every session and every command from end to end, each in its shortest form."""
+    install(session, "test")
+    session.run("python", "-m", "tests.every_command", sys.executable)
 
 
 @nox.session

@@ -71,6 +71,7 @@ def parser() -> argparse.ArgumentParser:
     repair = commands.add_parser("repair", help="which candidate becomes qnerf_repaired, by a fixed protocol, as JSON")
     repair.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     repair.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache")
+    repair.add_argument("--quick", action="store_true", help="sizes at which no figure means anything")
     repair.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     pairs = commands.add_parser("equivalence", help="what empty-space skipping and precision change in scores, as JSON")
     _add_plan_options(pairs)
@@ -225,7 +226,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
             told = board_options.also_written(options, out, show)
             code = run(plan, out, options.view_sets, machine, command, told, *extras)
     except InputError:
-        if before is not None and not out.exists():
+        if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
@@ -261,7 +262,7 @@ def _repair(options: argparse.Namespace, show: "Progress") -> int:
     device = chosen_device(options.device)
     _check_file(options.out)
     use_threads(1)  # processor seconds count every thread
-    plan = search_plan(multiplies_bfloat16(device))
+    plan = search_plan(multiplies_bfloat16(device), options.quick)
     rows = []
     for row in search(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
         rows.append(row)
