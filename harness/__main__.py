@@ -16,6 +16,7 @@ from harness.evidence import options as evidence_options
 from harness.executors import add_executor_options, chosen_machine, device_and_bfloat16, leave
 from harness.filming import options as filming_options
 from harness.gate import options as gate_options
+from harness.judge import options as judge_options
 from harness.serving import options as serving_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
@@ -38,6 +39,7 @@ OTHERS: dict[str, Callable[..., int]] = {
     "render": filming_options.run_render,
     "serving": serving_options.run_serving,
     "gate": gate_options.run_gate,
+    "judge": judge_options.run_judge,
     "conformance": conformance_options.run_conformance,
     "doctor": doctor_options.run_doctor,
     "view": viewer_options.run_view,
@@ -82,16 +84,14 @@ def parser() -> argparse.ArgumentParser:
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     stability_options.add_options(commands.add_parser("stability", help="try the catalogue of stiff and extreme cases"))
-    evidence = commands.add_parser(
-        "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
-    )
-    evidence_options.add_options(evidence)
+    evidence_options.add_options(commands.add_parser("evidence", help="the studies that a verdict rests on"))
     film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
     filming_options.add_options(film)
     serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")
     serving_options.add_options(serving)
     gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
     gate_options.add_options(gate)
+    judge_options.add_options(commands.add_parser("judge", help="verdicts on anybody's table of results"))
     conforms = commands.add_parser("conformance", help="hold methods to the contract of the catalogue (exit code 3)")
     conformance_options.add_options(conforms)
     doctor_options.add_options(commands.add_parser("doctor", help="what this machine has, and how to get the rest"))
