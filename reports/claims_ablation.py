@@ -30,8 +30,8 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
     if effect is not None and bench.evidence is not None:
         study = bench.evidence.study(STUDY)
         pair = effect.simultaneous or effect.interval
-        verdict = judge_gain(entry.printed, rounding, effect.difference, pair, effect.left_aside)
-        lost = f"{counted(effect.left_aside, 'pair')} lost" if effect.left_aside else ""
+        verdict = judge_gain(entry.printed, rounding, effect.difference, pair, effect.unpaired)
+        lost = f"{counted(effect.unpaired, 'pair')} lost" if effect.unpaired else ""
         other = _other_reading(bench.evidence, scene, method, against, metric, entry.digits)
         note = "; ".join(filter(None, [other, lost, doubts(bench.evidence)]))
         return Finding(verdict, how, effect.difference, pair, study.scale if study else "", note)
@@ -40,8 +40,8 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
         note = f"{method} was not compared with {against} on {scene}: the factorial study does"
         return Finding(UNTESTED, how, note=note)
     pair = interval_judged(one)
-    verdict = judge_gain(entry.printed, rounding, one.difference, pair, one.left_aside)
-    lost = f"{counted(one.left_aside, 'pair')} lost" if one.left_aside else ""
+    verdict = judge_gain(entry.printed, rounding, one.difference, pair, one.unpaired)
+    lost = f"{counted(one.unpaired, 'pair')} lost" if one.unpaired else ""
     return Finding(verdict, how, one.difference, pair, note=lost, runs=behind_difference(one))
 
 

@@ -28,7 +28,7 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     if one is None or not isinstance(entry.printed, int | float) or not tried(bench, one):
         return Finding(UNTESTED, how, note=f"{method} was not compared with {against} {_where(scene)} in this run")
     pair = interval_judged(one)
-    verdict = judge_gain(entry.printed, rounded_away(entry), one.difference, pair, one.left_aside)
+    verdict = judge_gain(entry.printed, rounded_away(entry), one.difference, pair, one.unpaired)
     if scene == "all":
         verdict = unless_whole(bench.records, verdict)
     return Finding(verdict, how, one.difference, pair, note=_note(bench, scene), runs=behind_difference(one))
@@ -59,11 +59,11 @@ def range_of_gains(bench: Bench, entry: Printed) -> Finding:
         return Finding(UNTESTED, how, note="Q-NeRF was not compared with NeRF in this run")
     low = entry.printed[0]
     rounding, pair = half_unit(low, entry.unit), interval_judged(one)
-    of_mean = unless_whole(bench.records, judge_gain(low, rounding, one.difference, pair, one.left_aside))
+    of_mean = unless_whole(bench.records, judge_gain(low, rounding, one.difference, pair, one.unpaired))
     rows = {name: bench.records.comparison(name, "qnerf", "nerf") for name in bench.scenes_of_table2()}
     there = {name: row.difference for name, row in rows.items() if row and row.difference is not None}
     each = [
-        judge_gain(low, rounding, row.difference, interval_judged(row), row.left_aside) if row else UNTESTED
+        judge_gain(low, rounding, row.difference, interval_judged(row), row.unpaired) if row else UNTESTED
         for row in rows.values()
     ]
     verdict: Verdict = "inconclusive"
@@ -126,8 +126,8 @@ def _note(bench: Bench, scene: str) -> str:
     if scene == "all":
         parts.append(strangers(records))
     over_baseline = records.comparison(scene, "qnerf", "nerf")
-    if over_baseline and over_baseline.left_aside:
-        lost = counted(over_baseline.left_aside, "pair")
+    if over_baseline and over_baseline.unpaired:
+        lost = counted(over_baseline.unpaired, "pair")
         parts.append(f"{lost} lost" if over_baseline.pairs else f"all {lost} lost")
     control = roles(records).control
     one = records.comparison(scene, "qnerf", control) if control else None

@@ -43,7 +43,7 @@ def verdict_of(printed: float, rounding: float, one: TargetComparison, is_printe
     ours, theirs = one.never
     if not is_printed_target:
         return UNTESTED
-    if one.left_aside:
+    if one.unpaired:
         return "inconclusive"
     if ours == one.pairs >= 2 and theirs == 0:
         return "does not hold"
@@ -69,8 +69,8 @@ def _note(one: TargetComparison, targets: TargetsRecord) -> str:
             parts.append(f"{earlier} of {counted(one.pairs, 'run')} of {method} had reached it by the first checkpoint")
     if one.saving is not None:
         parts.append(bound(one))
-    if one.left_aside:
-        parts.append(f"{counted(one.left_aside, 'pair')} lost" if one.pairs else f"all {one.left_aside} pairs lost")
+    if one.unpaired:
+        parts.append(f"{counted(one.unpaired, 'pair')} lost" if one.pairs else f"all {one.unpaired} pairs lost")
     return "; ".join(filter(None, parts))
 
 

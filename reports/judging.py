@@ -44,12 +44,12 @@ def judge_difference(printed: float, rounding: float, measured: Pair | None) -> 
 
 
 def judge_gain(
-    printed: float, rounding: float, difference: float | None, interval: Pair | None, left_aside: int
+    printed: float, rounding: float, difference: float | None, interval: Pair | None, unpaired: int
 ) -> Verdict:
     """The same for a comparison: where cells were lost, their survivors settle nothing, and less so without any."""
     if difference is None:
-        return "inconclusive" if left_aside else UNTESTED
-    return "inconclusive" if left_aside else judge_difference(printed, rounding, interval)
+        return "inconclusive" if unpaired else UNTESTED
+    return "inconclusive" if unpaired else judge_difference(printed, rounding, interval)
 
 
 def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
