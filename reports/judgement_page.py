@@ -36,9 +36,17 @@ def judgement_page(record: JudgementRecord) -> str:
             changes=changes_grid(record),
             matrix=matrix(record),
             plots=plots([panel(record)], "judgement"),
-            provenance=shell.groups_of(record.provenance, record.settings, []),
+            provenance=provenance(record),
         )
     )
+
+
+def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Which table was judged, and how."""
+    better = "higher" if record.higher_is_better else "lower"
+    settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
+    settings |= {"baseline": record.baseline} if record.baseline is not None else {}
+    return [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))]
 
 
 def write_judgement_page(record: JudgementRecord, out: Path) -> Path:

@@ -42,7 +42,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Gri
     columns += [Column("groups", numeric=False)] if everything else []
     columns += [Column(f"less {rival}", small="on scenes like these"), Column("verdict", numeric=False)]
     columns += [Column("could find")]
-    columns += [Column("on these scenes"), Column("verdict", numeric=False)] if seeded else []
+    columns += [Column(f"less {rival}", small="on these scenes")] if seeded else []
     timed, stepped = (any(getattr(one, name) is not None for one in ranking.places) for name in ("seconds", "steps"))
     columns += [Column("training")] if timed else []
     columns += [Column("steps")] if stepped else []
@@ -53,8 +53,10 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Gri
         row += [Entry(shown_groups(place.groups))] if everything else []
         estimate = pair.scenes_like_these if pair else None
         least = estimate.smallest_detectable if estimate else None
-        row += [*difference(record, pair, estimate), Entry(number(record, least)) if least is not None else EMPTY]
-        row += difference(record, pair, pair.on_these_scenes if pair else None) if seeded else []
+        verdict = Entry(said(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY
+        found = Entry(number(record, least)) if least is not None else EMPTY
+        row += [difference(record, pair, estimate), verdict, found]
+        row += [difference(record, pair, pair.on_these_scenes if pair else None, worded=True)] if seeded else []
         row += [Entry(duration(place.seconds)) if place.seconds is not None else EMPTY] if timed else []
         row += [Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY] if stepped else []
         rows.append(row)
@@ -66,12 +68,12 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Gri
     return Grid(caption, columns, rows, note=note + (groups if everything else ""))
 
 
-def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None) -> list[Entry]:
-    """The difference with its simultaneous interval, and the verdict."""
+def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:
+    """The difference with its simultaneous interval, and the verdict where it has no column of its own."""
     if pair is None or estimate is None:
-        return [EMPTY, EMPTY]
-    shown = Entry(number(record, pair.difference, "+"), within(record, estimate), value=pair.difference)
-    return [shown, Entry(said(estimate.verdict), tone=estimate.verdict)]
+        return EMPTY
+    words = within(record, estimate) + (f"\n{said(estimate.verdict)}" if worded else "")
+    return Entry(number(record, pair.difference, "+"), words, value=pair.difference)
 
 
 def said(verdict: str) -> str:

@@ -6,7 +6,6 @@ have, and every interval that a verdict is taken from is as wide as the number o
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ SMALLEST_FIT = 3
 POLISHES = 20
 
 
-def judge(table: Table, margin: float | None, baseline: str | None, provenance: dict[str, Any]) -> JudgementRecord:
+def judge(table: Table, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
     """Raises `InputError` for a baseline that is no method of the table, and a margin that is no size."""
     if baseline is not None and baseline not in table.methods:
         raise InputError(f"--baseline {baseline}: no such method; methods of the table: {', '.join(table.methods)}")
@@ -53,8 +52,7 @@ def judge(table: Table, margin: float | None, baseline: str | None, provenance: 
         suspects=found,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
-        provenance=provenance,
-        settings={"metric": table.metric, "margin": margin, "baseline": baseline, "confidence": 0.95},
+        digests=digests,
     )
 
 

@@ -39,8 +39,8 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
     from scenes.errors import InputError
 
     table = read_table(options.tables, options.metric, options.lower)
-    made_from = {"table": {str(path): file_digest(path) for path in options.tables if path.is_file()}}
-    record = judge(table, options.margin, options.baseline, made_from)
+    digests = {str(path): file_digest(path) for path in options.tables if path.is_file()}
+    record = judge(table, options.margin, options.baseline, digests)
     out = options.out or Path("out") / f"judge-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; name a folder")

@@ -3,7 +3,7 @@
 This module imports the standard library, `harness.records` and what those import alone, as reports read it.
 """
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -104,8 +104,8 @@ class JudgementRecord:
     given: Ranking
     without_suspects: Ranking | None
     """None where nothing is suspect."""
-    provenance: dict[str, Any]
-    settings: dict[str, Any] = field(default_factory=dict)
+    digests: dict[str, str]
+    """SHA-256 of each file of the table."""
     schema: int = JUDGEMENT_SCHEMA
 
 
@@ -114,9 +114,11 @@ def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
     if record.without_suspects is None:
         return []
     turned = {"better": "worse", "worse": "better"}
-    after = {(one.method, one.against): one.verdict for one in record.without_suspects.pairs}
+    after: dict[tuple[str, str], str] = {
+        (one.method, one.against): one.verdict for one in record.without_suspects.pairs
+    }
     after |= {(b, a): turned.get(said, said) for (a, b), said in after.items()}
-    pairs = [(pair, str(after[pair.method, pair.against])) for pair in record.given.pairs]
+    pairs = [(pair, after[pair.method, pair.against]) for pair in record.given.pairs]
     return [(pair, said) for pair, said in pairs if said != pair.verdict]
 
 

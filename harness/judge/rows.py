@@ -150,7 +150,7 @@ def _of_method(one: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
     """A result file of one method on one scene; older ones name their method by the folder alone."""
-    info = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
+    info: dict[str, Any] = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
     places = [data.get("render_dataset_metadata"), info.get("dataset_metadata")]
     scenes = [place.get("scene") for place in places if isinstance(place, dict)]
     scene = next(filter(None, [*scenes, info.get("dataset_scene")]), path.stem)

@@ -62,7 +62,7 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
     codes, known = zip(*(_coded(names[key]) for key in ("method", "scene", "seed")), strict=True)
     shape = tuple(len(one) for one in known)
     _check_shape(parts, shape)
-    flat = np.ravel_multi_index(codes, shape)
+    flat = np.asarray(np.ravel_multi_index(codes, shape))
     _refuse_duplicates(flat, parts, seeded="seed" in parts[0].columns)
     numbers = {name: _numbers(parts, name) for name in (chosen, "seconds", "steps")}
     values = np.full(shape, np.nan)

@@ -14,22 +14,24 @@ def headline(record: JudgementRecord) -> str:
 def told(record: JudgementRecord, ranking: Ranking) -> str:
     """How many pairs are told apart."""
     if record.baseline is not None:
-        verdicts = Counter(pair.verdict for pair in ranking.pairs)
+        verdicts = Counter[str](pair.verdict for pair in ranking.pairs)
         words = {"better": "better", "worse": "worse", "equivalent": "equivalent", "inconclusive": "not told apart"}
         known = [f"{verdicts[name]} {said}" for name, said in words.items() if verdicts[name]]
         return f"against {record.baseline} {', '.join(known)}"
     apart, every = (sum(pair.told_apart for pair in pairs) for pairs in (ranking.neighbours, ranking.pairs))
     many, all_many = len(ranking.neighbours), len(ranking.pairs)
-    if many == 1:
-        return "they are told apart" if apart else "they are not told apart"
-    return f"{apart or 'none'} of {many} neighbouring pairs told apart, {every or 'none'} of all {all_many}"
+    if every == all_many:
+        return "all told apart from each other"
+    if every == 0:
+        return "no two told apart"
+    return f"{apart or 'none'} of {many} neighbouring pairs told apart, {every} of all {all_many} pairs"
 
 
 def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
     """With two decimals of dB, and four significant digits of what else there is."""
     if value is None:
         return "–"
-    text = format(value, f"{sign}.2f" if record.unit else f"{sign}.4g")
+    text = format(value, f"{sign}.2f" if record.unit else f"{sign}#.4g")
     return text.replace("-", "−")
 
 
