@@ -73,7 +73,8 @@ def _from_csv(path: Path) -> Rows:
     if not all(rows):
         raise InputError(f"{path}, line {rows.index([]) + 2}: is empty; delete it")
     named = _named(path, names)
-    return Rows(path, {name: list(values) for name, values in zip(named, zip(*rows, strict=True), strict=False)}, 2)
+    columns = [list(values) for values in zip(*rows, strict=True)] or [[] for _ in named]
+    return Rows(path, dict(zip(named, columns, strict=True)), 2)
 
 
 def _from_parquet(path: Path) -> Rows:
