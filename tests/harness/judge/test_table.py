@@ -13,7 +13,14 @@ from harness.judge.table import MOST_CELLS, Table, read_table
 from scenes.errors import InputError
 
 ROWS: list[dict[str, Any]] = [
-    {"scene": scene, "method": method, "seed": seed, "psnr": 20.0 + 3 * a + b + 0.1 * seed, "lpips": 0.1, "seconds": 7.5}
+    {
+        "scene": scene,
+        "method": method,
+        "seed": seed,
+        "psnr": 20.0 + 3 * a + b + 0.1 * seed,
+        "lpips": 0.1,
+        "seconds": 7.5,
+    }
     for a, scene in enumerate(("lego", "ship", "mic"))
     for b, method in enumerate(("ours", "theirs"))
     for seed in (0, 1)
@@ -59,7 +66,12 @@ def test_every_form_gives_the_same_numbers(form: str, tmp_path: Path) -> None:
     assert table.values.tolist() == [
         [[20.0 + 3 * a + b + 0.1 * seed for seed in (0, 1)] for a in range(3)] for b in range(2)
     ]
-    assert (table.metric, table.higher_is_better, table.seconds, table.steps) == ("psnr", True, [7.5, 7.5], [None, None])
+    assert (table.metric, table.higher_is_better, table.seconds, table.steps) == (
+        "psnr",
+        True,
+        [7.5, 7.5],
+        [None, None],
+    )
     assert any("lpips" in note for note in table.notes)
 
 
@@ -82,7 +94,7 @@ def test_result_files_of_nerfbaselines_are_read_as_they_are(tmp_path: Path) -> N
         old = {"info": {"dataset_scene": scene, "total_train_time": 344.5}, "metrics": {"psnr": psnr}}
         as_json(tmp_path / "old" / method / "blender" / f"{scene}.json", old)
     methods = [
-        {"id": m, "name": m.upper(), "scenes": {s: {"id": s, "psnr": v, "total_train_time": 344.5, "output_artifact": {}}
+        {"id": m, "name": m.upper(), "scenes": {s: {"id": s, "psnr": v, "total_train_time": 344.5, "link": {}}
                                                 for (n, s), v in scores.items() if n == m}} for m in "ab"
     ]  # fmt: skip
     metrics = [{"id": "psnr", "ascending": True}, {"id": "odd", "ascending": False}]
@@ -143,7 +155,7 @@ def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -
     ("name", "text", "said"),
     [
         ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "NaN is no number of JSON"),
-        ("t.json", '[{"scene": "a", "method": "x", "psnr": true}, {"scene": "b", "method": "y", "psnr": 1}]', "row 1: psnr is True"),
+        ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
         ("t.json", '{"psnr": 3}', "holds no rows; JSON must be"),
         ("t.json", "[1, 2]", "holds no rows"),
         ("t.json", "{", "is no JSON"),
@@ -160,7 +172,7 @@ def test_files_that_are_no_table(name: str, text: str, said: str, tmp_path: Path
 def test_without_pyarrow_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     (tmp_path / "t.parquet").touch()
-    with pytest.raises(InputError, match="install the extra parquet of pyproject.toml, or save the table as CSV"):
+    with pytest.raises(InputError, match=r"install the extra parquet of .*, or save the table as CSV"):
         read_table([tmp_path / "t.parquet"])
 
 
@@ -168,7 +180,9 @@ def test_many_rows_are_read_and_too_many_cells_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     shape = (50, 40, 20)
     values = np.random.default_rng(0).normal(30, 1, shape).round(3)
-    path.write_text("method,scene,seed,psnr\n" + "\n".join(f"m{i},s{j},{k},{v}" for (i, j, k), v in np.ndenumerate(values)))
+    path.write_text(
+        "method,scene,seed,psnr\n" + "\n".join(f"m{i},s{j},{k},{v}" for (i, j, k), v in np.ndenumerate(values))
+    )
     assert np.array_equal(read_table([path]).values, values)
     side = int(MOST_CELLS ** (1 / 2) / 10)
     path.write_text("method,scene,seed,psnr\n" + "".join(f"m{i % 150},s{i},{i},1\n" for i in range(side)))
