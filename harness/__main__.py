@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness import board_options, completion_options, scaling_options, scene_options
+from harness import board_options, compare_options, completion_options, scaling_options, scene_options
 from harness.conformance import options as conformance_options
 from harness.doctor import options as doctor_options
 from harness.evidence import options as evidence_options
@@ -33,6 +33,7 @@ LEAST_SEEDS = 3
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 OTHERS: dict[str, Callable[..., int]] = {
     "scaling": scaling_options.run_scaling,
+    "compare": compare_options.run_compare,
     "speed": speed_options.run_speed,
     "stability": stability_options.run_stability,
     "evidence": evidence_options.run_evidence,
@@ -84,13 +85,13 @@ def parser() -> argparse.ArgumentParser:
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     stability_options.add_options(commands.add_parser("stability", help="try the catalogue of stiff and extreme cases"))
+    compare_options.add_options(commands.add_parser("compare", help="how far two outputs of the same plan differ"))
     evidence_options.add_options(commands.add_parser("evidence", help="the studies that a verdict rests on"))
     film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
     filming_options.add_options(film)
     serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")
     serving_options.add_options(serving)
-    gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
-    gate_options.add_options(gate)
+    gate_options.add_options(commands.add_parser("gate", help="this code against reviewed limits (exit code 4)"))
     judge_options.add_options(commands.add_parser("judge", help="verdicts on anybody's table of results"))
     conforms = commands.add_parser("conformance", help="hold methods to the contract of the catalogue (exit code 3)")
     conformance_options.add_options(conforms)
@@ -98,8 +99,7 @@ def parser() -> argparse.ArgumentParser:
     board_options.add_options(commands.add_parser("tensorboard", help="write a run's cells for TensorBoard"))
     completion_options.add_options(commands.add_parser("completion", help="print a completion script for your shell"))
     scaling_options.add_options(commands.add_parser("scaling", help="the paper's full table on GPUs, on paper"))
-    view = commands.add_parser("view", help="look at a finished run in the browser, methods side by side")
-    viewer_options.add_options(view)
+    viewer_options.add_options(commands.add_parser("view", help="look at a finished run in the browser"))
     for one in commands.choices.values():
         one.allow_abbrev = False  # `--with` is no `--without`
     return top
