@@ -6,8 +6,16 @@ from typing import Literal
 
 import numpy as np
 
-from harness.records import CellRecord, Comparison
-from harness.statistics import Verdict, detectable, over_scenes, verdict
+from harness.failures import judgeable
+from harness.records import CellRecord, Comparison, Estimate
+from harness.statistics import (
+    PairedDifference,
+    detectable,
+    on_one_scene,
+    on_these_scenes,
+    scenes_like_these,
+    verdict,
+)
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,8 @@ METRICS: dict[str, Metric] = {
 }
 
 PRIMARY = "psnr"
+FEWEST_SEEDS = 3
+"""Fewer give no verdict on a single scene."""
 
 Budget = Literal["steps", "seconds"]
 Key = tuple[str, str, int]
@@ -51,24 +61,37 @@ class Judgement:
     """A table of paired differences as a verdict sees it."""
 
     difference: float | None
-    interval: tuple[float, float] | None
-    simultaneous: tuple[float, float] | None
-    smallest_detectable: float | None
-    verdict: Verdict
+    """The mean over scenes of the means over seeds, which both estimates are of."""
+    on_these_scenes: Estimate | None
+    scenes_like_these: Estimate | None
     pairs: int
-    left_aside: int
+    unpaired: int
+
+    @property
+    def chosen(self) -> Estimate:
+        """The one that a verdict without a name is of: scenes like these where several were tried."""
+        return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
+
+
+NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
 
 
 def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
-    """Every method against `nerf` (else the first one), and against `nerf_matched` where it takes part."""
+    """Every method against `nerf` (else the first one), and against `nerf_matched` where it takes part.
+
+    Scene by scene where both have cells, however these ended, and over all scenes where both have cells on all.
+    """
     by_key, scenes, seeds = keyed(cells)
+    planned = {(cell.scene, cell.method) for cell in cells}
     rows = []
     for method, against in duels(methods):
+        shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
         for name, metric in METRICS.items():
             budgets: tuple[Budget, ...] = ("steps", "seconds") if metric.along_training else ("steps",)
             for budget in budgets:
-                table = differences(by_key, scenes, seeds, method, against, name, budget)
-                rows += [_comparison(table, scene, method, against, name, budget) for scene in [*scenes, "all"]]
+                table = differences(by_key, shared, seeds, method, against, name, budget)
+                where = [*shared, "all"] if shared == scenes else shared
+                rows += [_comparison(table, scene, method, against, name, budget) for scene in where]
     return rows
 
 
@@ -100,7 +123,7 @@ def differences(
     metric: str,
     budget: Budget,
 ) -> dict[str, np.ndarray]:
-    """Scene → `method` − `against` [seeds], NaN where a cell of the pair is missing or has no such score."""
+    """Scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
     found = {}
     for scene in scenes:
         pairs = [
@@ -113,32 +136,42 @@ def differences(
     return found
 
 
-def judged(table: dict[str, np.ndarray], metric: str, family: int) -> Judgement:
-    """Scene → differences [seeds], NaN where there is none: over all its scenes, which are the units if many."""
-    there = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
-    aside = int(sum(np.isnan(values).sum() for values in table.values()))
-    if not there:
-        return Judgement(None, None, None, None, "inconclusive", 0, aside)
-    result = over_scenes(there, family)
-    of_interest = METRICS[metric].smallest_of_interest
-    said = verdict(result, of_interest, METRICS[metric].higher_is_better)
-    return Judgement(
-        result.mean,
+def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
+    """Scene → differences [seeds], NaN where there is none: over `all` its scenes, or on one of them.
+
+    A pair without a difference is counted, and keeps no other from being judged: whether methods fail is a question of
+    its own (`harness.failures`).
+    """
+    chosen = table if scene == "all" else {scene: table[scene]}
+    pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
+    unpaired = int(sum(values.size for values in chosen.values())) - pairs
+    if not pairs:
+        return Judgement(None, None, None, 0, unpaired)
+    if scene != "all" or len(table) == 1:
+        (only,) = chosen
+        here = on_one_scene(table, only, family)
+        return Judgement(here.mean, _estimate(here, metric, table[only].size >= FEWEST_SEEDS), None, pairs, unpaired)
+    here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
+    return Judgement(here.mean, _estimate(here, metric), _estimate(elsewhere, metric), pairs, unpaired)
+
+
+def _estimate(result: PairedDifference, metric: str, settled: bool = True) -> Estimate:
+    """No verdict unless `settled`."""
+    about = METRICS[metric]
+    return Estimate(
         result.interval,
         result.simultaneous,
-        detectable(result, of_interest),
-        # a difference of survivors says nothing of those that did not survive
-        "inconclusive" if aside else said,
-        int(sum(np.isfinite(values).sum() for values in there.values())),
-        aside,
+        result.family,
+        verdict(result, about.smallest_of_interest, about.higher_is_better) if settled else "inconclusive",
+        detectable(result, about.smallest_of_interest),
+        result.effect,
     )
 
 
 def _comparison(
     table: dict[str, np.ndarray], scene: str, method: str, against: str, metric: str, budget: Budget
 ) -> Comparison:
-    family = family_of(metric, scene, len(table))
-    one = judged(table if scene == "all" else {scene: table[scene]}, metric, family)
+    one = judged(table, metric, family_of(metric, scene, len(table)), scene)
     return Comparison(
         scene=scene,
         method=method,
@@ -146,13 +179,15 @@ def _comparison(
         metric=metric,
         budget=budget,
         difference=one.difference,
-        interval=one.interval,
-        verdict=one.verdict,
-        smallest_detectable=one.smallest_detectable,
+        interval=one.chosen.interval,
+        verdict=one.chosen.verdict,
+        smallest_detectable=one.chosen.smallest_detectable,
         pairs=one.pairs,
-        left_aside=one.left_aside,
-        simultaneous=one.simultaneous,
-        family=family,
+        unpaired=one.unpaired,
+        simultaneous=one.chosen.simultaneous,
+        family=family_of(metric, scene, len(table)),
+        on_these_scenes=one.on_these_scenes,
+        scenes_like_these=one.scenes_like_these,
     )
 
 
@@ -160,7 +195,7 @@ def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
 ) -> tuple[float | None, float | None]:
     """A metric of two cells: at the steps that both have done, or at the training time that the quicker one took."""
-    if first is None or second is None or first.status != "done" or second.status != "done":
+    if first is None or second is None or not (judgeable(first) and judgeable(second)):
         return None, None
     if budget == "steps" and first.steps == second.steps:
         return first.scores.get(name), second.scores.get(name)

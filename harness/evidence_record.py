@@ -11,6 +11,7 @@ from typing import Any, Literal
 from harness.chart_record import Series, Table, with_gaps
 from harness.json_record import DamagedRecord, load_record, write_record
 from harness.record_types import sound
+from harness.records import Estimate, estimate_of, with_pairs
 
 EVIDENCE_SCHEMA = 1
 EVIDENCE_FILE = "evidence.json"
@@ -61,9 +62,12 @@ class Effect:
     verdict: Verdict
     smallest_detectable: float | None
     pairs: int
-    left_aside: int
-    """Pairs without a score, because a cell diverged or failed: they keep a verdict from being made."""
+    unpaired: int
+    """Pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
     note: str = ""
+    on_these_scenes: Estimate | None = None
+    """With error from seeds alone. What stands beside the difference itself is of scenes like these where several were
+    tried."""
 
 
 @dataclass(frozen=True)
@@ -144,15 +148,12 @@ def _study(row: dict[str, Any]) -> StudyRecord:
             **row,
             "info": StudyInfo(**row["info"]),
             "checks": [Check(**one) for one in row["checks"]],
-            "effects": [Effect(**{**one, **_pairs(one)}) for one in row["effects"]],
+            "effects": [_effect(one) for one in row["effects"]],
             "series": [Series(**one) for one in row["series"]],
             "tables": [Table(**one) for one in row["tables"]],
         }
     )
 
 
-def _pairs(effect: dict[str, Any]) -> dict[str, tuple[float, float] | None]:
-    return {
-        name: None if effect[name] is None else (effect[name][0], effect[name][1])
-        for name in ("interval", "simultaneous")
-    }
+def _effect(row: dict[str, Any]) -> Effect:
+    return Effect(**{**with_pairs(row), "on_these_scenes": estimate_of(row["on_these_scenes"])})

@@ -1,13 +1,17 @@
 """Paired differences, their intervals and their verdicts: pure functions on arrays.
 
-The units are scenes and seeds, never pixels or views. Over several scenes the standard error is that of a crossed
-bootstrap (Owen 2007, The pigeonhole bootstrap): scenes and seeds are drawn with replacement independently of each
-other, and every drawn pair counts. Its interval is Student's, with the scenes as units (fewer where seeds matter): the
-percentiles of a few hundred distinct means do not reach the levels that many comparisons at once ask for.
+Seeds are nested in scenes: every scene and seed is a draw of its own. Two questions can be asked of such a table, and
+their intervals are not the same:
+
+    on these scenes     how large is the mean difference on the scenes that were tried? Error comes from seeds alone.
+    scenes like these   how large is it on scenes of this kind? Each scene's mean is one value, and Student's t is
+                        exact for normal ones, however much seeds differ.
+
+Never are pixels or views the units.
 """
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -15,11 +19,12 @@ from scipy.optimize import brentq
 from scipy.special import gammainc
 from scipy.stats import t as student
 
+from harness.moderation import error_of_mean, moderated
+
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 CONFIDENCE = 0.95
 POWER = 0.80
-RESAMPLES = 4000
 
 NORMAL = np.linspace(-8.0, 8.0, 801)
 WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
@@ -45,6 +50,9 @@ class PairedDifference:
     freedom: float | None = None
     """Degrees of freedom of `error`."""
     family: int = 1
+    effect: float | None = None
+    """Standardised: the mean in standard deviations of one of the differences that `error` was made from, of pairs
+    within a scene or of scenes. None where they do not differ."""
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
@@ -55,88 +63,81 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
     values = np.asarray(differences, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
         raise ValueError(f"differences must be finite and not empty, got {values}")
-    error = float(values.std(ddof=1)) / values.size**0.5 if values.size > 1 else None
-    return _difference(float(values.mean()), error, int(values.size), family)
+    if values.size == 1:
+        return PairedDifference(float(values[0]), None, None, 1)
+    spread = float(values.std(ddof=1))
+    return _difference(float(values.mean()), spread / values.size**0.5, values.size - 1.0, values.size, family, spread)
 
 
-def over_scenes(differences: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
+def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
     """Scene → differences [seeds], NaN where a seed has none: the mean over scenes of the means over seeds.
 
-    Scenes are the units, as a claim is about scenes not seen yet. With a single scene its seeds are.
+    The scenes are those that are asked about, so that the error comes from seeds alone. Scenes may differ in their
+    spread. A scene with one difference borrows the pooled variance of the others; one without any is no part of the
+    mean. Raises `ValueError` where there is no difference at all.
     """
-    if len(differences) == 1:
-        only = next(iter(differences.values()))
-        return paired_difference(only[np.isfinite(only)], family)
-    table = np.array(list(differences.values()), dtype=np.float64)
-    mean = float(np.nanmean(table, axis=1).mean())
-    error, freedom = crossed(table)
-    return _difference(mean, error, len(table), family, freedom)
+    means, variances, counts = _by_scene(table)
+    freedom, share = counts - 1.0, 1.0 / counts
+    known = freedom > 0
+    mean, scenes = float(means.mean()), len(means)
+    if not known.any():
+        return PairedDifference(mean, None, None, scenes, family=family)
+    pooled = float(variances[known] @ freedom[known] / freedom.sum())
+    weights = share[known] + share[~known].sum() * freedom[known] / freedom.sum()
+    error, of_error = error_of_mean(variances[known], freedom[known], weights / scenes**2)
+    return _difference(mean, float(error), float(of_error), scenes, family, pooled**0.5)
 
 
-def crossed_error(table: np.ndarray) -> float:
-    """Standard error of the mean of `table` [scenes, seeds] by crossed bootstrap; see `crossed`."""
-    return crossed(table)[0]
+def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> PairedDifference:
+    """One scene of `table`, its variance moderated by those of the others (`harness.moderation`).
 
-
-def crossed(table: np.ndarray) -> tuple[float, float]:
-    """Standard error of the mean of `table` [scenes, seeds] by crossed bootstrap, and its degrees of freedom.
-
-    A little too large on purpose: what differs in one cell alone counts up to three times. Its three parts, of scenes
-    drawn alone, of seeds drawn alone, and the rest, are each corrected for how few were drawn from; the degrees of
-    freedom are Satterthwaite's, and no more than the scenes have: where what differs from seed to seed in all scenes
-    alike outweighs the rest, many scenes do not make up for few seeds. Raises `ValueError` with fewer than two scenes
-    or for a scene without any difference.
+    Raises `ValueError` where it has no difference.
     """
-    scenes, seeds = table.shape
-    there = np.isfinite(table)
-    if scenes < 2 or not there.any(axis=1).all():
-        raise ValueError(f"a crossed bootstrap needs two scenes or more, each with a difference; got {table}")
-    rows, columns = _counts(scenes, seeds)
-    values, weights = np.where(there, table, 0.0), there.astype(np.float64)
-    by_scene = _variance(rows, np.ones_like(columns), values, weights) * scenes / (scenes - 1)
-    by_seed = _variance(np.ones_like(rows), columns, values, weights)
-    rest = _variance(rows, columns, values, weights) * scenes / (scenes - 1) - by_scene
-    rest = max(rest - by_seed * scenes / (scenes - 1), 0.0)
-    if seeds == 1:
-        return by_scene**0.5, scenes - 1.0
-    by_seed *= seeds / (seeds - 1)
-    total = by_scene + by_seed + rest
-    if total == 0:
-        return 0.0, scenes - 1.0
-    spread = by_scene**2 / (scenes - 1) + by_seed**2 / (seeds - 1) + rest**2 / ((scenes - 1) * (seeds - 1))
-    return total**0.5, min(total**2 / spread, scenes - 1.0)
+    if not np.isfinite(table[scene]).any():
+        raise ValueError(f"{scene} has no difference")
+    chosen = {name: values for name, values in table.items() if name == scene or np.isfinite(values).sum() > 1}
+    means, variances, counts = _by_scene(chosen)
+    place = list(chosen).index(scene)
+    found, freedom = (float(one[place]) for one in moderated(variances, counts - 1.0))
+    mean, count = float(means[place]), int(counts[place])
+    if freedom == 0:
+        return PairedDifference(mean, None, None, count, family=family)
+    return _difference(mean, (found / count) ** 0.5, freedom, count, family, found**0.5)
 
 
-def _variance(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, weights: np.ndarray) -> float:
-    """Of the means of resampled tables; one that drew nothing that is there is left out."""
-    sums = np.einsum("bj,bj->b", rows @ values, columns)
-    if weights.all():
-        return float(sums.var()) / weights.size**2
-    counts = np.einsum("bj,bj->b", rows @ weights, columns)
-    return float((sums[counts > 0] / counts[counts > 0]).var())
+def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
+    """As `on_these_scenes`, of scenes that were not tried: Student's t over the means of the scenes.
+
+    Without an interval where there is a single scene.
+    """
+    return paired_difference(_by_scene(table)[0], family)
 
 
-@cache
-def _counts(scenes: int, seeds: int) -> tuple[np.ndarray, np.ndarray]:
-    """How often each scene [resamples, scenes] and each seed [resamples, seeds] is drawn."""
-    generator = np.random.default_rng(20260107)
+def _by_scene(table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means, variances (0 of a single difference) and counts of the scenes that have a difference."""
+    there = [found for values in table.values() if len(found := values[np.isfinite(values)])]
+    if not there:
+        raise ValueError("no scene has a difference")
     return (
-        generator.multinomial(scenes, np.full(scenes, 1.0 / scenes), RESAMPLES).astype(np.float64),
-        generator.multinomial(seeds, np.full(seeds, 1.0 / seeds), RESAMPLES).astype(np.float64),
+        np.array([values.mean() for values in there]),
+        np.array([values.var(ddof=1) if len(values) > 1 else 0.0 for values in there]),
+        np.array([len(values) for values in there], dtype=np.float64),
     )
 
 
-def _difference(
-    mean: float, error: float | None, units: int, family: int, freedom: float | None = None
-) -> PairedDifference:
-    """`freedom` is one less than `units` where it is not given."""
-    if error is None:
-        return PairedDifference(mean, None, None, units, None)
-    freedom = units - 1.0 if freedom is None else freedom
+def _difference(mean: float, error: float, freedom: float, units: int, family: int, spread: float) -> PairedDifference:
+    """`spread` is the standard deviation that the mean is told in as an effect."""
+    freedom = _rounded_down(freedom)
     alone, together = (critical(freedom, many) * error for many in (1, family))
     found = shift_found(critical(freedom, family), freedom) * error
     interval, simultaneous = ((mean - half, mean + half) for half in (alone, together))
-    return PairedDifference(mean, interval, found, units, simultaneous, error, freedom, family)
+    effect = mean / spread if spread > 0 else None
+    return PairedDifference(mean, interval, found, units, simultaneous, error, freedom, family, effect)
+
+
+def _rounded_down(freedom: float) -> float:
+    """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike."""
+    return max(float(np.floor(10 * freedom + 1e-6)) / 10, min(freedom, 1.0))
 
 
 def critical(freedom: float, family: int = 1) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.comparisons import duels, family_of
 from harness.records import CellRecord, Checkpoint
-from harness.statistics import detectable, over_scenes, verdict
+from harness.statistics import PairedDifference, detectable, on_one_scene, scenes_like_these, verdict
 from harness.targets_record import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 
 PRINTED_TARGET = 30.0
@@ -182,11 +182,11 @@ def compared(
         pairs=len(found.pairs),
         never=found.count("never"),
         earlier=found.count("earlier"),
-        left_aside=found.aside,
+        unpaired=found.aside,
     )
     if found.silent == len(found.pairs):
         return row
-    result, apart = over_scenes(found.ratios, family), over_scenes(found.apart)
+    result, apart = _estimated(found.ratios, family), _estimated(found.apart)
     of_interest = -math.log1p(-SMALLEST_SAVING / 100)
     said = verdict(result, of_interest, higher_is_better=False)
     least = detectable(result, of_interest)
@@ -200,6 +200,11 @@ def compared(
         difference=apart.mean,
         difference_interval=apart.interval,
     )
+
+
+def _estimated(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
+    """On scenes like these where there are several."""
+    return scenes_like_these(table, family) if len(table) > 1 else on_one_scene(table, next(iter(table)), family)
 
 
 def _paired(

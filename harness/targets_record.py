@@ -88,7 +88,7 @@ class TargetComparison:
     """Runs among the pairs that had not reached it by the horizon: of `method`, of `against`."""
     earlier: tuple[int, int]
     """Runs among the pairs that had reached it by their first checkpoint: of `method`, of `against`."""
-    left_aside: int
+    unpaired: int
     """Pairs of which a run does not exist, or failed for reasons that are not its method's: no verdict without them."""
 
 

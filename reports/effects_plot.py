@@ -197,7 +197,7 @@ def metric_of(name: str) -> Metric:
 
 
 def row_of(one: Effect, metric: Metric, axis: Axis) -> Row:
-    aside = f"{counted(one.left_aside, 'pair')} left aside" if one.left_aside else ""
+    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
     note = "; ".join(filter(None, (one.note, aside)))
     inside = one.difference is not None and axis.low <= one.difference <= axis.high
     return Row(

@@ -157,7 +157,7 @@ def plain(value: float) -> str:
 def effects_grid(effects: list[Effect]) -> Grid:
     """Every effect with everything that is known of it."""
     labels = ("effect", "against", "scene", "metric", "budget")
-    figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "left aside")
+    figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "unpaired")
     columns = [*(Column(one, numeric=False) for one in labels), *map(Column, figures), Column("verdict", numeric=False)]
     rows = []
     for one in effects:
@@ -179,7 +179,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 Entry(str(one.family), tone="muted"),
                 Entry(number(one.smallest_detectable, metric.digits)),
                 Entry(str(one.pairs), tone="muted"),
-                Entry(str(one.left_aside), tone="fails" if one.left_aside else "muted"),
+                Entry(str(one.unpaired), tone="fails" if one.unpaired else "muted"),
                 Entry(one.verdict, tone=one.verdict),
             ]
         )

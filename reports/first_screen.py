@@ -104,7 +104,7 @@ def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
     said = []
     cast = roles(records)
     one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    aside = f"; {one.left_aside} of {one.pairs + one.left_aside} pairs left aside" if one and one.left_aside else ""
+    aside = f"; {one.unpaired} of {one.pairs + one.unpaired} pairs not judged" if one and one.unpaired else ""
     pair = one.simultaneous or one.interval if one else None
     if one is not None and one.difference is not None and pair is not None:
         units = "scenes and seeds" if len(records.scenes) > 1 else f"seeds on {records.scenes[0]} alone"

@@ -144,11 +144,13 @@ def _rows(ours: list[CellRecord], theirs: list[CellRecord], unlike: set[str], sa
             budgets: tuple[Budget, ...] = ("steps", "seconds") if about.along_training and same_clock else ("steps",)
             for budget in budgets:
                 table = differences(keyed, like, seeds, OTHER, FIRST, metric, budget)
-                for scene, values in table.items():
-                    # a seed that a scene has in neither run is not a pair that was lost
-                    own = np.array([(scene, FIRST, seed) in keyed for seed in seeds])
+                # a seed that a scene has in neither run is not a pair that was lost
+                own = {
+                    scene: values[[(scene, FIRST, seed) in keyed for seed in seeds]] for scene, values in table.items()
+                }
+                for scene in own:
                     family = family_of(metric, scene, len(like))
-                    rows.append(Row(scene, method, metric, budget, judged({scene: values[own]}, metric, family)))
+                    rows.append(Row(scene, method, metric, budget, judged(own, metric, family, scene)))
                 if len(like) > 1 and common.any():
                     family = family_of(metric, EVERYWHERE, len(like))
                     shared = {scene: values[common] for scene, values in table.items()}

@@ -128,13 +128,14 @@ def _differences(shown: list[tuple[Against, Budget, str]], scene: str, method: s
 
 def difference_entry(found: Judgement, digits: int) -> Entry:
     """The difference, its interval, the one that the verdict is taken from where it is wider, and the verdict."""
-    aside = f"{counted(found.left_aside, 'pair')} left aside" if found.left_aside else ""
+    aside = f"{counted(found.unpaired, 'pair')} not judged" if found.unpaired else ""
+    one = found.chosen
     if found.difference is None:
-        return Entry("–", lines(found.verdict, aside), found.verdict)
-    wide = found.simultaneous if found.simultaneous != found.interval else None
+        return Entry("–", lines(one.verdict, aside), one.verdict)
+    wide = one.simultaneous if one.simultaneous != one.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
-    words = lines(" ".join(filter(None, [interval(found.interval, digits), found.verdict])), together, aside)
-    return Entry(signed(found.difference, digits), words, found.verdict)
+    words = lines(" ".join(filter(None, [interval(one.interval, digits), one.verdict])), together, aside)
+    return Entry(signed(found.difference, digits), words, one.verdict)
 
 
 def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:

@@ -149,7 +149,7 @@ def difference_entry(one: Comparison | None) -> Entry:
     """`+0.82`, below it interval and verdict, and how many cells could not be paired."""
     if one is None:
         return EMPTY
-    aside = f"{counted(one.left_aside, 'cell')} left aside" if one.left_aside else ""
+    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
     behind = behind_difference(one)
     if one.difference is None:
         return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)

@@ -175,7 +175,7 @@ def saving_entry(one: TargetComparison | None) -> Entry:
         if many
     ]
     censored += [bound(one)] if one.saving is not None and censored else []
-    aside = f"{counted(one.left_aside, 'pair')} left aside" if one.left_aside else ""
+    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
     behind = behind_saving(one)
     if one.saving is None:
         return Entry("–", lines(one.verdict, *censored, aside), one.verdict, runs=behind)

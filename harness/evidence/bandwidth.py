@@ -60,7 +60,7 @@ def bandwidth(situation: Situation) -> Iterator[Finding]:
         yield from _at(px, parts[px], duels[px])
     yield from _changes(moved, ripened)
     yield _seen(trained)
-    yield from _left_aside(trained)
+    yield from _without_a_score(trained)
     for px in trained:
         yield from parts[px]
         yield from duels[px]
@@ -205,12 +205,12 @@ def _seen(trained: dict[int, Trained]) -> str:
     return f"Rays of training for each pixel of the training views: {listed(shares)}."
 
 
-def _left_aside(trained: dict[int, Trained]) -> Iterator[str]:
+def _without_a_score(trained: dict[int, Trained]) -> Iterator[str]:
     for px, one in trained.items():
         lost = [cell for cell in one.cells if cell.status != "done"]
         if lost:
             names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)
-            yield f"At {px} px these have no score, and no verdict is taken where they belong: {names}."
+            yield f"At {px} px these have no score, and their pairs are not judged: {names}."
 
 
 def _table(trained: Trained, px: int) -> Table:

@@ -162,7 +162,7 @@ def _checks(found: _Measured) -> Iterator[Check]:
             low=_with_chance(LEAST_FOUND, rates.count, -1),
             why=f"80 % {by_construction}; {rates.count} simulated, one size for all that are drawn alike",
         )
-    lost = sum(one.left_aside for one in overall(real))
+    lost = sum(one.unpaired for one in overall(real))
     yield Check(
         "pairs of real runs without a score", float(lost), high=0.0, why="one alone keeps a verdict from being made"
     )

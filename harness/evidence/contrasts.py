@@ -18,6 +18,7 @@ from harness.chart_record import Series
 from harness.comparisons import Budget, Key, family_of, keyed, score_on_curve
 from harness.evidence.effects import effect_of
 from harness.evidence_record import Effect
+from harness.failures import judgeable
 from harness.records import CellRecord
 
 Corner = tuple[bool, ...]
@@ -85,13 +86,13 @@ def scores_together(
 
     NaN for a cell that is missing, diverged or failed, and for one that was not scored by then.
     """
-    done = [cell for cell in cells if cell is not None and cell.status == "done"]
+    done = [cell for cell in cells if cell is not None and judgeable(cell)]
     if not done:
         return np.full(len(cells), math.nan)
     at = float(step or min(cell.steps if budget == "steps" else cell.train_seconds for cell in done))
 
     def score(cell: CellRecord | None) -> float:
-        if cell is None or cell.status != "done":
+        if cell is None or not judgeable(cell):
             return math.nan
         if budget == "seconds" and step is None:
             found = score_on_curve(cell, metric, "seconds", at)
@@ -154,7 +155,7 @@ def effects_of_table(
     """One contrast: over all scenes of `table`, then scene by scene. `together` as many contrasts are one question."""
     return [
         effect_of(
-            table if scene == "all" else {scene: table[scene]},
+            table,
             name=name,
             against="",
             scene=scene,
@@ -178,7 +179,7 @@ def line(
 ) -> Series:
     """Place on the axis → a contrast there: its mean and the 95 % interval of that place alone."""
     judged = [
-        effect_of(table, name=name, against="", scene="", metric=metric, budget="steps") for table in tables.values()
+        effect_of(table, name=name, against="", scene="all", metric=metric, budget="steps") for table in tables.values()
     ]
     return Series(
         panel=panel,

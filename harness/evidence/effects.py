@@ -28,7 +28,7 @@ def effects(
             for scene in ["all", *scenes]:
                 found.append(
                     effect_of(
-                        table if scene == "all" else {scene: table[scene]},
+                        table,
                         name=name or method,
                         against=against,
                         scene=scene,
@@ -49,29 +49,28 @@ def effect_of(
     metric: str,
     budget: Budget,
     family: int = 1,
-    left_aside: int | None = None,
     note: str = "",
 ) -> Effect:
     """Any contrast: scene → differences [seeds], NaN where a seed has none, and the same seeds in the same order.
 
-    With several scenes in `table` they are the units, with one its seeds. `left_aside` counts what is missing; None
-    counts the NaN. Whatever is missing keeps a verdict from being made.
+    `scene` is one of `table`, whose other scenes then tell how much seeds differ, or `all`.
     """
-    one = judged(table, metric, family)
-    aside = one.left_aside if left_aside is None else left_aside
+    found = judged(table, metric, family, scene)
+    one = found.chosen
     return Effect(
         name=name,
         against=against,
         scene=scene,
         metric=metric,
         budget=budget,
-        difference=one.difference,
+        difference=found.difference,
         interval=one.interval,
         simultaneous=one.simultaneous,
         family=family,
-        verdict="inconclusive" if aside else one.verdict,
+        verdict=one.verdict,
         smallest_detectable=one.smallest_detectable,
-        pairs=one.pairs,
-        left_aside=aside,
+        pairs=found.pairs,
+        unpaired=found.unpaired,
         note=note,
+        on_these_scenes=found.on_these_scenes,
     )

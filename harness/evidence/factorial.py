@@ -154,7 +154,7 @@ def _limits(cells: list[CellRecord]) -> Iterator[str]:
     lost = [cell for cell in cells if cell.status != "done"]
     if lost:
         names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)
-        yield f"{len(lost)} of {len(cells)} cells have no score, and no verdict is taken where they belong: {names}."
+        yield f"{len(lost)} of {len(cells)} cells have no score, and their pairs are not judged: {names}."
 
 
 def _convention() -> str:

@@ -42,7 +42,7 @@ def repaired(situation: Situation) -> Iterator[Finding]:
     yield _others(compared)
     yield _of_the_search(found)
     yield from found.history
-    yield from _left_aside(cells)
+    yield from _without_a_score(cells)
     yield from checks(cells, found)
     yield from compared
     yield _scores(cells)
@@ -70,7 +70,7 @@ def answers(compared: list[Effect]) -> Iterator[str]:
 def reached(one: Effect) -> str:
     """Where the interval lies beside the paper's margin."""
     margin = f"the paper's margin of {amount(MARGIN, 'psnr')}"
-    if one.simultaneous is None or one.left_aside:
+    if one.simultaneous is None:
         return f"whether {margin} is reached is not settled"
     low, high = one.simultaneous
     if low >= MARGIN:
@@ -123,11 +123,11 @@ def _of_the_search(found: Search) -> str:
     )
 
 
-def _left_aside(cells: list[CellRecord]) -> Iterator[str]:
+def _without_a_score(cells: list[CellRecord]) -> Iterator[str]:
     lost = [cell for cell in cells if cell.status != "done"]
     if lost:
         names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)
-        yield f"{len(lost)} cells have no score, and no verdict is taken where they belong: {names}."
+        yield f"{len(lost)} cells have no score, and their pairs are not judged: {names}."
 
 
 def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:

@@ -57,9 +57,9 @@ TRAININGS: dict[str, Training] = {
     "half_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 2),
     "quarter_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 4),
     "factorial": Training(_factorial(), FACTORIAL_SCENES, 400),
-    "bandwidth_100": Training(LADDERS, TEXTURED, 400, seeds=(0, 1), train_views=60, test_views=3),
-    "bandwidth_200": Training(LADDERS, TEXTURED, 400, seeds=(0, 1), resolution=200, train_views=60, test_views=3),
-    "bandwidth_300": Training(LADDERS, TEXTURED, 400, seeds=(0, 1), resolution=300, train_views=60, test_views=3),
+    "bandwidth_100": Training(LADDERS, TEXTURED, 400, train_views=60, test_views=3),
+    "bandwidth_200": Training(LADDERS, TEXTURED, 400, resolution=200, train_views=60, test_views=3),
+    "bandwidth_300": Training(LADDERS, TEXTURED, 400, resolution=300, train_views=60, test_views=3),
     "repaired": Training(
         ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip"),
         HELD_OUT,

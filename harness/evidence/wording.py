@@ -23,7 +23,7 @@ def told(one: Effect, gain: bool = True) -> str:
 
     Without `gain`, as for an interaction, more is not better but above 0.
     """
-    aside = f", {one.left_aside} of {one.left_aside + one.pairs} pairs without a score" if one.left_aside else ""
+    aside = f", {one.unpaired} of {one.unpaired + one.pairs} pairs without a score" if one.unpaired else ""
     if one.difference is None or one.simultaneous is None:
         return f"{amount(one.difference, one.metric)} (no interval{aside})"
     digits = DIGITS.get(one.metric, 3)

@@ -191,7 +191,7 @@ def seen_differences(cells: list[CellRecord], first: str, second: str) -> int | 
     rows = [row for row in compare(cells, [first, second]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None
-    return sum(row.difference != 0 or row.left_aside > 0 or row.verdict in ("better", "worse") for row in rows)
+    return sum(row.difference != 0 or row.unpaired > 0 or row.verdict in ("better", "worse") for row in rows)
 
 
 def simulated(situation: Situation, planted: bool) -> Sample:

@@ -144,5 +144,5 @@ def a_a(situation: Situation, scores: Iterable[str]) -> dict[str, float | None]:
     ]
     rows = compare(arms, ["nerf", AGAIN])
     found = {row.metric: row for row in rows if row.scene == "all" and row.budget == "steps"}
-    # a cell that was left aside is no comparison of all
-    return {name: None if found[name].left_aside else found[name].difference for name in scores}
+    # where a cell has no score it is no comparison of all
+    return {name: None if found[name].unpaired else found[name].difference for name in scores}

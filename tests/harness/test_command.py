@@ -185,4 +185,4 @@ def test_a_diverged_cell_is_exit_code_3_and_stays_visible(ball_folder: Path, tmp
     for cell in diverged:
         assert (cell.reason or "").startswith(f"not finite at step {cell.steps}: ")
     assert {row.verdict for row in read_comparisons(tmp_path / "run")} == {"inconclusive"}
-    assert sum(row.left_aside for row in read_comparisons(tmp_path / "run") if row.metric == "psnr") > 0
+    assert sum(row.unpaired for row in read_comparisons(tmp_path / "run") if row.metric == "psnr") > 0

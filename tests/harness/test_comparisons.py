@@ -31,7 +31,7 @@ def quick(method: str, seed: int, last: float, scene: str = "lego") -> CellRecor
 def test_equal_steps_compares_the_final_scores_pair_by_pair() -> None:
     cells = [quick("nerf", 0, 24.0), quick("nerf", 1, 25.0), slow("qnerf", 0, 27.0), slow("qnerf", 1, 26.0)]
     row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
-    assert (row.method, row.against, row.pairs, row.left_aside) == ("qnerf", "nerf", 2, 0)
+    assert (row.method, row.against, row.pairs, row.unpaired) == ("qnerf", "nerf", 2, 0)
     assert row.difference == 2.0
     # differences 3 and 1: mean 2, standard error 1, t of one degree of freedom 12.7062
     assert row.interval == pytest.approx((2 - 12.7062, 2 + 12.7062), abs=1e-4)
@@ -84,17 +84,27 @@ def test_families_are_the_declared_ones() -> None:
     assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
 
 
+def planted(gains: dict[str, list[float]]) -> list[CellRecord]:
+    """nerf at 20 dB, and qnerf above it: scene → gain by seed."""
+    cells = [quick("nerf", seed, 20.0, scene) for scene, row in gains.items() for seed in range(len(row))]
+    return cells + [
+        quick("qnerf", seed, 20.0 + gain, scene) for scene, row in gains.items() for seed, gain in enumerate(row)
+    ]
+
+
+def psnr_row(cells: list[CellRecord], scene: str) -> Comparison:
+    return of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
+
+
 def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
-    """2 ± 1 dB of one scene: better by itself, not settled among eight."""
-    gains = np.array([1.0, 2.0, 3.0]) * 0.5 + 1.0
-    for scenes, said in ((("a",), "better"), (tuple("abcdefgh"), "inconclusive")):
-        cells = [quick("nerf", seed, 20.0, scene) for scene in scenes for seed in range(3)]
-        cells += [quick("qnerf", seed, 20.0 + gains[seed], scene) for scene in scenes for seed in range(3)]
-        row = of(compare(cells, ["nerf", "qnerf"]), scene="a", metric="psnr", budget="steps")
-        assert row.interval is not None
-        assert row.simultaneous is not None
-        assert (row.interval[0] > 0, row.family, row.verdict) == (True, len(scenes), said)
-        assert (row.simultaneous[0] > 0) == (said == "better")
+    """0.75 dB is 2.6 standard errors of 16 degrees of freedom: 2.1 for one scene, 3.2 for one of eight."""
+    row = psnr_row(planted({scene: [0.25, 0.75, 1.25] for scene in "abcdefgh"}), "a")
+    assert row.interval is not None
+    assert row.simultaneous is not None
+    assert (row.interval[0] > 0 > row.simultaneous[0], row.family, row.verdict) == (True, 8, "inconclusive")
+    # 4.3 standard errors of 2 degrees of freedom
+    assert psnr_row(planted({"a": [0.25, 0.75, 1.25]}), "a").verdict == "inconclusive"
+    assert psnr_row(planted({"a": [1.0, 1.5, 2.0]}), "a").verdict == "better"
 
 
 def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
@@ -105,7 +115,7 @@ def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
     np.testing.assert_array_equal(table["a"], [1.0, math.nan, 3.0])
     np.testing.assert_array_equal(table["b"], [math.nan, math.nan, 5.0])
     one = judged(table, "psnr", 1)
-    assert (one.difference, one.pairs, one.left_aside, one.verdict) == (3.5, 3, 3, "inconclusive")
+    assert (one.difference, one.pairs, one.unpaired) == (3.5, 3, 3)
 
 
 def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_control() -> None:
@@ -139,37 +149,76 @@ def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal
     assert {row.scene for row in rows} == {"lego", "all"}
 
 
-def test_all_takes_each_scene_as_one_unit() -> None:
-    cells = [quick("nerf", seed, 20.0, scene) for scene in ("a", "b") for seed in range(3)]
-    cells += [quick("qnerf", seed, 21.0 + seed, "a") for seed in range(3)]
-    cells += [quick("qnerf", seed, 24.0, "b") for seed in range(3)]
-    row = of(compare(cells, ["nerf", "qnerf"]), scene="all", metric="psnr", budget="steps")
-    assert row.difference == 3.0  # of 2 and 4
-    # scenes 2 and 4: their mean square over 2, that of the seeds' means over 3, and of the rest over 6; times 2 / 1
-    error = math.sqrt(2 * (1 / 2 + (1 / 6) / 3 + (1 / 6) / 6))
-    assert row.interval == pytest.approx((3 - 12.7062 * error, 3 + 12.7062 * error), rel=0.05)  # 4000 resamples
-    assert row.pairs == 6
+def test_over_all_scenes_both_senses_stand_side_by_side() -> None:
+    row = psnr_row(planted({"a": [1.0, 2.0, 3.0], "b": [4.0, 4.0, 4.0]}), "all")
+    assert (row.difference, row.pairs) == (3.0, 6)
+    here, elsewhere = row.on_these_scenes, row.scenes_like_these
+    assert here is not None
+    assert elsewhere is not None
+    # scenes 2 and 4: standard error 1 with one degree of freedom
+    assert elsewhere.interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-4)
+    # seeds: (1 / 3 + 0 / 3) / 4, and of two variances one says nothing
+    assert here.interval == pytest.approx((3 - 2.7764 / 12**0.5, 3 + 2.7764 / 12**0.5), abs=1e-3)
+    assert (here.verdict, elsewhere.verdict) == ("better", "inconclusive")
+    assert (row.interval, row.verdict, row.family) == (elsewhere.interval, "inconclusive", 1)
+    assert here.effect == pytest.approx(3 / 0.5**0.5)
+    assert elsewhere.effect == pytest.approx(3 / 2**0.5)
 
 
-@pytest.mark.parametrize("broken", ["diverged", "missing", "error"])
+def test_a_single_scene_says_nothing_of_others() -> None:
+    cells = planted({"a": [1.0, 1.1, 1.2]})
+    row = psnr_row(cells, "all")
+    assert row.scenes_like_these is None
+    assert replace(row, scene="a") == psnr_row(cells, "a")
+    assert (row.verdict, row.on_these_scenes and row.on_these_scenes.verdict) == ("better", "better")
+
+
+@pytest.mark.parametrize("seeds", [1, 2])
+def test_fewer_than_three_seeds_give_no_verdict_on_a_single_scene(seeds: int) -> None:
+    cells = planted({scene: [5.0, 5.01][:seeds] for scene in "abcd"})
+    assert psnr_row(cells, "a").verdict == "inconclusive"
+    assert psnr_row(cells, "all").verdict == "better"
+
+
+@pytest.mark.parametrize("broken", ["diverged", "collapsed", "missing", "error"])
 @pytest.mark.parametrize("budget", ["steps", "seconds"])
-def test_a_cell_without_a_score_is_left_aside_and_counted(broken: str, budget: str) -> None:
-    cells = [quick("nerf", seed, 20.0 + 0.01 * seed) for seed in range(4)]
-    cells += [quick("qnerf", seed, 23.0) for seed in range(3)]
-    if broken != "missing":
-        cells.append(replace(diverged("lego", "qnerf", 3), status=broken))  # type: ignore[arg-type]
-    for scene in ("lego", "all"):
+def test_a_run_without_a_score_is_counted_and_the_others_are_judged(broken: str, budget: str) -> None:
+    cells = [quick("nerf", seed, 20.0 + 0.01 * seed, scene) for seed in range(4) for scene in "ab"]
+    cells += [quick("qnerf", seed, 23.0, scene) for seed in range(4) for scene in "ab"]
+    lost = cells.pop()
+    if broken == "collapsed":
+        cells.append(replace(lost, warnings=["empty collapse: mean test opacity 0.001"]))
+    elif broken != "missing":
+        cells.append(replace(diverged("b", "qnerf", 3), status=broken))  # type: ignore[arg-type]
+    for scene, pairs in (("b", 3), ("all", 7)):
         row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget=budget)
-        assert (row.pairs, row.left_aside) == (3, 1)
-        assert row.difference == pytest.approx(2.99)
-        # 3 dB with a spread of 0.01 would be better, had all survived
-        assert row.verdict == "inconclusive"
+        assert (row.pairs, row.unpaired, row.verdict) == (pairs, 1, "better")
+    assert row.difference == pytest.approx((2.985 + 2.99) / 2)
+
+
+def test_one_lost_run_turns_no_verdict_however_bad_the_method_is() -> None:
+    gains = {scene: [-3.0, -3.1, -2.9] for scene in "abcdefgh"}
+    cells = planted(gains)
+    cells[-1] = diverged("h", "qnerf", 2)
+    assert [psnr_row(cells, scene).verdict for scene in ("a", "h", "all")] == ["worse"] * 3
+
+
+def test_a_method_of_one_scene_is_compared_there_and_not_over_all() -> None:
+    cells = planted({"a": [1.0, 1.5, 2.0], "b": [1.0, 1.5, 2.0]})
+    cells += [quick("extra", seed, 22.0, "a") for seed in range(3)]
+    rows = compare(cells, ["nerf", "qnerf", "extra"])
+    assert {row.scene for row in rows if row.method == "extra"} == {"a"}
+    assert {row.scene for row in rows if row.method == "qnerf"} == {"a", "b", "all"}
+    assert of(rows, method="extra", metric="psnr", budget="steps").family == 1
+    # one that failed everywhere on a scene was planned there
+    rows = compare([*cells, *(diverged("b", "extra", seed) for seed in range(3))], ["nerf", "qnerf", "extra"])
+    assert {row.scene for row in rows if row.method == "extra"} == {"a", "b", "all"}
 
 
 def test_a_diverged_reference_counts_as_well() -> None:
     cells = [diverged("lego", "nerf", 0), quick("nerf", 1, 20.0), quick("qnerf", 0, 21.0), quick("qnerf", 1, 21.0)]
     row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
-    assert (row.pairs, row.left_aside, row.difference) == (1, 1, 1.0)
+    assert (row.pairs, row.unpaired, row.difference) == (1, 1, 1.0)
 
 
 def test_nothing_left_to_compare_is_a_row_without_a_number() -> None:
@@ -177,15 +226,7 @@ def test_nothing_left_to_compare_is_a_row_without_a_number() -> None:
     for scene in ("lego", "all"):
         row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
         assert (row.difference, row.interval, row.smallest_detectable) == (None, None, None)
-        assert (row.verdict, row.pairs, row.left_aside) == ("inconclusive", 0, 2)
-
-
-def test_a_scene_whose_cells_all_failed_keeps_the_mean_over_scenes_from_being_a_verdict() -> None:
-    cells = [quick("nerf", seed, 20.0, scene) for scene in "abc" for seed in range(2)]
-    cells += [quick("qnerf", seed, 22.0 + seed * 0.01, scene) for scene in "ab" for seed in range(2)]
-    cells += [diverged("c", "qnerf", seed) for seed in range(2)]
-    row = of(compare(cells, ["nerf", "qnerf"]), scene="all", metric="psnr", budget="steps")
-    assert (row.pairs, row.left_aside, row.verdict) == (4, 2, "inconclusive")
+        assert (row.verdict, row.pairs, row.unpaired) == ("inconclusive", 0, 2)
 
 
 def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
@@ -207,7 +248,7 @@ def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compare
     cells = [cell("a", "nerf", 0, [checkpoint(100, 5.0, 20.0)]), slow("qnerf", 0, 25.0, "a")]
     rows = compare(cells, ["nerf", "qnerf"])
     late = of(rows, scene="a", metric="psnr", budget="seconds")
-    assert (late.difference, late.pairs, late.left_aside) == (None, 0, 1)
+    assert (late.difference, late.pairs, late.unpaired) == (None, 0, 1)
     assert of(rows, scene="a", metric="psnr", budget="steps").difference == 5.0
 
 

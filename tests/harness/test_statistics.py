@@ -1,23 +1,27 @@
 """Intervals, detectable effects and verdicts, held to what they promise by simulation."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.stats import nct
 
+from harness.moderation import moderated
 from harness.statistics import (
     PairedDifference,
     critical,
-    crossed,
-    crossed_error,
     detectable,
-    over_scenes,
+    on_one_scene,
+    on_these_scenes,
     paired_difference,
+    scenes_like_these,
     share_found,
     shift_found,
     verdict,
 )
+
+Table = dict[str, np.ndarray]
 
 REPETITIONS = 4000
 
@@ -171,104 +175,113 @@ def test_without_any_spread_an_effect_of_interest_is_detectable() -> None:
     assert (result.smallest_detectable, detectable(result, 0.2)) == (0.0, 0.2)
 
 
-def closed_form(table: np.ndarray) -> float:
-    """Variance of the pigeonhole bootstrap's mean of a complete table, from its two-way decomposition, corrected."""
-    scenes, seeds = table.shape
-    mean = table.mean()
-    a, b = table.mean(axis=1) - mean, table.mean(axis=0) - mean
-    e = table - mean - a[:, None] - b[None, :]
-    by_scene, by_seed, rest = (a**2).mean() / scenes, (b**2).mean() / seeds, (e**2).mean() / (scenes * seeds)
-    few = scenes / (scenes - 1)
-    return float(by_scene * few + by_seed * (seeds / (seeds - 1) if seeds > 1 else 0.0) + rest * few)
+def drawn(scenes: int, seeds: int, spread_of_scenes: float, spread: float = 1.0, many: int = 1) -> list[Table]:
+    draw = np.random.default_rng(scenes + 100 * seeds).normal
+    values = draw(0, spread_of_scenes, (many, scenes, 1)) + draw(0, spread, (many, scenes, seeds))
+    return [{str(place): row for place, row in enumerate(table)} for table in values]
 
 
-@pytest.mark.parametrize(("scenes", "seeds"), [(2, 2), (8, 3), (3, 6), (20, 10), (8, 1)])
-def test_the_bootstrap_of_a_complete_table_has_its_closed_form(scenes: int, seeds: int) -> None:
-    draw = np.random.default_rng(scenes).normal
-    table = draw(0, 1, (scenes, seeds)) + draw(0, 1, (scenes, 1)) + draw(0, 0.5, (1, seeds))
-    # 4000 resamples know a standard deviation to 1.1 %
-    assert crossed_error(table) == pytest.approx(math.sqrt(closed_form(table)), rel=0.05)
+def test_on_these_scenes_of_equal_variances_is_the_pooled_t_interval() -> None:
+    row = np.array([-1.0, 0.0, 1.0])
+    result = on_these_scenes({"a": 5 + row, "b": 7 + row, "c": 3 + row})
+    half = 2.446912 / 3  # error² = 1 / 9; t of 6 degrees of freedom
+    assert (result.mean, result.freedom, result.units) == (5.0, 6.0, 3)
+    assert result.interval == pytest.approx((5 - half, 5 + half), abs=1e-5)
+    assert result.effect == pytest.approx(5.0)
 
 
-def test_degrees_of_freedom_are_those_of_whatever_varies() -> None:
-    scenes, seeds = np.arange(8.0)[:, None], np.arange(3.0)[None, :]
-    assert crossed(scenes + 0 * seeds)[1] == pytest.approx(7)
-    assert crossed(0 * scenes + seeds)[1] == pytest.approx(2)
-    assert crossed(np.arange(8.0)[:, None])[1] == pytest.approx(7)
-    assert crossed(np.zeros((8, 3))) == (0.0, 7.0)
-    between = crossed(scenes + seeds * math.sqrt(8 * 7 / 12))[1]  # variances of both means about alike
-    assert 2 < between < 7
+def test_scenes_like_these_are_students_t_over_their_means() -> None:
+    table = {"a": np.array([1.0, 3.0]), "b": np.array([4.0, math.nan]), "c": np.array([9.0, 9.0])}
+    assert scenes_like_these(table, 3) == paired_difference(np.array([2.0, 4.0, 9.0]), 3)
+    assert scenes_like_these({"a": np.array([1.0, 2.0])}).interval is None
 
 
-def test_missing_cells_neither_count_nor_poison() -> None:
-    table = np.random.default_rng(6).normal(0, 1, (8, 3)) + np.arange(8.0)[:, None]
-    holes = table.copy()
-    holes[2, 1] = holes[5, 0] = math.nan
-    result = over_scenes({str(place): row for place, row in enumerate(holes)})
-    assert result.mean == pytest.approx(np.mean([row[np.isfinite(row)].mean() for row in holes]))
-    assert crossed_error(holes) == pytest.approx(crossed_error(table), rel=0.15)
-    assert result.units == 8
-
-
-def test_a_table_that_allows_no_bootstrap_is_refused() -> None:
-    for table in (np.ones((1, 3)), np.array([[1.0, 2.0], [math.nan, math.nan]])):
-        with pytest.raises(ValueError, match="two scenes or more"):
-            crossed_error(table)
-
-
-@pytest.mark.parametrize(
-    ("by_scene", "by_seed", "by_cell", "most"),
-    [
-        (0.0, 0.0, 1.0, 0.05),  # A/A: nothing but noise
-        (1.0, 0.0, 0.3, 0.05),
-        (1.0, 0.5, 0.5, 0.05),
-        (0.3, 0.3, 1.0, 0.05),
-        (0.0, 1.0, 0.0, 0.05),  # all scenes alike: three units, whatever the number of scenes
-        (0.0, 1.0, 0.5, 0.09),  # the worst: hardly ever, and a little over
-    ],
-)
-def test_eight_scenes_of_three_seeds_raise_no_more_false_alarms_than_promised(
-    by_scene: float, by_seed: float, by_cell: float, most: float
-) -> None:
-    draw = np.random.default_rng(7).normal
-    alarms = []
-    for _ in range(500):
-        table = draw(0, by_scene, (8, 1)) + draw(0, by_seed, (1, 3)) + draw(0, by_cell, (8, 3))
-        result = over_scenes({str(place): row for place, row in enumerate(table)})
-        alarms.append(verdict(result, 1e-9, True) in ("better", "worse"))
-    assert np.mean(alarms) < most + chance(most, 500)
-
-
-@pytest.mark.parametrize(("by_scene", "by_cell"), [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0)])
-def test_eight_scenes_find_an_effect_of_the_size_that_they_print(by_scene: float, by_cell: float) -> None:
-    """One size for all: the root mean square of what they print, as their errors vary about the true one."""
-    draw = np.random.default_rng(8).normal
-    tables = [draw(0, by_scene, (8, 1)) + draw(0, by_cell, (8, 3)) for _ in range(500)]
-    results = [over_scenes({str(place): row for place, row in enumerate(table)}) for table in tables]
-    planted = float(np.mean([(one.smallest_detectable or 0.0) ** 2 for one in results])) ** 0.5
-    found = [
-        verdict(over_scenes({str(place): row + planted for place, row in enumerate(table)}), 1e-9, True) == "better"
-        for table in tables
-    ]
-    assert np.mean(found) > 0.80 - chance(0.2, 500)
-
-
-def test_scenes_are_the_units_where_there_are_several() -> None:
-    """One seed each: nothing but scenes varies, and their mean is theirs."""
-    result = over_scenes({"a": np.array([2.0]), "b": np.array([4.0]), "c": np.array([9.0])})
-    alone = paired_difference(np.array([2.0, 4.0, 9.0]))
-    assert (result.mean, result.units) == (alone.mean, 3)
-    assert result.interval == pytest.approx(alone.interval, rel=0.1)
-
-
-def test_seeds_are_the_units_of_a_single_scene() -> None:
+def test_one_scene_alone_is_students_t() -> None:
     values = np.array([1.0, 3.0, 2.0])
-    assert over_scenes({"a": values}) == paired_difference(values)
-    assert over_scenes({"a": np.array([1.0, math.nan, 3.0, 2.0])}, 4) == paired_difference(values, 4)
+    expected = paired_difference(values, 4)
+    for result in (on_one_scene({"a": values}, "a", 4), on_these_scenes({"a": np.append(values, math.nan)}, 4)):
+        assert result.interval == pytest.approx(expected.interval)
+        assert result.simultaneous == pytest.approx(expected.simultaneous)
+        assert (result.freedom, result.effect) == (2.0, pytest.approx(2.0))
+
+
+def test_equal_scenes_lend_each_other_all_that_they_know() -> None:
+    (table,) = drawn(8, 3, 2.0)
+    scaled = {scene: values.mean() + (values - values.mean()) / values.std(ddof=1) for scene, values in table.items()}
+    result = on_one_scene(scaled, "3")
+    assert (result.freedom, result.error) == (16.0, pytest.approx(1 / 3**0.5))
+    # critical values of 2.12 and not of 4.30, and where eight are looked at together of 3.17 and not of 12.6
+    assert critical(16.0, 8) / critical(2.0, 8) == pytest.approx(0.25, abs=0.01)
+
+
+def test_scenes_that_differ_keep_their_own_variance() -> None:
+    """Many seeds and spreads of 1 and 100: nothing is borrowed."""
+    draw = np.random.default_rng(3).normal
+    table = {str(place): draw(0, 10.0 ** (2 * (place % 2)), 50) for place in range(8)}
+    for scene, values in table.items():
+        result = on_one_scene(table, scene)
+        assert result.error == pytest.approx(values.std(ddof=1) / 50**0.5, rel=0.05)
+        assert result.freedom == pytest.approx(50.0, abs=2.0)
+
+
+def test_the_moderated_variance_is_that_of_smyth() -> None:
+    """Drawn from the prior, its parameters are found again: 6 degrees of freedom about a variance of 2."""
+    generator = np.random.default_rng(4)
+    true = 6 * 2.0 / generator.chisquare(6, 40_000)
+    variances = true * generator.chisquare(2, 40_000) / 2
+    posterior, freedom = moderated(variances, np.full(40_000, 2.0))
+    assert freedom[0] == pytest.approx(8.0, rel=0.05)
+    np.testing.assert_allclose(posterior, (6 * 2.0 + 2 * variances) / 8, rtol=0.05)
+
+
+def test_a_scene_with_one_difference_borrows_and_one_without_any_is_no_part() -> None:
+    (table,) = drawn(8, 3, 0.0)
+    table["2"][1:] = math.nan
+    lone = on_one_scene(table, "2")
+    assert (lone.units, lone.freedom) == (1, 14.0)
+    assert lone.interval is not None
+    table["5"][:] = math.nan
+    result = on_these_scenes(table)
+    assert result.units == 7
+    assert result.mean == pytest.approx(np.mean([np.nanmean(row) for scene, row in table.items() if scene != "5"]))
+    for wrong in (lambda: on_one_scene(table, "5"), lambda: on_these_scenes({"5": table["5"]})):
+        with pytest.raises(ValueError, match="no.* difference"):
+            wrong()
+
+
+def test_one_seed_each_knows_nothing_of_seeds_and_something_of_scenes() -> None:
+    table = {"a": np.array([2.0]), "b": np.array([4.0]), "c": np.array([9.0])}
+    assert (on_these_scenes(table).interval, on_one_scene(table, "a").interval) == (None, None)
+    assert scenes_like_these(table).interval is not None
+
+
+def held(results: list[PairedDifference], truth: float = 0.0) -> float:
+    return float(np.mean([one.interval is not None and one.interval[0] <= truth <= one.interval[1] for one in results]))
+
+
+@pytest.mark.parametrize("spread_of_scenes", [0.0, 2.0])
+def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
+    tables = drawn(8, 3, spread_of_scenes, many=1000)
+    assert held([scenes_like_these(table) for table in tables]) == pytest.approx(0.95, abs=0.02)
+    # what is true on these scenes is what their infinitely many seeds would say: seeds drawn about 0 alone
+    fixed = drawn(8, 3, 0.0, many=1000)
+    assert held([on_these_scenes(table) for table in fixed]) == pytest.approx(0.95, abs=0.02)
+    if spread_of_scenes:
+        assert held([on_these_scenes(table) for table in tables]) < 0.6
 
 
 def test_more_seeds_of_the_same_scenes_do_not_count_as_more_scenes() -> None:
-    few = over_scenes({"a": np.array([1.0]), "b": np.array([4.0])})
-    many = over_scenes({"a": np.full(50, 1.0), "b": np.full(50, 4.0)})
-    assert many.interval == pytest.approx(few.interval, rel=0.05)
-    assert few.units == many.units == 2
+    few = scenes_like_these({"a": np.array([1.0]), "b": np.array([4.0])})
+    many = scenes_like_these({"a": np.full(50, 1.0), "b": np.full(50, 4.0)})
+    assert many == few
+
+
+@pytest.mark.parametrize("estimate", [on_these_scenes, scenes_like_these])
+def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Callable[[Table], PairedDifference]) -> None:
+    """One size for all: the root mean square of what they print, as their errors vary about the true one."""
+    tables = drawn(8, 3, 0.0, many=500)
+    sizes = [estimate(table).smallest_detectable or 0.0 for table in tables]
+    planted = float(np.sqrt(np.mean(np.square(sizes))))
+    shifted = [{scene: row + planted for scene, row in table.items()} for table in tables]
+    found = [verdict(estimate(table), 1e-9, True) == "better" for table in shifted]
+    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2, 500))

@@ -149,10 +149,10 @@ def test_a_run_that_never_gets_there_counts_as_long_as_it_was_watched() -> None:
         one = of([*cells, lost])
         assert one.difference == pytest.approx((1000 - 100) / 4)
         assert one.saving == pytest.approx(100 * (1 - 10**0.25))
-        assert (one.pairs, one.never, one.left_aside) == (4, (1, 0), 0)
+        assert (one.pairs, one.never, one.unpaired) == (4, (1, 0), 0)
         assert one.verdict == "inconclusive"
     assert of(cells).verdict == "inconclusive"  # the fourth run of qnerf does not exist
-    assert of(cells).left_aside == 1
+    assert of(cells).unpaired == 1
 
 
 def failed(method: str, seed: int) -> CellRecord:
@@ -163,12 +163,12 @@ def test_a_run_that_failed_is_left_aside_and_one_that_diverged_never_gets_there(
     """A full disk refutes nobody: all of qnerf's runs lost to one must not read as if it never got there."""
     base = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
     one = of([*base, *(failed("qnerf", seed) for seed in range(3))])
-    assert (one.pairs, one.never, one.left_aside) == (0, (0, 0), 3)
+    assert (one.pairs, one.never, one.unpaired) == (0, (0, 0), 3)
     assert (one.saving, one.verdict) == (None, "inconclusive")
     other = of([*base, *(diverged("lego", "qnerf", seed) for seed in range(3))])
-    assert (other.pairs, other.never, other.left_aside) == (3, (3, 0), 0)
+    assert (other.pairs, other.never, other.unpaired) == (3, (3, 0), 0)
     some = of([*base, failed("qnerf", 0), *(run("qnerf", seed, [22, 26, 30]) for seed in (1, 2))])
-    assert (some.pairs, some.left_aside, some.verdict) == (2, 1, "inconclusive")
+    assert (some.pairs, some.unpaired, some.verdict) == (2, 1, "inconclusive")
     assert some.saving == pytest.approx(100 * (1 - 10**-0.5))
 
 

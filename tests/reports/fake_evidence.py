@@ -29,7 +29,7 @@ INTEREST = {"psnr": 0.2, "ssim": 0.005}
 
 def effect(
     name: str, against: str, scene: str, difference: float, half: float, budget: Any = "steps", metric: str = "psnr",
-    left_aside: int = 0, family: int = 16, note: str = "",
+    unpaired: int = 0, family: int = 16, note: str = "",
 ) -> Effect:  # fmt: skip
     """With an interval of ± `half` alone and three times that together, judged as the harness does."""
     wide = 3 * half
@@ -41,8 +41,8 @@ def effect(
     alone = (round(difference - half, 4), round(difference + half, 4))
     return Effect(
         name, against, scene, metric, budget, round(difference, 4), alone, (round(low, 4), round(high, 4)), family,
-        "inconclusive" if left_aside else verdict, round(1.4 * wide, 3), 9,
-        left_aside, note,
+        "inconclusive" if unpaired else verdict, round(1.4 * wide, 3), 9,
+        unpaired, note,
     )  # fmt: skip
 
 
@@ -117,7 +117,7 @@ def _factorial() -> StudyRecord:
         effect(name, "", "all", 0.01 * size, 0.003, metric="ssim", note="Listing 2", family=28)
         for name, size in PARTS.items()
     ]
-    effects.append(effect("qnerf", "nerf", "all", -1.9, 3.4, left_aside=2, family=28))
+    effects.append(effect("qnerf", "nerf", "all", -1.9, 3.4, unpaired=2, family=28))
     effects.append(Effect("qnerf", "nerf", "lego", "psnr", "seconds", None, None, None, 28, "inconclusive", None, 0, 3))
     return StudyRecord(
         info,

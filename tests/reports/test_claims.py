@@ -117,7 +117,7 @@ def test_the_range_is_refuted_by_the_mean_and_holds_only_on_every_scene(eight: R
     assert "mean +1.60 [+1.50, +1.70]" in refuted.note
     open_one = every | {"ship": {"difference": 0.9, "interval": (0.8, 1.0), "simultaneous": (0.6, 1.2)}}
     assert by_id(with_comparisons(eight, **open_one))[name].verdict == "inconclusive"
-    lost = every | {"ship": {"difference": None, "interval": None, "simultaneous": None, "pairs": 0, "left_aside": 3}}
+    lost = every | {"ship": {"difference": None, "interval": None, "simultaneous": None, "pairs": 0, "unpaired": 3}}
     assert by_id(with_comparisons(eight, **lost))[name].verdict == "inconclusive"
 
 
@@ -245,7 +245,7 @@ def test_a_single_scene_does_not_refute_an_average(tmp_path):
 
 
 def test_where_all_pairs_are_lost_the_claim_is_undecided_and_was_tried(whole: Records):
-    nothing = {"difference": None, "interval": None, "pairs": 0, "left_aside": 3, "verdict": "inconclusive"}
+    nothing = {"difference": None, "interval": None, "pairs": 0, "unpaired": 3, "verdict": "inconclusive"}
     records = with_comparisons(whole, chair=nothing)
     chair = by_id(records)["table2-chair"]
     assert (chair.verdict, chair.measured) == ("inconclusive", None)

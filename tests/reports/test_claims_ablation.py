@@ -70,7 +70,7 @@ def test_only_the_row_above_on_lego_at_equal_steps_will_do(whole: Records, chang
 
 
 def test_lost_pairs_settle_nothing(whole: Records):
-    assert judged(whole, study(effect(LISTING_2, -2.5, left_aside=1)))[CLAIM].verdict == "inconclusive"
+    assert judged(whole, study(effect(LISTING_2, -2.5, unpaired=1)))[CLAIM].verdict == "inconclusive"
 
 
 def test_without_the_study_the_run_itself_is_asked(whole: Records):

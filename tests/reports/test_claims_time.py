@@ -16,7 +16,7 @@ from tests.reports.fake_run import PAPER
 ONE = TargetComparison(
     scene="all", method="qnerf", against="nerf", axis="steps", horizon=1600.0, saving=12.0, interval=(9.0, 15.0),
     simultaneous=(8.0, 16.0), family=1, verdict="better", smallest_detectable=5.0, difference=-100.0,
-    difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), left_aside=0,
+    difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), unpaired=0,
 )  # fmt: skip
 LEDGER = {one.id: one for one in entries(PAPER)}
 
@@ -70,9 +70,9 @@ def test_a_lower_target_settles_nothing(changes):
         ((19.0, 25.0), {"earlier": (0, 1)}, "inconclusive"),
         ((19.0, 25.0), {"never": (0, 1)}, "holds"),
         ((19.0, 25.0), {"earlier": (1, 0)}, "holds"),
-        ((8.0, 16.0), {"left_aside": 1}, "inconclusive"),
-        ((19.0, 25.0), {"left_aside": 1}, "inconclusive"),
-        ((19.0, 25.0), {"left_aside": 1, "never": (6, 0)}, "inconclusive"),
+        ((8.0, 16.0), {"unpaired": 1}, "inconclusive"),
+        ((19.0, 25.0), {"unpaired": 1}, "inconclusive"),
+        ((19.0, 25.0), {"unpaired": 1, "never": (6, 0)}, "inconclusive"),
     ],
 )
 def test_a_verdict_that_the_censored_runs_could_turn_is_none(pair, changes, verdict):
@@ -149,7 +149,7 @@ def test_on_which_side_the_saving_is_a_bound(changes, said):
 
 
 def test_where_every_pair_is_lost_nothing_is_refuted(whole: Records):
-    lost = replace(ONE, saving=None, interval=None, simultaneous=None, pairs=0, left_aside=6)
+    lost = replace(ONE, saving=None, interval=None, simultaneous=None, pairs=0, unpaired=6)
     found = saving(bench(whole, record(lost)), LEDGER["abstract-faster"])
     assert (found.verdict, found.measured) == ("inconclusive", None)
     assert "all 6 pairs lost" in found.note

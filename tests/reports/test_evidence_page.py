@@ -20,7 +20,7 @@ INFO = StudyInfo("one", "One", "Why?", "So.")
 
 def an_effect(difference: float | None, alone=None, together=None, **more) -> Effect:
     parts = {"scene": "all", "metric": "psnr", "budget": "steps", "family": 8, "verdict": "inconclusive"}
-    parts |= {"name": "part", "against": "", "smallest_detectable": 0.4, "pairs": 9, "left_aside": 0, **more}
+    parts |= {"name": "part", "against": "", "smallest_detectable": 0.4, "pairs": 9, "unpaired": 0, **more}
     return Effect(difference=difference, interval=alone, simultaneous=together, **parts)
 
 

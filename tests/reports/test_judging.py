@@ -49,9 +49,9 @@ def test_a_printed_difference_against_an_interval(measured, verdict):
 
 
 def test_lost_cells_settle_no_claim_and_nothing_measured_tests_none():
-    assert judge_gain(1.5, 0.05, 0.1, (0.0, 0.2), left_aside=1) == "inconclusive"
-    assert judge_gain(1.5, 0.05, 0.1, (0.0, 0.2), left_aside=0) == "does not hold"
-    assert judge_gain(1.5, 0.05, None, None, left_aside=0) == UNTESTED
+    assert judge_gain(1.5, 0.05, 0.1, (0.0, 0.2), unpaired=1) == "inconclusive"
+    assert judge_gain(1.5, 0.05, 0.1, (0.0, 0.2), unpaired=0) == "does not hold"
+    assert judge_gain(1.5, 0.05, None, None, unpaired=0) == UNTESTED
 
 
 @pytest.mark.parametrize(

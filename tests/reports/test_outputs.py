@@ -92,14 +92,14 @@ def test_another_ground_truth_is_shown_and_not_judged(tmp_path):
 def test_a_lost_cell_settles_nothing(tmp_path):
     _, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0), with_diverged=True)
     row = found.row(EVERYWHERE, "qnerf").found
-    assert (row.verdict, row.left_aside, row.pairs) == ("inconclusive", 1, 5)
+    assert (row.verdict, row.unpaired, row.pairs) == ("inconclusive", 1, 5)
 
 
 def test_what_only_one_output_has_is_named_and_costs_the_others_nothing(tmp_path):
     outputs, found = compared(tmp_path, seeds=2)
     assert len(found.alone) == 6
     assert found.alone[0] == "chair · nerf · seed 2 in a alone"
-    assert found.row(EVERYWHERE, "nerf").found.left_aside == 0
+    assert found.row(EVERYWHERE, "nerf").found.unpaired == 0
     assert "and 3 more" in " ".join(sentences(outputs[0], [found]))
 
 

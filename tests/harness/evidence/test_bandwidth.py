@@ -202,6 +202,6 @@ def test_a_diverged_cell_is_named_and_keeps_the_answer_from_being_sure(tmp_path:
     cells[place] = diverged("lego", "nerf_phi_far", cells[place].seed)
     found = study(tmp_path, {**shrinking((REACH,)), "bandwidth_300": cells})
     one = effect(found, f"{BASE} at 300 px")
-    assert (one.verdict, one.left_aside) == ("inconclusive", 1)
+    assert (one.verdict, one.unpaired) == ("inconclusive", 1)
     assert sentences(iter(found))[0].startswith("Bandwidth, as far as it can be told: ")
     assert any("At 300 px these have no score" in said and "step 7: loss" in said for said in sentences(iter(found)))

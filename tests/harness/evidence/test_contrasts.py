@@ -108,7 +108,7 @@ def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
         for term in DESIGN.terms():
             one = found_by_name(effects, scene)[f"{' × '.join(term)} (here)"]
             assert one.difference == pytest.approx(PLANTED.get(term, 0.0), abs=1e-9)
-            assert (one.against, one.left_aside, one.pairs) == ("", 0, 9 if scene == "all" else 3)
+            assert (one.against, one.unpaired, one.pairs) == ("", 0, 9 if scene == "all" else 3)
 
 
 def test_families_are_one_for_a_part_and_all_four_interactions_together() -> None:
@@ -154,7 +154,7 @@ def test_a_diverged_cell_is_left_aside_in_every_contrast_and_no_verdict_is_made(
     effects = contrast_effects(DESIGN, cells, "")
     for scene, aside, pairs in (("all", 1, 8), ("ficus", 1, 2), ("lego", 0, 3)):
         for one in found_by_name(effects, scene).values():
-            assert (one.left_aside, one.pairs) == (aside, pairs)
+            assert (one.unpaired, one.pairs) == (aside, pairs)
             assert not aside or one.verdict == "inconclusive"
     assert found_by_name(effects, "lego")["b"].verdict == "worse"
 

@@ -165,7 +165,7 @@ def test_a_diverged_cell_is_named_and_keeps_verdicts_from_being_made(tmp_path: P
         for one in cells_of()
     ]
     found = study(tmp_path, cells)
-    assert (effect(found, "amplifier (Listing 2)").verdict, effect(found, "qnerf", "nerf").left_aside) == (
+    assert (effect(found, "amplifier (Listing 2)").verdict, effect(found, "qnerf", "nerf").unpaired) == (
         "inconclusive",
         1,
     )
@@ -180,7 +180,7 @@ def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Pa
     cells = [diverged(one.scene, one.method, one.seed) if "amplifier" in one.method else one for one in cells_of()]
     found = study(tmp_path, cells)
     one = effect(found, "amplifier (Listing 2)")
-    assert (one.difference, one.verdict, one.left_aside) == (None, "inconclusive", 9)
+    assert (one.difference, one.verdict, one.unpaired) == (None, "inconclusive", 9)
     assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
     record = StudyRecord(
         StudyInfo("factorial", "t", "q?", "m"),

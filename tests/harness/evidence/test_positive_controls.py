@@ -101,7 +101,7 @@ def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
     found = list(positive_controls(situation({**LOSSES, "nerf_no_direction": 3.0}, without=("lego",))))
     effects = [one for one in found if isinstance(one, Effect) and one.name == "nerf_no_direction"]
     assert {one.scene for one in effects} == {"all", "drums", "materials"}
-    assert next(one for one in effects if one.scene == "all").left_aside == 0
+    assert next(one for one in effects if one.scene == "all").unpaired == 0
     assert any(isinstance(one, str) and "No view direction is needed on lego" in one for one in found)
     none = list(positive_controls(situation(LOSSES, without=SCENES)))
     missing = [one for one in checks(none) if "view direction" in one.what]

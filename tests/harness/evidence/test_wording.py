@@ -7,10 +7,10 @@ from harness.evidence_record import Effect, Verdict
 
 
 def effect(difference: float | None, ends: tuple[float, float] | None, verdict: Verdict, **changes: object) -> Effect:
-    facts = {"metric": "psnr", "family": 1, "left_aside": 0, **changes}
+    facts = {"metric": "psnr", "family": 1, "unpaired": 0, **changes}
     return Effect(
         "a", "b", "all", str(facts["metric"]), "steps", difference, ends, ends, int(str(facts["family"])), verdict,
-        None, 3, int(str(facts["left_aside"])),
+        None, 3, int(str(facts["unpaired"])),
     )  # fmt: skip
 
 
@@ -39,10 +39,10 @@ def test_effects_with_their_intervals() -> None:
     )
     assert told(effect(-0.3, (-0.5, -0.1), "worse"), gain=False).endswith("−0.50 to −0.10: below 0)")
     assert told(effect(0.3, (0.1, 0.5), "better"), gain=False).endswith("above 0)")
-    assert told(effect(0.3, (-0.1, 0.7), "inconclusive", left_aside=1)) == (
+    assert told(effect(0.3, (-0.1, 0.7), "inconclusive", unpaired=1)) == (
         "+0.30 dB (95 % interval −0.10 to +0.70: not settled, 1 of 4 pairs without a score)"
     )
-    assert told(effect(None, None, "inconclusive", left_aside=3)) == (
+    assert told(effect(None, None, "inconclusive", unpaired=3)) == (
         "no figure (no interval, 3 of 6 pairs without a score)"
     )
 
