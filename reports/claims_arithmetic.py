@@ -58,9 +58,7 @@ def sum_of_weights(bench: Bench, entry: Printed) -> Finding:
 def differences_of_rows(bench: Bench, entry: Printed) -> Finding:
     """Δ = Q-NeRF − NeRF, the average's row included; each to within what rounding three figures may do."""
     rows = {name: row for name, row in (bench.paper.get("table2") or {}).items() if "delta" in row}
-    right = {
-        name: abs(row["qnerf"] - row["nerf"] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()
-    }
+    right = {name: abs(row["qnerf"] - row["nerf"] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()}
     return _counted(entry, "Q-NeRF less NeRF against Δ, row by row", right)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from harness.json_record import finite_or_none
 from harness.records import Comparison
-from harness.statistics import PairedDifference, on_one_scene, on_these_scenes
+from harness.statistics import on_one_scene, on_these_scenes
 from reports.headline import roles
 from reports.judging import LEAST_PAIRS, MARGINS, judge_all, judge_gain, judge_level, seeds_that_settle
 from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
@@ -47,13 +47,20 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     if one is None or not isinstance(entry.printed, int | float) or not tried(bench, one):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
     pair, margin = on_them(one), MARGINS[metric]
-    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene))
+    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and _on_each(bench, one))
     notes = [
         f"{counted(one.unpaired, 'pair')} could not be judged" if one.unpaired else "",
         settled_by(one, margin, _scenes(bench, scene)) if verdict == "inconclusive" else "",
         *(_beside(bench, entry, *rival) for rival in _rivals(bench, method, against)),
     ]
     return Finding(verdict, how, one.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(one))
+
+
+def _on_each(bench: Bench, one: Comparison) -> bool:
+    """Whether a mean over all scenes has a pair on each of them."""
+    scenes = bench.records.scenes if one.scene == "all" else [one.scene]
+    rows = [bench.records.comparison(scene, one.method, one.against, one.metric) for scene in scenes]
+    return all(row is not None and row.difference is not None for row in rows)
 
 
 def settled_by(one: Comparison, margin: float, scenes: int) -> str:
@@ -91,7 +98,9 @@ def each_row(bench: Bench, entry: Printed) -> Finding:
     else:
         how = f"mean test {metric.upper()} over seeds; each row on its own scene"
     rows = _rows(bench, table, column, metric)
-    parts = [part for name, (printed, judge) in rows.items() if (part := judge(bench, name, printed, metric, len(rows)))]
+    parts = [
+        part for name, (printed, judge) in rows.items() if (part := judge(bench, name, printed, metric, len(rows)))
+    ]
     if not parts:
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
     verdict = judge_all(part.verdict for part in parts)
@@ -132,11 +141,10 @@ def _level_of(scene: str, method: str) -> Judge:
     """A judge of the level that a method reaches on a scene."""
 
     def judge(bench: Bench, name: str, printed: float, metric: str, family: int) -> Part | None:
-        if not bench.at_paper_scale(scene):
+        table = _scores(bench, method, metric)
+        if scene not in table or not bench.at_paper_scale(scene):
             return None
-        found = _level(bench, [scene], method, metric, family)
-        if found is None:
-            return None
+        found = on_one_scene(table, scene, family)
         pair = found.simultaneous if found.units >= LEAST_PAIRS else None
         return Part(name, judge_level(printed, MARGINS[metric], pair), found.mean)
 
@@ -161,33 +169,24 @@ def score(bench: Bench, entry: Printed) -> Finding:
     """How good a method gets. At another scale, or on other pictures than the paper's, the value only stands beside."""
     method, metric = entry.of["method"], entry.of["metric"]
     how = f"mean test {metric.upper()} of this run’s {method}, error from seeds"
-    scenes = bench.records.scenes
-    found = _level(bench, scenes, method, metric)
-    if found is None or not bench.at_paper_scale("all") or not isinstance(entry.printed, int | float):
-        return Finding(UNTESTED, how, found.mean if found else None, found.interval if found else None, note=NEEDS_PAPER)
+    table = _scores(bench, method, metric)
+    if len(table) < len(bench.records.scenes):
+        return Finding(UNTESTED, how, note=NEEDS_PAPER)
+    found = on_these_scenes(table)
+    if not bench.at_paper_scale("all") or not isinstance(entry.printed, int | float):
+        return Finding(UNTESTED, how, found.mean, found.interval, note=NEEDS_PAPER)
     verdict = judge_level(entry.printed, MARGINS[metric], found.interval)
     return Finding(verdict, how, found.mean, found.interval, runs=Selection("", method, metric=metric))
 
 
-def _level(bench: Bench, scenes: list[str], method: str, metric: str, family: int = 1) -> PairedDifference | None:
-    """Mean over `scenes` of the means over seeds; None where a scene has no score."""
-    table = {
-        scene: np.array(
-            [
-                value
-                for cell in bench.records.cells_of(scene, method)
-                if cell.status == "done" and (value := finite_or_none(cell.scores.get(metric))) is not None
-            ]
-        )
-        for scene in scenes
+def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
+    """Scene → scores of its finished cells [seeds], where there are any."""
+    found = {
+        scene: [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
+        for scene in bench.records.scenes
     }
-    if not table or not all(values.size for values in table.values()):
-        return None
-    most = max(values.size for values in table.values())
-    padded = {
-        scene: np.pad(values, (0, most - values.size), constant_values=np.nan) for scene, values in table.items()
-    }
-    return on_these_scenes(padded, family) if len(scenes) > 1 else on_one_scene(padded, scenes[0], family)
+    table = {scene: np.array([one for one in values if one is not None]) for scene, values in found.items()}
+    return {scene: values for scene, values in table.items() if values.size}
 
 
 def _scenes(bench: Bench, scene: str) -> int:

@@ -18,6 +18,7 @@ LEAST_SCENES = 3
 ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}
 LEAST_VISIBLE = 0.5 / 255
 """RMSE of display colour: half a step of 8 bits."""
+MISSED: Verdict = "not seen at this scale"
 NEEDS_SERVING = f"need `{COMMAND}`"
 NEEDS_LONGER = f"need `{COMMAND}` without --quick"
 
@@ -49,7 +50,7 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     ]
     notes += [
         f"{words}: {listed(names)}"
-        for failing, words in (("not seen at this scale", "missed"), ("inconclusive", "its spread reaches across the bar"))
+        for failing, words in ((MISSED, "missed"), ("inconclusive", "its spread reaches across the bar"))
         if (names := [f"{one.method} on {one.scene} ({TIMED[one.source]})"
                       for one in memory + disk if judge_hit(one, record) == failing])
     ]  # fmt: skip
@@ -62,8 +63,8 @@ def both(record: CacheRecord) -> Verdict:
     """*Not seen* where the hits of a scene and method miss a target, *seen* where all of both kinds reach it."""
     found = [judge_hit(one, record) for one in record.latencies if one.source in MEMORY + DISK]
     sources = {one.source for one in record.latencies}
-    if "not seen at this scale" in found:
-        return "not seen at this scale"
+    if MISSED in found:
+        return MISSED
     complete = sources & set(MEMORY) and sources & set(DISK)
     return "seen" if complete and all(one == "seen" for one in found) else "inconclusive"
 
@@ -72,7 +73,7 @@ def judge_hit(one: Latency, record: CacheRecord) -> Verdict:
     """By its spread, where there is one: it may lie above the target, below, or across."""
     target = record.target_disk if one.source in DISK else record.target_memory
     low, high = one.ratio_spread or (0.0, math.inf)
-    return "seen" if low >= target else "not seen at this scale" if high < target else "inconclusive"
+    return "seen" if low >= target else MISSED if high < target else "inconclusive"
 
 
 def pose_key(bench: Bench, entry: Printed) -> Finding:
@@ -122,7 +123,7 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
     if len(scenes) >= LEAST_SCENES and len(won) == len(scenes):
         verdict = "seen"
     elif len(scenes) >= LEAST_SCENES and not ahead and not open_:
-        verdict = "not seen at this scale"
+        verdict = MISSED
     pairs = [(one.to("attended")["attention"], one.to("attended")["raster"]) for one in found]
     factors = [theirs.seconds / mine.seconds for mine, theirs in pairs if mine and theirs and mine.seconds]
     notes = [

@@ -29,8 +29,7 @@ def saving(bench: Bench, entry: Printed) -> Finding:
     how = HOW.format(what=WHAT[axis])
     one = targets.comparison("all", "qnerf", "nerf", axis) if targets and targets.target is not None else None
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
-    known = one is not None and {"qnerf", "nerf"} <= started and isinstance(entry.printed, int | float)
-    if targets is None or one is None or not known:
+    if targets is None or one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
     pair = one.simultaneous or one.interval
     at_paper_scale = targets.printed and bench.at_paper_scale("all")

@@ -76,7 +76,7 @@ def papers_scenes(records: Records) -> list[str]:
         for scene in records.run.scenes
         if not scene.rendered
         and all(scene.views.get(split) == many for split, many in PAPER_VIEWS.items())
-        and scene.name.lower() in _of_table2(records)
+        and scene.name in _of_table2(records)
     ]
 
 
@@ -87,9 +87,8 @@ def is_paper_scale(records: Records, scene: str = "all") -> bool:
     """
     there = papers_scenes(records)
     if scene == "all":
-        ours, theirs = sorted(name.lower() for name in records.scenes), sorted(_of_table2(records))
-        return has_paper_settings(records) and ours == theirs and len(there) == len(ours) > 0
-    return has_paper_settings(records) and scene.lower() in [name.lower() for name in there]
+        return has_paper_settings(records) and len(there) > 0 and set(records.scenes) == set(there) == _of_table2(records)
+    return has_paper_settings(records) and scene in there
 
 
 def standing(records: Records) -> str:
@@ -106,9 +105,9 @@ def standing(records: Records) -> str:
     return "Not the paper’s scale: a gain can be seen here or not, but not reproduced"
 
 
-def _of_table2(records: Records) -> list[str]:
+def _of_table2(records: Records) -> set[str]:
     table = records.run.paper.get("table2") or {}
-    return [name.lower() for name, row in table.items() if isinstance(row, dict) and name not in ("average", "all")]
+    return {name for name, row in table.items() if isinstance(row, dict) and name != "average"}
 
 
 def _resolutions(records: Records) -> str:
