@@ -51,7 +51,7 @@ ABSTRACT = (
         ("Abstract", NOTE, "Table 2"),
         (1.2, 1.8),
         "Q-NeRF gains what Table 2 prints on each of its scenes",
-        "each row",
+        "each gain",
         "dB",
         {"table": "table2", "column": "delta", "metric": "psnr"},
     ),
@@ -107,7 +107,7 @@ SCORES = (
             ("Table 2",),
             _ends([row[method] for name, row in TABLE2.items() if name != "average"]),
             f"{NAMES[method]} reaches what Table 2 prints on each of its scenes",
-            "each row",
+            "each level",
             "dB",
             {"table": "table2", "column": method, "metric": "psnr"},
         )
@@ -201,7 +201,7 @@ ABLATION = (
             ("Table 4",),
             _ends([row[metric] for row in TABLE4]),
             f"The four rows of Table 4 reach this {LABELS[metric]} on lego",
-            "each row",
+            "each level",
             "dB" if metric == "psnr" else "",
             {"table": "table4", "column": metric, "metric": metric},
         )

@@ -31,7 +31,8 @@ Judge = Callable[[Bench, Printed], Finding]
 
 RULES: dict[str, tuple[str, Judge]] = {
     "gain": ("gains", scores.gain),
-    "each row": ("levels", scores.each_row),
+    "each gain": ("gains", scores.each_row),
+    "each level": ("levels", scores.each_row),
     "saving": ("gains", times.saving),
     "added part": ("gains", added_part),
     "score": ("levels", scores.score),

@@ -41,12 +41,6 @@ def with_comparisons(records: Records, **changes) -> Records:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory) -> Records:
-    out = tmp_path_factory.mktemp("two") / "run"
-    return read_records(write_fake_run(out, pictures=False, with_diverged=False))
-
-
-@pytest.fixture(scope="module")
 def eight(tmp_path_factory) -> Records:
     out = tmp_path_factory.mktemp("eight") / "run"
     return read_records(write_fake_run(out, EIGHT, pictures=False, with_diverged=False))

@@ -94,16 +94,13 @@ def test_times_themselves_are_never_judged(whole: Records):
     assert never == ["drums", "materials", "ship"], "the three of the sentence"
 
 
-def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(whole: Records):
-    assert {one.id: one for one in claims(whole)}["abstract-faster"].verdict == UNTESTED
-    write_targets(whole.out, record())
-    assert {one.id: one for one in claims(read_records(whole.out))}["abstract-faster"].measured == 18.0
-
-
-def test_a_damaged_record_of_targets_names_the_file(whole: Records):
-    (whole.out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
+def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records):
+    assert {one.id: one for one in claims(records)}["abstract-faster"].verdict == UNTESTED
+    write_targets(records.out, record())
+    assert {one.id: one for one in claims(read_records(records.out))}["abstract-faster"].measured == 18.0
+    (records.out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"targets\.json"):
-        read_records(whole.out)
+        read_records(records.out)
 
 
 @pytest.mark.parametrize(
