@@ -142,8 +142,8 @@ def blind(result: PairedDifference) -> PairedDifference:
 
 
 def test_a_comparer_that_is_too_sure_or_blind_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual = comparisons.over_scenes
-    monkeypatch.setattr(comparisons, "over_scenes", lambda *given: narrow(usual(*given)))
+    usual = comparisons.on_one_scene
+    monkeypatch.setattr(comparisons, "on_one_scene", lambda *given: narrow(usual(*given)))
     assert excess_of(share_called(SPREADS, planted=False, repeats=200), LIMITS["false_calls"]) > 0
-    monkeypatch.setattr(comparisons, "over_scenes", lambda *given: blind(usual(*given)))
+    monkeypatch.setattr(comparisons, "on_one_scene", lambda *given: blind(usual(*given)))
     assert excess_of(share_called(SPREADS, planted=True, repeats=200), LIMITS["found"]) > 0
