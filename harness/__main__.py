@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness import board_options, completion_options, scaling_options, scene_options
+from harness import board_options, compare_options, completion_options, scaling_options, scene_options
 from harness.conformance import options as conformance_options
 from harness.doctor import options as doctor_options
 from harness.evidence import options as evidence_options
@@ -32,6 +32,7 @@ LEAST_SEEDS = 3
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 OTHERS: dict[str, Callable[..., int]] = {
     "scaling": scaling_options.run_scaling,
+    "compare": compare_options.run_compare,
     "speed": speed_options.run_speed,
     "stability": stability_options.run_stability,
     "evidence": evidence_options.run_evidence,
@@ -82,10 +83,8 @@ def parser() -> argparse.ArgumentParser:
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     stability_options.add_options(commands.add_parser("stability", help="try the catalogue of stiff and extreme cases"))
-    evidence = commands.add_parser(
-        "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
-    )
-    evidence_options.add_options(evidence)
+    compare_options.add_options(commands.add_parser("compare", help="how far two outputs of the same plan differ"))
+    evidence_options.add_options(commands.add_parser("evidence", help="the studies that a verdict rests on"))
     film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
     filming_options.add_options(film)
     serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")

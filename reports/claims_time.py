@@ -31,19 +31,23 @@ def saving(bench: Bench, entry: Printed) -> Finding:
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
     if targets is None or one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
-    pair = one.simultaneous or one.interval
     at_paper_scale = targets.printed and bench.at_paper_scale("all")
     verdict = judge_gain(entry.printed, MARGIN, reachable(one), at_paper_scale)
-    return Finding(verdict, how, one.saving, pair, note=_note(one, targets), runs=behind_saving(one))
+    return Finding(verdict, how, one.saving, _on_them(one), note=_note(one, targets), runs=behind_saving(one))
 
 
 def reachable(one: TargetComparison) -> Pair | None:
     """The interval, open on the side to which censored times may move the saving; None for too few pairs."""
-    pair = one.simultaneous or one.interval
+    pair = _on_them(one)
     if pair is None or one.pairs < LEAST_PAIRS:
         return None
     larger, smaller = _sides(one)
     return (-math.inf if smaller else pair[0], math.inf if larger else pair[1])
+
+
+def _on_them(one: TargetComparison) -> Pair | None:
+    about = one.on_these_scenes
+    return (about.simultaneous or about.interval) if about else None
 
 
 def _sides(one: TargetComparison) -> tuple[bool, bool]:

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from harness.evidence_record import Check, EvidenceRecord
 from reports.beside import Beside
 from reports.claims_table import MARKS, TONES, in_a_sentence, measured_entry, printed_entry, printed_text
+from reports.estimands import SENSES, between, sense_of
+from reports.estimands import said as difference_said
 from reports.grid import Entry
 from reports.headline import roles, smallest_detectable
 from reports.ledger import UNTESTED, Claim
 from reports.load import Records
 from reports.scale import in_a_line
 from reports.untested import by_cause
-from reports.wording import NARROW, NOTHING, interval, listed, number, signed
+from reports.wording import NARROW, NOTHING, listed, number
 
 PRINCIPAL = {
     "table2-average": "PSNR gain, average",
@@ -104,28 +106,22 @@ def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
     said = []
     cast = roles(records)
     one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    aside = f"; {one.unpaired} of {one.pairs + one.unpaired} pairs not judged" if one and one.unpaired else ""
-    pair = one.simultaneous or one.interval if one else None
-    if one is not None and one.difference is not None and pair is not None:
-        units = "scenes and seeds" if len(records.scenes) > 1 else f"seeds on {records.scenes[0]} alone"
-        said.append(
-            f"{one.method} less {one.against} at equal steps: {signed(one.difference)} dB, 95{NARROW}% interval "
-            f"{interval(pair)} over {units}{aside}."
-        )
-    elif one is not None and one.difference is not None:
-        said.append(
-            f"{one.method} less {one.against}: {signed(one.difference)} dB; too few units for an interval{aside}."
-        )
+    if one is not None and one.difference is not None:
+        sentence, sense = difference_said(one, records.scenes, records.run.seeds), sense_of(one)
+        said.append(f"{sentence}. The verdict is {sense}.")
+        here = one.on_these_scenes
+        if sense != SENSES["on_these_scenes"] and here is not None and here.interval is not None:
+            said.append(f"On these scenes alone, the interval is {between(here.interval)} dB ({here.verdict}).")
     said += filter(None, [smallest_detectable(records)])
     return [*said, *calibration(evidence)]
 
 
 def calibration(evidence: EvidenceRecord | None) -> list[str]:
-    """What the study of the comparer measured, in a sentence a check; or that there was none."""
+    """What the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study(CALIBRATION) if evidence else None
     if study is None:
-        return ["Whether the comparer itself errs as often as it says was not measured beside this run."]
-    return [_checked(check) for check in study.checks]
+        return ["The intervals' own error rate was not checked beside this run (`nox -s evidence` does)."]
+    return [*study.findings[:1], *(_checked(check) for check in study.checks if not check.holds)]
 
 
 def _checked(check: Check) -> str:

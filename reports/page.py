@@ -12,6 +12,7 @@ from reports.claims import claims
 from reports.claims_table import chapters, folds
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
+from reports.estimands import rates_grid, senses_grid
 from reports.evidence_view import evidence as evidence_shown
 from reports.first_screen import first_screen
 from reports.grid import Grid
@@ -79,6 +80,7 @@ SECTIONS = (
     ("amplifier", "Amplifier"),
     ("stability", "Numerical stability"),
     ("claims", "The paper’s claims"),
+    ("rates", "Failure rates"),
     ("failures", "Unfinished cells"),
     ("warnings", "Warnings"),
     ("properties", "Measured properties"),
@@ -147,6 +149,7 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "psnr": {
             "scores": scores_grid(records),
             "differences": differences_grids(records),
+            "senses": filled(senses_grid(records)),
             "plots": plots(difference_panels(records), "difference"),
         },
         "convergence": _some(
@@ -164,6 +167,7 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "amplified_methods": amplified_methods(records),
         "claims": chapters(found, in_a_line(records)),
         "folds": folds(found),
+        "rates": filled(rates_grid(records)),
         "failures": filled(properties.failures_grid(records)),
         "warnings": filled(properties.warnings_grid(records)),
         "properties": filled(properties.properties_grid(records)),

@@ -87,7 +87,8 @@ def is_paper_scale(records: Records, scene: str = "all") -> bool:
     """
     there = papers_scenes(records)
     if scene == "all":
-        return has_paper_settings(records) and len(there) > 0 and set(records.scenes) == set(there) == _of_table2(records)
+        every = len(there) > 0 and set(records.scenes) == set(there) == _of_table2(records)
+        return every and has_paper_settings(records)
     return has_paper_settings(records) and scene in there
 
 

@@ -26,6 +26,7 @@ ALLOWED = {
         "harness.record_types",
         "harness.comparisons",  # of records alone: what judges methods judges outputs
         "harness.statistics",  # pure functions of arrays
+        "harness.failures",
         "harness.pictures_record",
         "harness.targets_record",
         "harness.speed_record",

@@ -168,7 +168,17 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
                 known = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
                 found.append(
                     Comparison(
-                        scene, method, against, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), aside,
+                        scene,
+                        method,
+                        against,
+                        "psnr",
+                        budget,
+                        mean,
+                        (low, high),
+                        verdict,
+                        0.4,
+                        len(both),
+                        aside,
                         on_these_scenes=known,
                     )
                 )

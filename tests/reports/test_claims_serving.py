@@ -59,7 +59,10 @@ def test_a_quick_measurement_judges_nothing(whole: Records):
         ((hit("level 0", 2000), hit("level 1", 980), hit("level 2", 70)), "inconclusive"),
         ((hit("level 0", 2000), hit("level 1", 1500)), "inconclusive"),
         ((hit("level 2", 70),), "inconclusive"),
-        ((hit("level 0", 2000), hit("level 1", 1500), hit("level 2", 70), hit("level 2 cold", 30)), "not seen at this scale"),
+        (
+            (hit("level 0", 2000), hit("level 1", 1500), hit("level 2", 70), hit("level 2 cold", 30)),
+            "not seen at this scale",
+        ),
         ((hit("level 0", 2000), hit("level 1", 1500), hit("level 2", 70), hit("level 0 hashed", 60)), "seen"),
         ((hit("level 2", 30),), "not seen at this scale"),
         ((), UNTESTED),
@@ -71,7 +74,10 @@ def test_instant_is_judged_by_the_spread_of_memory_and_disk(whole: Records, hits
 
 def test_what_misses_the_bar_is_named(whole: Records):
     claim = judged(whole, fake_serving())[RETRIEVAL]
-    assert (claim.measured, claim.verdict) == (pytest.approx((0.045 / 1.6e-5, 0.075 / 1.4e-5)), "not seen at this scale")
+    assert (claim.measured, claim.verdict) == (
+        pytest.approx((0.045 / 1.6e-5, 0.075 / 1.4e-5)),
+        "not seen at this scale",
+    )
     assert claim.interval == pytest.approx((0.045 / 1.6e-5 / 1.3, 0.075 / 1.4e-5 * 1.3))
     assert claim.note == (
         "from disk, file not in the system’s memory: 18.0× to 30.0×; "

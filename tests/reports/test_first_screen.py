@@ -135,8 +135,9 @@ def test_the_page_opens_with_all_of_it(whole: Records):
     places = [
         top.index(words)
         for words in ("as printed?", "<h1>", ">How sure<", "[+0.69, +0.93]", ">Scale<", "not the paper’s",
-                      ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need", "How sure, in more detail",
-                      "84.6\u202f%", "statements in the ledger", "Every statement", "At what scale", "What was not tested")
+                      ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
+                      "How sure, in more detail", "84.6\u202f%", "statements in the ledger", "Every statement",
+                      "At what scale", "What was not tested")
     ]  # fmt: skip
     assert places == sorted(places)
     assert text.count('href="#not-tested"') == 2, "at the top and in the contents"
