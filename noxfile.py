@@ -1,9 +1,5 @@
-<<<<<<< HEAD
-"""nox -s benchmark · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow · commands ·
-=======
 """nox -s benchmark · judge · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
->>>>>>> w-judge
-tests_thorough · fuzz · endurance · lint; uv makes their environments.
+commands · tests_thorough · fuzz · endurance · lint; uv makes their environments.
 """
 
 import sys
