@@ -72,8 +72,8 @@ def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
         return [_judged(bench, entry) for entry in entries(records.run.paper)]
     except KeyError as error:
         raise DamagedRecord(
-            f"run.json: the paper's ledger lacks {error}, as another version wrote it; `python -m harness run --resume` "
-            "writes it anew and trains nothing that is finished"
+            f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
+            "`python -m harness run --resume` writes it anew and trains nothing that is finished"
         ) from error
 
 
