@@ -35,6 +35,7 @@ RULES: dict[str, tuple[str, Judge]] = {
     "each gain": ("gains", scores.each_row),
     "each level": ("levels", scores.each_row),
     "saving": ("gains", times.saving),
+    "derived saving": ("readings", times.saving),
     "added part": ("gains", added_part),
     "score": ("levels", scores.score),
     "time to target": ("levels", times.time_to_target),
