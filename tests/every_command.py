@@ -27,6 +27,7 @@ nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --
 nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
+python -m harness compare {here}/run {here}/run
 python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
 python -m harness tensorboard {here}/run
 python -m reports {here}/run {here}/run --page {here}/outputs.html
@@ -60,6 +61,7 @@ python -m harness sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.
 python -m harness equivalence --profile smoke --scenes lego {tiny} --seeds 2 --out {here}/pairs.json {other_sets}
 python -m harness omissions --profile smoke --scenes lego {tiny} --seeds 2 --out {here}/left.json {other_sets} → 3
 python -m harness repair --quick --out {here}/repair.json {other_sets}
+nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
 python -m harness scaling
 python -m harness doctor
 python -m harness completion bash
