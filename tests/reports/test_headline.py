@@ -58,7 +58,8 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
     )
     said = headline(records)
     assert said.title == (
-        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well (at equal steps)"
+        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well "
+        "(at equal steps, on scenes like these)"
     )
     assert said.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
     assert "owed to bandwidth" in said.sentences[1]
@@ -72,7 +73,7 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
 def test_agreement_of_steps_and_time_is_said(whole: Records):
     same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     said = headline(decided(whole, **same))
-    assert said.title == "qnerf scores above both nerf and nerf_matched"
+    assert said.title == "qnerf scores above both nerf and nerf_matched (on scenes like these)"
     assert said.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
 
 

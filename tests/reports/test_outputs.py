@@ -89,10 +89,10 @@ def test_another_ground_truth_is_shown_and_not_judged(tmp_path):
     assert "not judged" in " ".join(sentences(outputs[0], [found]))
 
 
-def test_a_lost_cell_settles_nothing(tmp_path):
+def test_a_lost_cell_is_counted_and_the_others_are_judged(tmp_path):
     _, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0), with_diverged=True)
     row = found.row(EVERYWHERE, "qnerf").found
-    assert (row.verdict, row.unpaired, row.pairs) == ("inconclusive", 1, 5)
+    assert (row.chosen.verdict, row.unpaired, row.pairs) == ("better", 1, 5)
 
 
 def test_what_only_one_output_has_is_named_and_costs_the_others_nothing(tmp_path):
