@@ -78,7 +78,9 @@ def test_agreement_of_steps_and_time_is_said(whole: Records):
 
 
 def test_lost_cells_are_in_the_title(records: Records):
-    assert headline(records).title == "qnerf lost 1 of its 6 cells: against nerf nothing is settled"
+    title = headline(records).title
+    assert title.startswith("The gain of qnerf over nerf is no more than bandwidth alone brings"), "others are judged"
+    assert title.endswith("(on scenes like these); qnerf lost 1 of its 6 cells")
 
 
 def test_a_method_that_never_finished_is_named(tmp_path):
@@ -111,7 +113,8 @@ def test_the_baselines_lost_cells_are_in_the_title_too(whole: Records):
     cells = [replace(cell, status="error") if (cell.scene, cell.method, cell.seed) == ("chair", "nerf", 0) else cell
              for cell in whole.cells]  # fmt: skip
     said = headline(decided(replace(whole, cells=cells), nerf_steps="inconclusive"))
-    assert said.title == "nerf lost 1 of its 6 cells: nothing is settled about qnerf"
+    assert said.title.startswith("This run cannot tell qnerf from nerf")
+    assert said.title.endswith("; nerf lost 1 of its 6 cells")
     assert said.sentences[0].endswith("This is of the cells that finished: nerf lost 1 of its 6 cells.")
 
 
