@@ -75,7 +75,7 @@ def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
 def test_another_scale_than_the_runs_stands_below_its_verdict(whole: Records):
     lines = {line.words: line for line in shown(whole, study(effect(LISTING_2, -2.5))).lines}
     assert lines["then the amplifier"].note.endswith("lego; 3 seeds; 500 steps")
-    assert lines["weights of Table 1’s network, counted"].note.endswith("the paper’s network")
+    assert lines["weights of Table 1, counted"].note.endswith("the paper’s network")
     assert "profile reduced" not in lines["PSNR gain, average"].note
 
 
