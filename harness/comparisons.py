@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from harness.failures import judgeable
+from harness.paper_tables import TABLE4
 from harness.records import CellRecord, Comparison, Estimate
 from harness.statistics import (
     PairedDifference,
@@ -95,16 +97,18 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
 
 
 def duels(methods: list[str]) -> list[tuple[str, str]]:
-    """Who is compared with whom: (method, against)."""
+    """Who is compared with whom: (method, against). A row of the paper's ablation also with the row above it."""
     references = [
         name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
     ]
-    return [
+    found = [
         (method, against)
         for against in references
         for method in methods
         if method != against and not (method in references and against != references[0])
     ]
+    steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
+    return [*found, *(pair for pair in steps if set(pair) <= set(methods) and pair not in found)]
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:

@@ -180,7 +180,7 @@ def compared(
     equivalent.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
-    scenes, seeds = (sorted({key[place] for key in runs}) for place in (0, 2))
+    scenes, seeds = sorted({key[0] for key in runs}), {key[2] for key in runs}
     found = _paired(runs, scenes if scene == "all" else [scene], method, against, axis, target)
     shared = [one for one in scenes_of(list(runs.values()), method, against) if one != "all"]
     family = family_of("psnr", scene, len(shared))
@@ -209,8 +209,8 @@ def compared(
         family=family,
         verdict=one.verdict,
         smallest_detectable=one.smallest_detectable,
-        difference=apart and apart.mean,
-        difference_interval=_with_width(apart and apart.interval),
+        difference=apart.mean if apart else None,
+        difference_interval=_with_width(apart.interval if apart else None),
         pairs=len(found.pairs),
         never=never,
         earlier=earlier,

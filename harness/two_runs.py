@@ -76,8 +76,8 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         [_apart(name, [pair for pair in scored if pair[0].method == name]) for name in methods],
         [_apart(name, [pair for pair in scored if pair[0].scene == name]) for name in scenes],
         _apart("all", scored) if scored else None,
-        [_changed(*rows, sense) for sense in ("on_these_scenes", "scenes_like_these")],
-        list(_headline(*rows)),
+        [_changed(rows[0], rows[1], sense) for sense in ("on_these_scenes", "scenes_like_these")],
+        list(_headline(rows[0], rows[1])),
     )
 
 

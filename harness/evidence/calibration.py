@@ -82,7 +82,10 @@ class Place:
 def calibration(situation: Situation) -> Iterator[Finding]:
     """Coverage over the whole grid, power at the noise of the default run."""
     count = 1000 if situation.quick else STUDIES
-    grid = [simulated(noise, *size, count) for noise, *size in product(NOISE, SCENES, SEEDS, SCENE_SD)]
+    grid = [
+        simulated(noise, scenes, seeds, scene_sd, count)
+        for noise, scenes, seeds, scene_sd in product(NOISE, SCENES, SEEDS, SCENE_SD)
+    ]
     default = simulated("normal", *DEFAULT, PUBLISHED, count, EFFECTS)
     yield from _sentences(grid, default, count)
     yield from checks(grid, default, count)

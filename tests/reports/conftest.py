@@ -19,10 +19,11 @@ def records(out: Path) -> Records:
     return read_records(out)
 
 
-@pytest.fixture
-def whole(tmp_path: Path) -> Records:
-    """The same, but with every cell finished."""
-    return read_records(write_fake_run(tmp_path / "whole", pictures=False, with_diverged=False))
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Records:
+    """The same, but with every cell finished; its files are not to be changed."""
+    out = tmp_path_factory.mktemp("whole") / "whole"
+    return read_records(write_fake_run(out, pictures=False, with_diverged=False))
 
 
 @pytest.fixture(scope="session")

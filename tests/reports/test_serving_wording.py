@@ -72,9 +72,9 @@ def test_confusions_in_words(found, said):
 @pytest.mark.parametrize(
     ("verdicts", "said"),
     [
-        (["holds"], "met"),
-        (["does not hold"] * 3, "missed"),
-        (["holds", "does not hold", "holds"], "met in 2 of 3 cases, missed in 1"),
+        (["seen"], "met"),
+        (["not seen at this scale"] * 3, "missed"),
+        (["seen", "not seen at this scale", "seen"], "met in 2 of 3 cases, missed in 1"),
         (["inconclusive"], "open: the spread reaches across"),
     ],
 )
