@@ -85,6 +85,7 @@ def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan
         score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
         views=views,
         train=profile.train if precision_as_planned else replace(profile.train, precision="float32"),
+        extras=(),
     )
     if not quick:
         return plan

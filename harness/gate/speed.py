@@ -4,7 +4,6 @@ that runs in turn with them in the same process. A slower machine, or a busy one
 
 import os
 import statistics
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,6 +22,7 @@ from harness.gate.situation import Renewal, Situation
 from harness.gate.training import gate_plan
 from harness.learner import Learner
 from harness.lockstep import box_of
+from harness.scratch import scratch_folder
 from harness.speed.drawn_views import write_disc
 from harness.speed.timing import interleaved, quotients
 from harness.stopping import end_with_parent
@@ -87,9 +87,9 @@ def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.
 
     use_threads(1)
     keep_freed_memory()
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        write_disc(Path(scratch) / "views", 40, 20, 2, seed=3)
-        views = read_view_set(Path(scratch) / "views", scratch=Path(scratch))
+    with scratch_folder(out) as scratch:
+        write_disc(scratch / "views", 40, 20, 2, seed=3)
+        views = read_view_set(scratch / "views", scratch=scratch)
         sides = {name: side_of(name, views) for name in names}
         return {name: ratio(side, clock) for name, side in sides.items()}
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
-from harness.doctor import arithmetic, catalog, machine, packages, rendering
+from harness.doctor import catalog, machine, packages, rendering
 from harness.doctor.finding import Finding
 from tests.harness.shell import ROOT
 
@@ -56,23 +56,6 @@ def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pyte
     (found,) = json.loads(text)
     assert found["found"] == "ImportError: libtorch.so: no such file"
     assert found["needed"] is True
-
-
-def test_a_package_that_is_missing_is_told_once(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
-    def without_torch() -> list[Finding]:
-        raise ModuleNotFoundError("No module named 'torch'", name="torch")
-
-    probes["packages"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
-    probes["torch"] = probes["products"] = without_torch
-    code, text = said(capsys)
-    assert code == 2
-    assert text.splitlines() == [
-        "missing  torch: not installed",
-        "         → install it",
-        "missing, and needed: torch",
-    ]
-    del probes["packages"]
-    assert "No module named 'torch'" in said(capsys)[1], "told by the probe where nobody else did"
 
 
 @pytest.mark.parametrize(
@@ -162,14 +145,6 @@ def test_libraries_that_fail_are_told_until_one_works(monkeypatch: pytest.Monkey
     assert (second.verdict, second.found) == ("ok", "renders with /lib/libLLVM-19.so")
     answers.clear()
     assert "libllvm19" in rendering.llvm_findings()[-1].to_do
-
-
-def test_flags_of_either_architecture(tmp_path: Path) -> None:
-    (tmp_path / "x86").write_text("processor : 0\nflags\t\t: fpu avx512f amx_tile\n")
-    (tmp_path / "arm").write_text("Features\t: asimd bf16\n")
-    assert arithmetic.processor_flags(tmp_path / "x86") == {"fpu", "avx512f", "amx_tile"}
-    assert arithmetic.processor_flags(tmp_path / "arm") == {"asimd", "bf16"}
-    assert arithmetic.processor_flags(tmp_path / "none") == set()
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from reports import comparer
 from reports.kept_pictures import kept
 from reports.load import read_records
 from reports.page import write_page
@@ -111,16 +110,6 @@ def test_what_is_missing_or_damaged_says_why(browser, tmp_path):
     assert noise == []
 
 
-def test_a_run_that_ended_early_says_why_and_what_was_kept_of_it(browser, tmp_path):
-    packed = Packed()
-    data = data_of(packed, 8)
-    (scene, _) = data["scenes"]
-    scene["renders"] = [one for one in scene["renders"] if (one["method"], one["step"]) != ("nerf", 1600)]
-    scene["missing"].append({"method": "nerf", "seed": 0, "status": "error", "reason": "disk full"})
-    view, _ = ready(browser, write_comparer_page(tmp_path / "page.html", data, packed).as_uri())
-    assert view.locator(".why:visible").all_inner_texts() == ["error: disk full. Kept: step 100, 400."]
-
-
 def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tmp_path):
     packed = Packed()
     data = data_of(packed, 16)
@@ -144,23 +133,6 @@ def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tm
     assert reasons[0].endswith("the file report_pictures/mic.js beside the page cannot be read.")
 
 
-def test_a_panel_is_saved_as_it_is_shown(browser, address, tmp_path):
-    view, _ = ready(browser, address, "at=pictures&compare.pixel=20,20")
-    panel = view.locator('[data-panel="nerf-colour"]')
-    panel.hover()
-    with view.expect_download() as download:
-        panel.get_by_role("button", name="PNG").click()
-    download.value.save_as(tmp_path / "panel.png")
-    assert download.value.suggested_filename == "lego-r_5-nerf-seed0-step1600-colour.png"
-    import matplotlib.image
-
-    saved = matplotlib.image.imread(tmp_path / "panel.png")[..., :3]
-    times = len(saved) // SIDE
-    assert times * SIDE == len(saved) >= 512
-    made = rendered(ball(SIDE, SIDE, 0), 0, 0, 1600)["display"]
-    assert saved[times // 2 :: times, times // 2 :: times] == pytest.approx(np.round(255 * made) / 255, abs=1e-6)
-
-
 def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
     records = read_records(pictured)
     write_page(records, tmp_path / "report.html")
@@ -180,10 +152,3 @@ def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
     settle(view)
     assert view.locator("#comparer .pane").count() == 1
     assert noise == []
-
-
-def test_every_script_of_the_comparer_is_named():
-    from reports.script import HERE
-
-    own = {path.name for path in HERE.glob("compare*.js")}
-    assert own <= set(comparer.SCRIPTS)

@@ -10,7 +10,6 @@ from markupsafe import Markup
 
 from harness.records import cell_path
 from harness.survival import targets
-from reports import attributes, shell
 from reports.attributes import of_entry, of_row, value_of
 from reports.figure import Panel, Trace, svg
 from reports.grid import Entry
@@ -20,7 +19,7 @@ from reports.psnr_table import scores_grid
 from reports.runs_data import density_data, runs_data
 from reports.selection import Selection
 from reports.trace_data import rounded
-from reports.wording import count, duration, number, signed, significant, with_unit
+from reports.wording import count, number, signed, significant, with_unit
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
@@ -45,11 +44,6 @@ def test_what_is_worded_is_read_back(value):
     for text in (significant(value, 6), number(value, 9), signed(value, 9), with_unit(value, "dB")):
         assert value_of(text) == pytest.approx(value, rel=6e-3, abs=1e-9), text
     assert value_of(count(round(value))) == round(value)
-
-
-@pytest.mark.parametrize("seconds", [0.8, 42.0, 200.0, 7500.0])
-def test_durations_are_seconds(seconds):
-    assert value_of(duration(seconds)) == pytest.approx(seconds)
 
 
 def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
@@ -201,12 +195,3 @@ def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(tmp_
     assert one["edges"] == [0, 0.5, 1]
     assert one["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
                           "after_outside": [0.5, 0.5], "points": [3.0, 5.0]}]  # fmt: skip
-
-
-def test_the_palette_is_dark_on_screens_alone_and_as_the_reader_wants_it():
-    text = shell.variables()
-    assert text.startswith(":root{color-scheme:light;")
-    assert ":root:not([data-theme=light])" in text
-    assert ":root[data-theme=dark]" in text
-    assert text.count("@media screen") == text.count("@media") == 2
-    assert attributes.as_json({"a": "ä"}) == '{"a":"ä"}'

@@ -11,15 +11,14 @@ import pytest
 from scenes.__main__ import main
 from scenes.catalog import CATALOG
 from scenes.errors import InputError
-from scenes.mitsuba_xml import cautious, notes, xml_scene
+from scenes.mitsuba_xml import cautious, xml_scene
 from scenes.needs import needs
 from scenes.order import Order
 from scenes.placement import VISIBLE_RADIUS, upright
 from scenes.scene_file import mistakes_in, name_of_file, scene_from_file
 from scenes.store import checked_order, ensure_view_set
 from scenes.view_set import read_view_set
-from scenes.viewpoints import FOV_X_RADIANS, RADIUS, all_poses
-from tests.harness.ball import write_ball
+from scenes.viewpoints import FOV_X_RADIANS, all_poses
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 BALL = """<scene version="3.0.0">
@@ -46,18 +45,6 @@ def test_names_are_fit_for_records_and_never_of_the_catalogue() -> None:
     assert name_of_file(Path("a/…….py")) == "scene"
     assert name_of_file(Path("lego.xml")) == "lego-file"
     assert all(name_of_file(Path(f"{name}.py")) not in CATALOG for name in CATALOG)
-
-
-def test_the_trust_that_is_given_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "Python code: it runs with your rights" in " ".join(notes(scene_from_file(EXAMPLES / "my_scene.py")))
-    said = " ".join(notes(scene_from_file(EXAMPLES / "my_scene.xml")))
-    assert "reads every file that it names" in said
-    assert "y up" in said
-    from harness.__main__ import parser
-
-    with pytest.raises(SystemExit):
-        parser().parse_args(["run", "--help"])
-    assert "rights" in capsys.readouterr().out
 
 
 # --- what is known of an XML file without Mitsuba
@@ -309,20 +296,3 @@ def harness_plan(*arguments: str) -> None:
 def test_options_that_do_not_go_together(arguments: list[str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         harness_plan(*arguments)
-
-
-def test_a_plan_says_what_it_depends_on(tmp_path: Path) -> None:
-    from harness.plan import planned
-    from scenes.source import Region
-
-    plain = planned("smoke").settings()
-    assert "scene_file" not in plain
-    assert "region" not in plain["views"]
-    own = planned("smoke", scene_file=EXAMPLES / "my_scene.xml")
-    assert own.scenes == ("my_scene",)
-    assert own.scene_file_digest is not None
-    assert own.settings()["scene_file_digest"] == own.scene_file_digest
-    region = Region((0, 0, 0, 1, 1, 1), 0.5, 9.0)
-    far = planned("smoke", view_set=write_ball(tmp_path / "ball"), region=region).settings()["views"]["region"]
-    assert far == {"bounds": (0, 0, 0, 1, 1, 1), "near": 0.5, "far": 9.0}
-    assert RADIUS > VISIBLE_RADIUS + 2.0

@@ -1,6 +1,5 @@
 """However a view is rendered in parts, it is the view; and what is not, says so."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -141,16 +140,6 @@ class Watched:
         return getattr(self.inner, name)
 
 
-def test_small_regions_share_calls_and_large_ones_are_cut_to_the_chunk(nerf: Learner) -> None:
-    watched = Watched(nerf)
-    list(refine(watched, CAMERA, REGIONS, ATTENTION, CHUNK, "raster", 60))
-    rays = [count for count, _, _ in watched.calls]
-    assert rays == [75, 60, 75, 60, 60, 60, 6]
-    watched.calls.clear()
-    list(refine(watched, CAMERA, Regions(18, 22, 100), np.ones(1), 40, "raster"))
-    assert watched.calls == [(396, 40, None)]
-
-
 def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> None:
     whole = nerf.render(CAMERA.rays(CPU), 10_000).network_evaluations
     for rays_a_call in (1, 100):
@@ -209,18 +198,6 @@ def test_coarse_frames_of_a_method_that_is_not_pointwise_are_spread_over_the_cal
     """In the fixed random order: a call of the first rows would hold another mean."""
     found = coarse(qnerf, CAMERA, 1, CHUNK).view
     assert same_bits(found, plain(qnerf))
-
-
-def test_a_canvas_starts_from_a_copy(nerf: Learner) -> None:
-    start = coarse(nerf, CAMERA, 4, CHUNK).view
-    before = start.colour.copy()
-    canvas = Canvas(18, 22, start)
-    done = next(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK))
-    canvas.put(done)
-    assert np.array_equal(start.colour, before)
-    assert np.array_equal(canvas.view.colour.reshape(-1, 3)[done.pixels], done.colour)
-    elsewhere = np.setdiff1d(np.arange(18 * 22), done.pixels)
-    assert np.array_equal(canvas.view.colour.reshape(-1, 3)[elsewhere], before.reshape(-1, 3)[elsewhere])
 
 
 def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
@@ -304,18 +281,3 @@ def test_the_cost_of_regions_adds_up_to_that_of_the_picture(nerf: Learner) -> No
     assert estimate.rays == 99
     assert estimate.by_region.sum() == pytest.approx(whole, rel=0.15)
     assert (evaluations_by_region(nerf, CAMERA, REGIONS, 9, CHUNK, BINS).by_region >= 1).all()
-
-
-@pytest.mark.parametrize("stride", [2, 5, 9])
-def test_the_cost_of_regions_comes_with_the_coarse_frame_that_it_was_found_by(nerf: Learner, stride: int) -> None:
-    wanted = coarse(nerf, CAMERA, stride, CHUNK, BINS)
-    found = evaluations_by_region(nerf, CAMERA, REGIONS, stride, CHUNK, BINS)
-    assert largest_difference(found.view, wanted.view) < ROUNDING
-    assert (found.rays, found.network_evaluations) == (wanted.rays, wanted.network_evaluations)
-
-
-def test_parts_come_as_they_are_asked_for(nerf: Learner) -> None:
-    watched = Watched(nerf)
-    parts: Iterator[Done] = refine(watched, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", 1)
-    next(parts)
-    assert len(watched.calls) == 1

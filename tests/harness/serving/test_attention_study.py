@@ -26,7 +26,7 @@ from harness.serving.anytime import (
     refined,
     runs_of,
 )
-from harness.serving.attention_maps import KINDS, Looked, attention_of, middle
+from harness.serving.attention_maps import KINDS, Looked, attention_of
 from harness.serving.attention_study import STRIDE, measured_attention, tile_of
 from harness.serving.situation import Situation, plain
 from harness.serving_record import Anytime
@@ -58,13 +58,6 @@ def test_errors_fall_part_by_part() -> None:
 def test_an_error_that_is_not_finite_is_refused() -> None:
     with pytest.raises(ValueError, match="not finite"):
         list(errors_along(BY_HAND, flat(float("nan"))))
-
-
-@pytest.mark.parametrize(("limit", "colours"), [(0.5, [0, 0, 0, 0]), (2.0, [1, 1, 0, 0]), (9.0, [1, 1, 1, 1])])
-def test_a_frame_shows_what_was_done_in_time(limit: float, colours: list[int]) -> None:
-    picture = Measured(BY_HAND, np.array([BY_HAND.seconds])).after(limit).colour[..., 0].reshape(-1)
-    assert (2 * picture).tolist() == colours
-    assert BY_HAND.first.colour.max() == 0.0, "the coarse frame is left as it was"
 
 
 def curve_of(errors: list[float], *repeats: float) -> Curve:
@@ -115,12 +108,6 @@ def test_the_attended_quarter_is_that_of_the_most_attended_regions() -> None:
     assert found.sum() == 4
 
 
-def test_the_mask_is_a_quarter_of_the_picture() -> None:
-    found = middle(8, 12)
-    assert found.sum() == 8 * 12 / 4
-    assert found[2:6, 3:9].all()
-
-
 @pytest.fixture
 def view(situation: Situation, cell: TrainedCell) -> Looked:
     camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
@@ -142,14 +129,6 @@ def in_calls_of(chunk: int, view: Looked) -> Looked:
     one = view.cell.cell
     settings = {**one.settings, "score": {**one.settings["score"], "chunk": chunk}}
     return replace(view, cell=replace(view.cell, cell=replace(one, settings=settings)))
-
-
-def test_plain_begins_with_white_and_has_the_calls_and_the_bits_of_a_plain_picture(view: Looked, ticks: Ticks) -> None:
-    small = in_calls_of(100, view)
-    found = refined(small, "plain", None, ticks)
-    assert (found.seconds[0], found.first.colour.min()) == (0.0, 1.0)
-    assert [len(part.pixels) for part in found.parts[:-1]] == [100] * (SIZE * SIZE // 100 - (SIZE * SIZE % 100 == 0))
-    assert np.array_equal(found.at(len(found.parts)).colour, plain(view.cell.learner, view.camera, 100).colour)
 
 
 def test_by_attention_the_attended_quarter_is_done_first(view: Looked) -> None:

@@ -1,6 +1,5 @@
 """Coarse at once, every region once, the plain picture in the end; again out of the cache; no more than was taken."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,8 @@ from harness.finished import TrainedCell
 from harness.metrics import psnr
 from harness.trainer import Diverged
 from harness.view_cache.store import ViewStore
-from harness.viewer import engine
 from harness.viewer.attended import Attention
-from harness.viewer.engine import Frame, Pace, Seat, first_frame, frames, regions_of
+from harness.viewer.engine import Frame, Seat, frames, regions_of
 from harness.viewer.orbit import Orbit
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
@@ -184,41 +182,6 @@ def test_a_picture_that_is_not_finite_fails_alone(
     assert [frame.state for frame in of(shown, "nerf")] == ["failed"]
     assert "ray 7" in of(shown, "nerf")[0].note
     assert of(shown, "qnerf")[-1].state == "whole"
-
-
-def test_the_first_frame_is_timed_with_nothing_in_the_cache(cells: list[TrainedCell], camera: Camera) -> None:
-    for _ in range(2):
-        coarse, whole = engine.seconds_of(first_frame(cells, camera), 2)
-        assert 0.0 < coarse < whole
-
-
-def test_what_is_timed_is_the_last_method_s_first_frame() -> None:
-    none = np.zeros(0)
-
-    def frame(method: str, seconds: float, state: Any = "coarse", note: str = "") -> Frame:
-        return Frame(method, state, none, none, none, none, 0.0, seconds, 0.0, note=note)
-
-    def shown(*given: Frame) -> Iterator[Frame]:
-        return iter(given)
-
-    seen = [frame("a", 1.0), frame("b", 3.0), frame("a", 4.0), frame("b", 7.0), frame("a", 6.0)]
-    assert engine.seconds_of(shown(*seen), 2) == (3.0, 6.0)
-    with pytest.raises(Diverged, match="a: not finite"):
-        engine.seconds_of(shown(frame("a", 1.0, "failed", "not finite")), 1)
-    with pytest.raises(ValueError, match="2 methods"):
-        engine.seconds_of(shown(*seen[:1]), 2)
-
-
-def test_the_coarse_frame_takes_as_long_as_it_may() -> None:
-    assert Pace(25_000.0).stride(10_000) == 2
-    assert Pace(1e9).stride(10_000) == engine.FINEST_STRIDE
-    assert Pace(1.0).stride(10_000) == engine.COARSEST_STRIDE
-    assert Pace(10_000.0).stride(9_000) == 3
-    pace = Pace(100.0)
-    pace.learn(400, 1.0)
-    assert pace.rays_per_second == pytest.approx(200.0)
-    pace.learn(0, 1.0)
-    assert pace.rays_per_second == pytest.approx(200.0)
 
 
 @pytest.mark.parametrize(

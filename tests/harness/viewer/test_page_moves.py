@@ -102,48 +102,6 @@ def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
     assert look.noise == []
 
 
-def test_one_may_zoom_as_far_as_the_scene_is_large(browser: Any, site: Site) -> None:
-    look = Looking(browser, site, viewport={"width": 1200, "height": 800})
-    limits = look.page.evaluate(
-        """async () => {
-          const { reach, within } = await import('/camera.js')
-          const far = reach([{ distance: 400 }, { distance: 800 }])
-          const limited = distance => within({ distance }, far).distance
-          return [reach([{ distance: 4 }, { distance: 5 }]), limited(1e9), limited(0)]
-        }"""
-    )
-    assert limits == [[0.25, 80.0], 1000.0, 25.0]
-
-
-def test_keys_are_those_of_the_pictures_alone(browser: Any, site: Site) -> None:
-    look = Looking(browser, site)
-    page = look.page
-    place = page.locator("#place")
-    assert page.evaluate("() => document.activeElement.matches('figure canvas')")
-    ring = page.evaluate("() => getComputedStyle(document.activeElement.closest('.picture')).outlineStyle")
-    assert ring == "solid"
-    before = place.inner_text()
-    page.locator("input[value=nerf]").focus()
-    for key in ("ArrowRight", "n", "r", "]", "+"):
-        page.keyboard.press(key)
-    page.evaluate("() => document.activeElement.blur()")
-    page.keyboard.press("ArrowRight")
-    assert place.inner_text() == before
-    page.locator("figure canvas").first.focus()
-    page.keyboard.press("ArrowRight")
-    assert place.inner_text() != before
-
-
-def test_a_mistake_of_the_page_is_not_said_to_be_the_server_s(browser: Any, site: Site) -> None:
-    look = Looking(browser, site)
-    look.page.evaluate("() => { Set.prototype.delete = null }")
-    look.page.keyboard.press("ArrowUp")
-    look.page.wait_for_selector("#alert:not([hidden])")
-    said = look.page.locator("#alert").inner_text()
-    assert "This page made a mistake" in said
-    assert "does not answer" not in said
-
-
 def test_a_busy_server_is_asked_again(browser: Any, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     look = Looking(browser, site)
     with monkeypatch.context() as full:
