@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
+from harness.json_record import DamagedRecord
 from reports import claims_arithmetic as arithmetic
 from reports import claims_code as code
 from reports import claims_scores as scores
@@ -34,6 +35,7 @@ RULES: dict[str, tuple[str, Judge]] = {
     "each gain": ("gains", scores.each_row),
     "each level": ("levels", scores.each_row),
     "saving": ("gains", times.saving),
+    "derived saving": ("readings", times.saving),
     "added part": ("gains", added_part),
     "score": ("levels", scores.score),
     "time to target": ("levels", times.time_to_target),
@@ -67,7 +69,13 @@ def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
     bench = Bench(records, beside.evidence, records.targets, beside.serving)
-    return [_judged(bench, entry) for entry in entries(records.run.paper)]
+    try:
+        return [_judged(bench, entry) for entry in entries(records.run.paper)]
+    except KeyError as error:
+        raise DamagedRecord(
+            f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
+            "`python -m harness run --resume` writes it anew and trains nothing that is finished"
+        ) from error
 
 
 def _judged(bench: Bench, entry: Printed) -> Claim:

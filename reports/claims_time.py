@@ -19,6 +19,7 @@ HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed;
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 MARGIN = 5.0
 """Percentage points: the smallest saving of interest, as the harness declares it."""
+NEEDS_TARGETS = "need a record of when a score was reached: run again with --resume"
 NEEDS_MACHINE = "need the paper’s machine"
 NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"
 
@@ -27,9 +28,11 @@ def saving(bench: Bench, entry: Printed) -> Finding:
     """Per cent less of steps or seconds to the target."""
     axis, targets = entry.of["axis"], bench.targets
     how = HOW.format(what=WHAT[axis])
-    one = targets.comparison("all", "qnerf", "nerf", axis) if targets and targets.target is not None else None
+    if targets is None:
+        return Finding(UNTESTED, how, note=NEEDS_TARGETS)
+    one = targets.comparison("all", "qnerf", "nerf", axis) if targets.target is not None else None
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
-    if targets is None or one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
+    if one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
     at_paper_scale = targets.printed and bench.at_paper_scale("all")
     verdict = judge_gain(entry.printed, MARGIN, reachable(one), at_paper_scale)

@@ -44,8 +44,8 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
             }
             for scene in run.scenes
         ],
-        "cells": [_cell(cell) for cell in records.cells],
-        "comparisons": [asdict(one) for one in records.comparisons],
+        "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
+        "comparisons": [asdict(one) for one in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
         "claims": [_claim(one.__dict__) for one in found],
         "cache": _cache(beside.serving.cache) if beside.serving and beside.serving.cache else None,

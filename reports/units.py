@@ -14,7 +14,7 @@ from reports.figure import Panel, Trace, padded
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.plots import Plot, plots
-from reports.wording import NARROW, counted, interval, number, signed, significant
+from reports.wording import NARROW, counted, interval, number, signed
 
 PRINTED = "qnerf_printed"
 BASES = ("nerf", "qnerf")
@@ -53,8 +53,17 @@ def units(records: Records) -> Units | None:
     scene = scenes[0]
     rungs = rungs_of(records, scene)
     sentences = [said for said in (spread(rungs, scene), printed_form(records)) if said]
-    drawn = plots([panel(rungs, records, scene)], "units") if len({rung.scale for rung in rungs}) > 2 else []
-    return Units(scene, sentences, drawn, ladder_grid(rungs), beside_grid(records, scene))
+    drawn = ladder_panel(records)
+    return Units(
+        scene, sentences, plots([drawn], "units") if drawn else [], ladder_grid(rungs), beside_grid(records, scene)
+    )
+
+
+def ladder_panel(records: Records) -> Panel | None:
+    """The picture of the section; None where there are no three units to compare."""
+    scene = next((cell.scene for cell in records.extra_cells), None)
+    rungs = rungs_of(records, scene) if scene else []
+    return panel(rungs, records, scene) if scene and len({rung.scale for rung in rungs}) > 2 else None
 
 
 def rungs_of(records: Records, scene: str) -> list[Rung]:
@@ -85,7 +94,7 @@ def spread(rungs: list[Rung], scene: str) -> str:
     scales = [rung.scale for rung in rungs]
     if not said:
         return ""
-    between = f"between {significant(min(scales))} and {significant(max(scales))} per half of the box"
+    between = f"between {min(scales):g} and {max(scales):g} per half of the box"
     return f"With a unit of density {between}, {' and '.join(said)} on {scene}."
 
 
@@ -123,7 +132,7 @@ def panel(rungs: list[Rung], records: Records, scene: str) -> Panel:
         ends = (min(rung.scale for rung in rungs), max(rung.scale for rung in rungs))
         traces.append(Trace("floor", palette.MUTED.light, "floor", ends, (described.psnr_floor,) * 2))
     every = [value for trace in traces for value in trace.y]
-    said = "; ".join(f"{rung.base} {number(fmean(rung.psnr), 1)} dB at {significant(rung.scale)}" for rung in rungs)
+    said = "; ".join(f"{rung.base} {number(fmean(rung.psnr), 1)} dB at {rung.scale:g}" for rung in rungs)
     return Panel(
         f"Test PSNR on {scene} against the unit of density",
         "density where the amplifier gives 1, per half of the box",
@@ -145,7 +154,7 @@ def ladder_grid(rungs: list[Rung]) -> Grid | None:
     columns = [Column("unit of density", small="per half of the box"), *(Column(base, small="dB") for base in BASES)]
     rows = []
     for scale in sorted({rung.scale for rung in rungs}):
-        row = [Entry(significant(scale), value=scale)]
+        row = [Entry(f"{scale:g}", value=scale)]
         for base in BASES:
             one = next((rung for rung in rungs if (rung.base, rung.scale) == (base, scale)), None)
             row.append(EMPTY if one is None else _score(one.psnr))

@@ -5,6 +5,7 @@ A new session or command is one more line of `TYPED`; `tests/docs/test_documenta
 
 import os
 import re
+import resource
 import shlex
 import signal
 import subprocess
@@ -25,7 +26,7 @@ TYPED = """
 nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --out {here}/run {sets}
 nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
-nox -s evidence -- --studies factorial --quick --out {here}/run {sets} → 3
+nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
 python -m harness tensorboard {here}/run
 python -m reports {here}/run {here}/run --page {here}/outputs.html
@@ -45,7 +46,7 @@ python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 
 nox -s stability -- --cases S1 Q1 --quick --out {here}/stability {other_sets} → 3
-nox -s speed -- --items 2 4 --quick --out {here}/speed {other_sets}
+nox -s speed -- --items 2 7 8 9 10 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 1 --typed-kills 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
@@ -125,7 +126,9 @@ def main(nox: str) -> int:
         both = blocks(folder)
         done = pool.map(lambda block: [run(line, nox, Path(folder)) for line in block], both)
         wrong = [one for block in done for one in block if one]
-    sys.stdout.write("\n".join([*wrong, f"{len(wrong)} wrong; {time.monotonic() - began:.0f} s\n"]))
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = f"{time.monotonic() - began:.0f} s, {used.ru_utime + used.ru_stime:.0f} of the processor"
+    sys.stdout.write("\n".join([*wrong, f"{len(wrong)} wrong; {seconds}\n"]))
     return 1 if wrong else 0
 
 

@@ -42,7 +42,7 @@ ALLOWED = {
 }
 """What a package may import of ours: whole packages, or single modules."""
 DRAWERS = {"utils", "util", "helpers", "helper", "common", "misc"}
-MOST_LINES = 330
+MOST_LINES = 500
 
 
 def modules(root: Path) -> dict[str, Path]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
-from harness.doctor import catalog, machine, packages, rendering
+from harness.doctor import catalog, machine, packages
 from harness.doctor.finding import Finding
 from tests.harness.shell import ROOT
 
@@ -56,25 +56,6 @@ def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pyte
     (found,) = json.loads(text)
     assert found["found"] == "ImportError: libtorch.so: no such file"
     assert found["needed"] is True
-
-
-@pytest.mark.parametrize(
-    ("files", "cores"),
-    [
-        ({"cpu.max": "max 100000"}, None),
-        ({"cpu.max": "150000 100000"}, 1.5),
-        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, None),
-        ({"cpu/cpu.cfs_quota_us": "400000", "cpu/cpu.cfs_period_us": "100000"}, 4.0),
-        ({"cpu.max": "rubbish"}, None),
-        ({"cpu.max": "1 0"}, None),
-        ({}, None),
-    ],
-)
-def test_quotas_of_both_kinds_of_container(tmp_path: Path, files: dict[str, str], cores: float | None) -> None:
-    for name, text in files.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
-    assert machine.cpu_quota(tmp_path) == cores
 
 
 def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
@@ -132,19 +113,6 @@ def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> Non
         ("numpy", "limited", False),
         ("scipy", "missing", True),
     ]
-
-
-def test_libraries_that_fail_are_told_until_one_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = {"/lib/libLLVM-21.so": "its process was killed by signal 6", "/lib/libLLVM-19.so": None}
-    monkeypatch.setattr(rendering, "llvm_libraries", lambda: [Path(one) for one in answers])
-    monkeypatch.setattr(rendering, "probe", lambda variant, library: answers[library])
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-15.so")
-    users, first, second = rendering.llvm_findings()
-    assert "/lib/libLLVM-15.so is no such library" in users.found
-    assert (first.verdict, "signal 6" in first.found) == ("limited", True)
-    assert (second.verdict, second.found) == ("ok", "renders with /lib/libLLVM-19.so")
-    answers.clear()
-    assert "libllvm19" in rendering.llvm_findings()[-1].to_do
 
 
 @pytest.mark.slow

@@ -15,7 +15,6 @@ from harness.speed.situation import Situation
 from harness.speed.time_to_target import Examination, Plain, examination_of, follow
 from harness.speed_record import Measurement
 from harness.trainer import Diverged
-from scenes.pixels import over_white
 from scenes.view_set import ViewSet
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours
 
@@ -92,20 +91,6 @@ def test_what_is_shown_without_training_is_no_target(here: Situation) -> None:
     assert found.value is None
     assert "without any training" in found.detail
     assert ratio(here, [Curve([1.0, 2.0], [20.0, 21.0], before=19.9)]).value == 60.0
-
-
-def test_the_examination_is_of_pixels_of_all_test_views(ball: ViewSet) -> None:
-    views = 3 * 24 * 24
-    whole = examination_of(ball, CPU, pixels=10**6)
-    assert whole.colours.shape == (views, 3)
-    expected = torch.cat([torch.as_tensor(over_white(rgba)).reshape(-1, 3) for rgba in ball.test.rgba])
-    torch.testing.assert_close(whole.colours, expected.float())
-    few = examination_of(ball, CPU, pixels=100)
-    assert len(few.rays) == 100
-    # every pixel's ray is the one whose colour it is
-    rows = [int(torch.nonzero((whole.rays.directions == d).all(-1))[0]) for d in few.rays.directions[:20]]
-    assert torch.equal(whole.colours[rows], few.colours[:20])
-    assert whole.psnr(whole.colours + 0.1) == pytest.approx(20.0, abs=1e-3)
 
 
 def test_the_plain_contestant_learns_on_its_own_clock(ball: ViewSet) -> None:

@@ -19,16 +19,6 @@ def address(pictured, tmp_path_factory) -> str:
     return path.as_uri()
 
 
-def test_pictures_are_shown_once_on_screen_and_on_paper_as_without_a_script(browser, address):
-    view, _ = opened(browser, address)
-    until(view, "!document.getElementById('comparer').hidden")
-    assert not view.locator(".still").is_visible()
-    view.emulate_media(media="print")
-    assert view.locator(".pictures").first.is_visible()
-    bare, _ = opened(browser, address, java_script_enabled=False)
-    assert bare.locator(".still").is_visible()
-
-
 def test_the_runs_behind_a_figure_are_seen(browser, address, pictured):
     view, noise = opened(browser, f"{address}#runs.open=1&scene=drums&method=nerf&seed=1")
     noise.remove(address)

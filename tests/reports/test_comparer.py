@@ -8,9 +8,9 @@ import pytest
 from reports.kept_pictures import kept
 from reports.load import read_records
 from reports.page import write_page
-from scenes.pixels import decode_srgb, encode_srgb
+from scenes.pixels import decode_srgb
 from tests.reports.comparer_page import Packed, ball, data_of, rendered, write_comparer_page
-from tests.reports.comparer_view import SIDE, asked, bytes_of, cells, ready, settle, shown
+from tests.reports.comparer_view import SIDE, bytes_of, cells, ready, settle, shown
 
 pytestmark = pytest.mark.slow
 
@@ -69,45 +69,6 @@ def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(b
     settle(view)
     assert view.inner_text('.maplegend[data-map="signed"] b') == "Signed error"
     assert "all channels" not in view.inner_text('[data-panel="nerf-signed"] .said')
-
-
-def test_exposure_scales_linear_light_and_the_truth_may_be_brighter_than_white(browser, address):
-    view, _ = ready(browser, address, "at=pictures&scene=mic")
-    assert view.locator("[data-hdr]").count() == 1
-    slider = view.get_by_role("slider", name="Exposure")
-    slider.focus()
-    for _ in range(6):
-        view.keyboard.press("Shift+E")
-    settle(view)
-    assert view.inner_text("[data-hdr] output") == "−3.0 EV"
-    truth = ball(SIDE, SIDE, 3, hdr=True)
-    test = np.round(255 * rendered(truth, 0, 0, 1600)["display"]) / 255
-    for column, row in ((16, 17), (30, 30), (0, 0)):
-        expected = 255 * encode_srgb(truth["linear"][row, column] / 8)
-        assert shown(view, "truth-colour", column, row) == pytest.approx(expected, abs=0.6)
-        expected = 255 * encode_srgb(decode_srgb(test[row, column]) / 8)
-        assert shown(view, "nerf-colour", column, row) == pytest.approx(expected, abs=0.6)
-    assert truth["linear"][17, 16].max() / 8 > 0.5
-    view.keyboard.press("r")
-    settle(view)
-    assert asked(view, "compare.ev") is None
-    assert shown(view, "nerf-colour", 30, 30) == [int(value) for value in np.round(255 * test[30, 30])]
-
-
-def test_what_is_missing_or_damaged_says_why(browser, tmp_path):
-    packed = Packed()
-    data = data_of(packed, 16)
-    broken = next(
-        one for one in data["scenes"][0]["renders"] if (one["method"], one["seed"], one["view"]) == ("nerf", 1, 1)
-    )
-    packed.texts[broken["colour"]["id"]] = "eJwDAAAAAAE="
-    address = write_comparer_page(tmp_path / "page.html", data, packed).as_uri()
-    view, noise = ready(browser, address, "at=pictures&seed=1&view=r_12&compare.map=depth_error+colour")
-    reasons = view.locator(".why:visible").all_inner_texts()
-    assert "diverged: not finite at step 412: head.weight" in reasons
-    assert "No depth was kept of the ground truth." in reasons
-    assert any(reason.startswith("This picture cannot be shown: ") for reason in reasons)
-    assert noise == []
 
 
 def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tmp_path):

@@ -74,12 +74,3 @@ def test_all_of_it_has_names_and_is_reached_by_keys(browser, address):
     view.keyboard.press("Escape")
     until(view, "!document.querySelector('dialog').open")
     assert noise == []
-
-
-def test_a_page_without_pictures_shows_no_comparer(browser, tmp_path):
-    from tests.reports.browsing import opened
-
-    data = {"methods": [], "variables": {}, "scenes": [], "left_out": []}
-    view, noise = opened(browser, write_comparer_page(tmp_path / "page.html", data, Packed()).as_uri())
-    assert not view.locator("#comparer").is_visible()
-    assert noise == []

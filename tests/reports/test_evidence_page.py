@@ -83,18 +83,6 @@ def test_a_difference_without_an_interval_is_a_dot_and_none_at_all_is_a_row():
     assert (second.dot, second.figures.text) == (None, "–")
 
 
-def test_metrics_and_budgets_have_a_forest_each():
-    effects = [
-        an_effect(0.1, metric=metric, budget=budget) for metric in ("psnr", "own") for budget in ("seconds", "steps")
-    ]
-    assert [one.title for one in forests(effects, {})] == [
-        "PSNR at equal training time",
-        "PSNR at equal steps",
-        "own at equal training time",
-        "own at equal steps",
-    ]
-
-
 @pytest.mark.parametrize(
     ("check", "said"),
     [
@@ -112,12 +100,6 @@ def test_checks_in_words(check, said):
 def test_an_empty_record_and_a_study_without_anything_have_a_page():
     assert "without a check" in evidence_page(EMPTY)
     assert "It gave no answer in words." in seen(evidence_page(replace(EMPTY, studies=[StudyRecord(INFO)])))
-
-
-def test_unfinished_and_quick_studies_are_called_so():
-    text = seen(evidence_page(replace(fake_evidence(with_charts=False), finished=False, settings={"quick": True})))
-    assert "These studies were not finished. 4 are whole" in text
-    assert "Quick studies." in text
 
 
 def test_the_smallest_effects_of_interest_are_those_of_the_record():

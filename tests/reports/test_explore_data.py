@@ -9,7 +9,6 @@ import pytest
 from markupsafe import Markup
 
 from harness.records import cell_path
-from harness.survival import targets
 from reports.attributes import of_entry, of_row, value_of
 from reports.figure import Panel, Trace, svg
 from reports.grid import Entry
@@ -143,33 +142,6 @@ def test_every_run_is_there_with_what_sets_it_apart(tmp_path):
     assert first["differing"] == {}
     assert first["file"] == "records/cells/chair.nerf.0.json"
     json.dumps(found, allow_nan=False)
-
-
-def test_when_each_run_reached_the_target_stands_beside_it(records):
-    assert "reached" not in runs_data(replace(records, targets=None))
-    record = targets(records.cells, records.methods)
-    found = runs_data(replace(records, targets=record))
-    assert found["target"] == record.target
-    one = record.reaches[0]
-    assert found["reached"][one.scene][one.method][str(one.seed)][one.axis] == [*rounded([one.time]), one.known]
-
-
-def test_until_when_two_methods_are_compared_stands_there_where_any_pair_is(records):
-    failed = [
-        replace(cell, status="error") if (cell.scene, cell.method) == ("drums", "nerf") else cell
-        for cell in records.cells
-    ]
-    record = targets(failed, records.methods)
-    found = runs_data(replace(records, cells=failed, targets=record))["horizons"]
-    compared = record.comparison("chair", "qnerf", "nerf", "seconds")
-    ends = [
-        cell.curve[-1].seconds
-        for cell in failed
-        if (cell.scene, cell.status) == ("chair", "done") and cell.method in ("qnerf", "nerf")
-    ]
-    assert found["chair"]["qnerf"]["nerf"]["seconds"] == compared.horizon == min(ends)
-    assert set(found) == {"chair", "drums"}
-    assert found["drums"] == {"qnerf": {"nerf_matched": found["drums"]["qnerf"]["nerf_matched"]}}, "nothing with nerf"
 
 
 def test_runs_of_a_group_that_is_not_whole_say_so(tmp_path):

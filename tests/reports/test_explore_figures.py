@@ -70,42 +70,6 @@ def test_points_lie_where_they_are_drawn(view):
         assert min(abs(x - a) + abs(y - b) for a, b in drawn) < 0.05
 
 
-def test_pointing_at_a_curve_says_what_it_is_and_a_click_opens_its_runs(view, records):
-    one = figure(view, "convergence", "chair")
-    plot = one.locator("svg.plot")
-    plot.scroll_into_view_if_needed()
-    place = plot.evaluate(
-        """svg => {
-            svg.dispatchEvent(new PointerEvent('pointermove', {clientX: 0, clientY: 0}));
-            const points = svg.closest('figure').points;
-            const [x, y] = points.find(({trace, index}) => trace.label === 'qnerf mean' && index === 5).at;
-            const at = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
-            return [at.x, at.y];
-        }"""
-    )
-    view.mouse.move(*place)
-    tip = view.locator(".tip").inner_text()
-    assert "qnerf" in tip
-    assert "1\u202f600" in tip
-    view.mouse.click(*place)
-    assert view.locator("#runs h2").inner_text() == "qnerf, chair"
-    assert "step=1600" in address_of(view)
-    assert view.locator("#runs tr.chosen").first.inner_text().startswith("1\u202f600")
-
-
-def test_a_figure_is_read_by_keys_alone(view):
-    view.locator("#convergence svg.plot").nth(1).focus()
-    for key in ("ArrowRight", "ArrowRight", "ArrowDown"):
-        view.keyboard.press(key)
-    first = view.locator(".tip").inner_text()
-    assert "step: 100" in first
-    view.keyboard.press("Enter")
-    assert view.locator("#runs").is_visible()
-    assert "step=100" in address_of(view)
-    view.keyboard.press("Escape")
-    assert view.locator("#runs").is_hidden()
-
-
 def test_density_moves_with_the_checkpoint_and_the_address_keeps_it(view, records):
     player = view.locator(".density")
     assert player.locator("output").inner_text() == "step 1\u202f600"
@@ -120,20 +84,6 @@ def test_density_moves_with_the_checkpoint_and_the_address_keeps_it(view, record
     assert "density.step=50" in address_of(view)
     view.reload()
     assert player.locator("output").inner_text() == "step 50"
-
-
-@pytest.mark.parametrize("which", [".density figure", "#amplifier figure:has(script.drawn)"])
-def test_a_saved_histogram_holds_what_was_measured(view, records, which):
-    rows = rows_of(saved(view, view.locator(which).first, "CSV"))
-    last = [cell.curve[-1].density for cell in records.cells_of("chair", "qnerf")]
-    for side in ("before", "after"):
-        own = [row for row in rows if row["series"] == f"{side} the amplifier"]
-        assert [float(row["from"]) for row in own] == pytest.approx(last[0]["edges"][:-1], rel=1e-5)
-        assert [float(row["to"]) for row in own] == pytest.approx(last[0]["edges"][1:], rel=1e-5)
-        shares = [float(row["share of points"]) for row in own]
-        assert shares == pytest.approx(last[0][side], rel=1e-5), "the same in all seeds"
-        assert sum(shares) == pytest.approx(1, abs=1e-5)
-    assert shares.count(0) == last[0]["after"].count(0) > 10
 
 
 def test_the_page_is_whole_without_script(browser, explored):

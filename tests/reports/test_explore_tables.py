@@ -1,13 +1,9 @@
 """Tables and the runs behind them, in a real browser."""
 
-import json
-
 import pytest
 
 from harness.comparisons import scores_at
-from reports.script import HERE
 from tests.reports.browsing import address_of, opened
-from tests.reports.comparer_page import write_arithmetic_page
 from tests.reports.exploring import FORMULA, HOSTILE, MACRO, rows_of, saved, write_exploring
 
 pytestmark = pytest.mark.slow
@@ -99,16 +95,6 @@ def test_a_header_sorts_by_value_and_back_and_the_address_keeps_it(view, explore
     assert "sort" not in address_of(view)
 
 
-def test_what_is_missing_stays_last_and_sorted_rows_name_their_scene(view):
-    view.evaluate("document.querySelector('#metrics tbody tr td:nth-child(3)').removeAttribute('data-value')")
-    view.evaluate("document.querySelector('#metrics tbody tr td:nth-child(3)').textContent = '–'")
-    for _ in range(2):
-        view.locator("#metrics th .sort").nth(2).click()
-        assert column(view, "metrics", 2)[-1] == "–"
-    blank = view.locator("#metrics tr.same th").first
-    assert "chair" in blank.evaluate("one => getComputedStyle(one, '::before').content")
-
-
 def test_a_cell_shows_its_runs_and_escape_returns(view, records):
     cell = view.locator("#psnr tbody .behind").nth(2)
     cell.click()
@@ -155,27 +141,3 @@ def test_the_pairs_of_a_difference_are_those_that_were_compared(view, records, b
         ours, theirs = scores_at(cells[pair[0], seed], cells[pair[1], seed], "psnr", budget)
         said = panel.locator("table").first.locator("tbody tr").nth(seed).locator("td").all_inner_texts()
         assert said == [str(seed), f"{ours:.3f}", f"{theirs:.3f}", f"{ours - theirs:+.3f}".replace("-", "−")]
-
-
-def test_a_mangled_address_is_no_error(browser, explored):
-    for hash_ in ("%E0%A4%A", "a=%", "table.psnr-0.sort=99d&theme=x&runs.open=1&scene=nowhere&density.step=-1&seed=x",
-                  "filter.scenes=%25&scene=%3Cimg%20src%3Dx%3E&runs.open=1"):  # fmt: skip
-        page, noise = opened(browser, f"{explored[1]}#{hash_}")
-        assert page.locator("#psnr table").first.is_visible()
-        assert [one for one in noise if one.startswith(("error", "console"))] == []
-        page.context.close()
-
-
-def test_a_latex_row_that_begins_like_an_option_is_protected(browser, tmp_path):
-    body = (HERE / "download.js").read_text(encoding="utf-8") + "tell(download.latex(given).split('\\n'));"
-    rows = [[{"text": text}] for text in ("[2pt]", " *", "chair [1]")]
-    table = {"caption": "", "columns": [{"label": "[a]"}], "rows": rows, "totals": rows[:1]}
-    page = write_arithmetic_page(tmp_path / "page.html", body, given=table)
-    found = json.loads(opened(browser, page.as_uri())[0].inner_text("#found"))
-    assert [line for line in found if line.endswith("\\\\")] == [
-        "{}[a] \\\\",
-        "{}[2pt] \\\\",
-        "{} * \\\\",
-        "chair [1] \\\\",
-        "{}[2pt] \\\\",
-    ]

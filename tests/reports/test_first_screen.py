@@ -48,7 +48,7 @@ def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
     assert shown(whole).untested == [
         "3 claims need the ablation study: `nox -s evidence -- --out out/latest`.",
         "1 claim needs the paper’s settings on its own pictures (docs/full-setting.md).",
-        "1 claim needs a run of qnerf and nerf.",
+        "1 claim needs a record of when a score was reached: run again with --resume.",
     ]
     assert len(shown(whole, study(effect(LISTING_2, -2.5))).lines) == 3
 

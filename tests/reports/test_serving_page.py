@@ -1,33 +1,22 @@
 """The sections about serving: told from figures, drawn to scale, escaped, small, and silent where nothing is."""
 
 import html
-import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from harness.serving_record import (
-    AttentionRecord,
-    CacheRecord,
     FirstFrame,
-    PhiCheck,
 )
 from reports.beside import Beside
 from reports.load import read_records
 from reports.page import page
-from reports.serving_attention import attention
-from reports.serving_cache import cache
-from reports.serving_curves import INVISIBLE, anytime_panels
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import (
-    ORDERS,
     fake_attention,
     fake_cache,
-    fake_curve,
     fake_serving,
-    reaching,
     reachings,
     write_fake_serving,
 )
@@ -85,28 +74,6 @@ def test_each_part_may_be_missing(out):
     assert "no method: no checkpoints" in seen(page(records, Beside(serving=nothing)), "attention")
 
 
-def test_empty_records_have_sections():
-    empty = AttentionRecord(40, 40, 8, 512, [], [], [], [], PhiCheck(0.0, 0, 0, 0))
-    shown = attention(fake_serving(attention=empty, first_frame=None), Path("nowhere"))
-    assert (shown.answer, shown.sentences, shown.choices, shown.strips) == ("No order was timed.", [], [], [])
-    bare = cache(CacheRecord(40, 40, [], [], [], 0, 0), [])
-    assert (bare.answer, bare.plots, bare.confused, bare.confusions) == ("No hit was timed.", [], "", None)
-
-
-def test_what_is_invisible_stands_at_the_foot():
-    curve = fake_curve("chair", "point", "attention", 1.0)
-    goal = reaching(curve, "attended", 0.09)
-    (panel,) = anytime_panels([curve], [goal, reaching(curve, "whole", 0.07)], "attended")
-    line = panel.traces[0]
-    assert (min(line.y), panel.zero_at) == (INVISIBLE, INVISIBLE)
-    assert line.x[0] == curve.seconds[0]
-    assert line.x[-1] == curve.seconds[-1]
-    marks = [trace for trace in panel.traces if trace.kind == "mark"]
-    assert [(trace.x, trace.y) for trace in marks] == [((goal.seconds,), (goal.error,))]
-    (above,) = anytime_panels([replace(curve, rmse_whole=[0.1 + 0.001 * k for k in range(26)])], [], "whole")
-    assert above.zero_at is None
-
-
 def test_hostile_words_stay_words(out):
     def spoiled(one, **also):
         words = {name: HOSTILE for name, value in one.__dict__.items() if isinstance(value, str)}
@@ -139,18 +106,3 @@ def test_hostile_words_stay_words(out):
     text = page(read_records(out), Beside(serving=record))
     assert foreign_scripts(text) == []
     assert "alert('x')" in html.unescape(text)
-
-
-def test_the_sections_stay_small(out):
-    records = read_records(out)
-    maps = [fake_curve(scene, f"map {kind}", order, 1.0) for scene in ("chair", "drums", "lego") for kind in range(5)
-            for order in ORDERS]  # fmt: skip
-    long = [
-        replace(one, seconds=[0.001 * k for k in range(101)], share=[k / 100 for k in range(101)],
-                rmse_attended=[0.1 * math.exp(-0.1 * k) for k in range(101)],
-                rmse_hardest=[0.1 * math.exp(-0.08 * k) for k in range(101)],
-                rmse_whole=[0.1 * math.exp(-0.05 * k) for k in range(101)])
-        for one in maps
-    ]  # fmt: skip
-    record = fake_serving(attention=fake_attention(curves=long, reaching=reachings(long)))
-    assert len(page(records, Beside(serving=record))) - len(page(records)) < 1_600_000  # drawings and their numbers

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from harness.json_record import DamagedRecord
-from harness.stability_record import STABILITY_FILE, Outcome, StabilityRecord, judged
+from harness.stability_record import STABILITY_FILE, Outcome, judged
 from reports.stability_load import find_stability
 from reports.stability_matrix import cell, groups
 from reports.stability_wording import headline, sentences, strain, tone_of, verdict
@@ -55,31 +55,12 @@ def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
     assert strain(lost) == math.inf
 
 
-def test_columns_are_what_recurs_ours_first_and_the_rest_stands_beside():
-    q = next(group for group in groups(fake_stability()) if group.title == "Quadrature and sampling")
-    assert [subject for subject, _ in q.subjects] == ["midpoint", "linear_in_tau", "harness", "listing4", "log_space"]
-    assert dict(q.subjects)["listing4"] == "paper"
-    row = q.rows[0]
-    assert [found.tone if found else None for found in row.cells] == ["passes", "passes", "passes", "property",
-                                                                      "property"]  # fmt: skip
-    assert [found.subject for found in row.others] == ["running_product"]
-    assert q.rows[3].cells[0] is None
-
-
 def test_no_outcome_is_lost_in_the_matrix():
     record = fake_stability()
     for case_of, row in zip(record.cases, [row for group in groups(record) for row in group.rows], strict=True):
         told_of = [found.title for found in [*row.cells, *row.others] if found]
         assert sum(len(title.split("\n")) for title in told_of) == len(case_of.outcomes)
         assert row.failed == (case_of.info.id == "A2")
-
-
-def test_too_many_subjects_do_not_become_columns():
-    many = [Outcome(name, f"s{n}", "ours", "pass", 1.0) for name in ("Q1", "Q2") for n in range(20)]
-    cases = [case(name, name, "", *[o for o in many if o.case == name]) for name in ("Q1", "Q2")]
-    group = groups(StabilityRecord({}, {}, cases))[0]
-    assert len(group.subjects) == 9
-    assert [len(row.others) for row in group.rows] == [11, 11]
 
 
 def test_the_headline_counts_ours_alone():

@@ -2,7 +2,6 @@
 
 import html
 import re
-import shutil
 from dataclasses import replace
 
 import matplotlib.image
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 from harness.stability_record import StabilityRecord
-from reports.beside import Beside
 from reports.page import page
 from reports.stability_page import stability_page
 from tests.reports.fake_stability import fake_stability, write_fake_stability
@@ -68,33 +66,8 @@ def test_an_empty_record_is_a_page_too(tmp_path):
     assert {"matrix", "findings", "cases", "provenance"} & set(outline.ids) == set()
 
 
-def test_an_unfinished_and_a_quick_run_say_so(folder, text):
-    assert "not finished" not in text
-    assert "A quick run" not in text
-    said = stability_page(fake_stability(with_charts=False, finished=False, settings={"quick": True}), folder)
-    assert "This run was not finished." in said
-    assert "17 whole cases" in said
-    assert "A quick run." in said
-
-
 def test_the_report_beside_it_is_linked(folder):
     assert "report.html" in Outline(stability_page(fake_stability(with_charts=False), folder, beside_report=True)).links
-
-
-def test_the_section_of_the_report_shows_the_same(records, folder):
-    shutil.copytree(folder / "stability", records.out / "stability")
-    tried = fake_stability(with_charts=False)
-    text, whole = stability_page(tried, records.out), page(records, Beside(tried))
-    outline = Outline(whole)
-    assert len(outline.ids) == len(set(outline.ids))
-    assert {link[1:] for link in outline.links if link.startswith("#")} <= set(outline.ids)
-    assert "stability.html" in outline.links
-    assert "#stability" in outline.links
-    assert "1 of 30 stability checks of this harness fails" in whole[: whole.index("<nav")]
-    section = body(whole, "stability")
-    for name in ("matrix", "findings", "chapter-4", "chapter-9", "cases"):
-        words = seen(body(text, name)).split()
-        assert " ".join(words[5:]) in " ".join(seen(section).split()), name
 
 
 def test_a_report_without_stability_has_no_trace_of_it(records):

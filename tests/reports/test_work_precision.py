@@ -57,15 +57,6 @@ def test_every_error_is_drawn_against_every_cost(tmp_path):
     assert {(panel.x_scale, panel.y_scale) for one in found for panel in one.panels} == {("log", "log")}
 
 
-def test_what_older_runs_did_not_record_is_left_out(tmp_path):
-    def old(cell):
-        curve = [replace(point, flip=None, depth_rmse=None) for point in full(cell).curve]
-        return replace(cell, curve=curve)
-
-    found = [(one.measure.name, one.cost.name) for one in diagrams(simple(tmp_path, old))]
-    assert found == [(measure, cost) for measure in ("rmse", "dssim") for cost in ("seconds", "evaluations")]
-
-
 @pytest.mark.parametrize(
     ("measure", "cost", "x", "y"),
     [
@@ -150,16 +141,6 @@ def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
     assert diagrams(simple(tmp_path, perfect)) == []
 
 
-def test_a_method_without_evaluations_is_named(tmp_path):
-    def voxels(cell):
-        return replace(full(cell), curve=[replace(point, network_evaluations=0) for point in full(cell).curve]) \
-            if cell.method == "qnerf" else full(cell)  # fmt: skip
-
-    assert diagram(simple(tmp_path, voxels, with_diverged=False), "rmse", "evaluations").notes == [
-        ["not known of qnerf"]
-    ]
-
-
 def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floors = noise_floors(records)
     assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
@@ -171,15 +152,6 @@ def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     )
     assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
     assert not any(one.kind == "floor" for one in diagram(records, "dssim", "seconds").panels[1].traces)
-
-
-def test_a_floor_far_below_is_said_instead_of_drawn(tmp_path):
-    def clean(cell):
-        return replace(full(cell), scores=cell.scores | {"psnr_ceiling": 80.0})
-
-    made = diagram(simple(tmp_path, clean, with_diverged=False), "rmse", "seconds")
-    assert not any(one.kind == "floor" for one in made.panels[0].traces)
-    assert made.notes[0][0].startswith("noise of the ground truth: ")
 
 
 def test_hulls_against_slow_reference():

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from scenes.needs import PARTS, as_rows, forced, left_out, needs, needs_from_rows
+from scenes.needs import as_rows, needs, needs_from_rows
 from scenes.scene import Description
 
 DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
@@ -117,32 +117,8 @@ def test_bright_over_median_light(lights: list[Description], needed: bool) -> No
     assert needs(description)["hdr_metrics"].needed == needed
 
 
-def test_left_out_names_what_and_why_and_within_what() -> None:
-    rows = left_out(needs(scene_of(DIFFUSE), BOX, 0.02))
-    assert {row["what"] for row in rows} == {
-        "samples outside the box", "samples in empty space", "view-direction branch", "volumetric integrator",
-        "background model", "samples behind opaque matter", "normalising the scale",
-    }  # fmt: skip
-    assert all(row["reason"] for row in rows)
-    assert all(row["bound"] >= 0 and row["unit"] in ("dB", "colour") for row in rows)
-    shiny = left_out(needs(scene_of({"type": "conductor"}), BOX))
-    assert "view-direction branch" not in {row["what"] for row in shiny}
-
-
 def test_a_manifest_keeps_them() -> None:
     found = needs(fog(50.0), BOX, 0.02)
     assert needs_from_rows(json.loads(json.dumps(as_rows(found)))) == found
     assert needs_from_rows({"view_direction": True}) == {}
     assert needs_from_rows(None) == {}
-
-
-def test_a_user_has_the_last_word() -> None:
-    found = needs(scene_of(DIFFUSE), BOX)
-    changed = forced(found, ("view_direction",), ("fine_pass", "high_bands"))
-    assert changed["view_direction"].needed
-    assert "--need" in changed["view_direction"].reason
-    assert not changed["fine_pass"].needed
-    assert "--no-need" in changed["fine_pass"].reason
-    assert changed["outside_box"] == found["outside_box"]
-    assert list(changed) == list(PARTS)
-    assert forced({}, ("view_direction",), ())["view_direction"].needed

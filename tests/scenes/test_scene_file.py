@@ -11,8 +11,6 @@ import pytest
 from scenes.__main__ import main
 from scenes.catalog import CATALOG
 from scenes.errors import InputError
-from scenes.mitsuba_xml import cautious, xml_scene
-from scenes.needs import needs
 from scenes.order import Order
 from scenes.placement import VISIBLE_RADIUS, upright
 from scenes.scene_file import mistakes_in, name_of_file, scene_from_file
@@ -67,25 +65,6 @@ def test_the_digest_follows_the_file_and_what_it_names(tmp_path: Path) -> None:
     digests.append(order_of(file).digest("scalar_rgb"))
     assert len(set(digests)) == 4
     assert "part" in " ".join(scene_from_file(file).build()["file"])
-
-
-def test_needs_follow_the_kinds_of_parts_and_are_cautious(tmp_path: Path) -> None:
-    bounds = np.array([[-1.0] * 3, [1.0] * 3])
-
-    def found(text: str) -> dict[str, bool]:
-        description = xml_scene(written(tmp_path, text), "mine").build()
-        return {name: need.needed for name, need in cautious(needs(description, bounds, 0.01)).items()}
-
-    plain = found(BALL)
-    assert not plain["view_direction"]
-    assert not plain["participating_media"]
-    assert plain["hdr_metrics"]
-    assert plain["depth_metric"]
-    assert found(BALL.replace('"diffuse"', '"plastic"'))["view_direction"]
-    assert found(BALL.replace('"diffuse"', '"of-tomorrow"'))["view_direction"]
-    foggy = found(BALL.replace("<bsdf", '<medium type="homogeneous" name="interior"/><bsdf'))
-    for name in ("participating_media", "view_direction", "empty_space", "behind_opaque", "fine_pass"):
-        assert foggy[name], name
 
 
 @pytest.mark.parametrize(
@@ -273,26 +252,3 @@ def test_what_mitsuba_refuses_is_one_line(name: str, tmp_path: Path, capfd: pyte
     assert str(file) in err
     assert "\n" not in err
     assert list((tmp_path / "cache").iterdir()) == []
-
-
-def harness_plan(*arguments: str) -> None:
-    from harness.__main__ import _planned, parser
-
-    _planned(parser().parse_args(["run", "--device", "cpu", *arguments]))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--scene-file", "none.xml"], "no such file"),
-        (["--scene-file", "none.blend"], "Mitsuba scene"),
-        (["--scene-file", str(EXAMPLES / "my_scene.py"), "--scenes", "lego"], "excludes"),
-        (["--scene-file", str(EXAMPLES / "my_scene.py"), "--view-set", "x"], "excludes"),
-        (["--near", "1"], "only for --view-set"),
-        (["--view-set", "x", "--near", "3", "--far", "2"], "near 3.0 and far 2.0"),
-        (["--view-set", "x", "--bounds", "0", "0", "0", "1", "1", "nan"], "bounds"),
-    ],
-)
-def test_options_that_do_not_go_together(arguments: list[str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        harness_plan(*arguments)

@@ -21,13 +21,6 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         answer.cache_clear()
 
 
-def libraries(folder: Path, *names: str) -> tuple[str, ...]:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"")
-    return tuple(sorted({str((folder / name).parent) for name in names}))
-
-
 @pytest.mark.parametrize(
     ("path", "version"),
     [
@@ -44,23 +37,6 @@ def libraries(folder: Path, *names: str) -> tuple[str, ...]:
 )
 def test_the_version_is_read_from_the_path(path: str, version: int | None) -> None:
     assert variant.llvm_version(Path("/somewhere") / path) == version
-
-
-def test_the_users_library_comes_first_unless_it_is_too_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    libraries(tmp_path, "a/libLLVM.so.19.1", "b/libLLVM-16.so.1", "b/libLLVM-15.so.1")
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "b/libLLVM-16.so.1"))
-    assert [path.name for path in variant.llvm_libraries((str(tmp_path / "a"),))] == [
-        "libLLVM-16.so.1",
-        "libLLVM.so.19.1",
-    ]
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "b/libLLVM-15.so.1"))
-    assert [path.name for path in variant.llvm_libraries((str(tmp_path / "a"),))] == ["libLLVM.so.19.1"]
-
-
-def test_the_next_library_is_tried_where_one_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(variant, "_libraries_for", lambda name: ["/bad", "/good"] if name == "llvm_ad_rgb" else [])
-    monkeypatch.setattr(variant, "probe", lambda name, library: None if library == "/good" else "it died")
-    assert variant._choose.__wrapped__(None).libllvm == "/good"
 
 
 def test_scalar_is_the_fallback_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

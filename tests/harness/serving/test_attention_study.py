@@ -24,7 +24,6 @@ from harness.serving.anytime import (
     reaching,
     reachings,
     refined,
-    runs_of,
 )
 from harness.serving.attention_maps import KINDS, Looked, attention_of
 from harness.serving.attention_study import STRIDE, measured_attention, tile_of
@@ -101,13 +100,6 @@ def test_the_hardest_quarter_is_where_the_coarse_frame_is_most_wrong() -> None:
     assert found.sum() == 4
 
 
-def test_the_attended_quarter_is_that_of_the_most_attended_regions() -> None:
-    regions = Regions(4, 4, 2)
-    found = attended_pixels(regions, np.array([0.1, 0.0, 3.0, 0.2])).reshape(4, 4)
-    assert found[2:, :2].all()
-    assert found.sum() == 4
-
-
 @pytest.fixture
 def view(situation: Situation, cell: TrainedCell) -> Looked:
     camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
@@ -125,24 +117,12 @@ def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order
     assert max(last) < 1e-5
 
 
-def in_calls_of(chunk: int, view: Looked) -> Looked:
-    one = view.cell.cell
-    settings = {**one.settings, "score": {**one.settings["score"], "chunk": chunk}}
-    return replace(view, cell=replace(view.cell, cell=replace(one, settings=settings)))
-
-
 def test_by_attention_the_attended_quarter_is_done_first(view: Looked) -> None:
     found = refined(view, "attention", "point")
     first = plain(view.cell.learner, view.camera, view.cell.chunk)
     attended = attended_pixels(view.regions, attention_of("point", view, first)[0])
     early = np.concatenate([part.pixels for part in found.parts[: view.regions.count // 4]])
     assert set(early.tolist()) == set(np.flatnonzero(attended).tolist())
-
-
-def test_a_map_that_attends_to_all_alike_has_no_run_of_its_own() -> None:
-    assert runs_of({"point": np.array([1.0, 2.0]), "mask": np.ones(2), "error": np.zeros(2)}) == [
-        ("attention", "point"), ("raster", None), ("spread", None), ("plain", None)
-    ]  # fmt: skip
 
 
 def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -218,13 +198,6 @@ def test_all_evaluations_of_a_picture_are_counted(view: Looked, way: Any, kind: 
         assert found.bins < 16.0, "what it took to find out is taken off"
     else:
         assert 0.95 * 16.0 < found.bins <= 16.0
-
-
-def test_no_call_has_more_samples_than_a_plain_one(view: Looked) -> None:
-    small = in_calls_of(96, view)
-    assert [allocations.calls_for(small, bins) for bins in (4, 16, 17, 64, 99_999)] == [96, 96, 90, 24, 1]
-    fine = allocations.rendered(small, "even", None, 64).colour
-    np.testing.assert_allclose(fine, allocations.rendered(view, "even", None, 64).colour, atol=1e-5)
 
 
 def test_ways_are_compared_with_the_even_picture(view: Looked, ticks: Ticks) -> None:

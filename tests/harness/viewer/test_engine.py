@@ -1,6 +1,5 @@
 """Coarse at once, every region once, the plain picture in the end; again out of the cache; no more than was taken."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from harness.metrics import psnr
 from harness.trainer import Diverged
 from harness.view_cache.store import ViewStore
 from harness.viewer.attended import Attention
-from harness.viewer.engine import Frame, Seat, frames, regions_of
+from harness.viewer.engine import Frame, Seat, frames
 from harness.viewer.orbit import Orbit
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
@@ -76,35 +75,12 @@ def test_the_last_picture_is_the_plain_one(seats: list[Seat], camera: Camera, at
                 np.testing.assert_allclose(getattr(last, name), expected, rtol=0, atol=2e-5)
 
 
-def test_regions_come_from_the_point_of_interest_outwards(seats: list[Seat], camera: Camera) -> None:
-    regions = regions_of(camera)
-    assert regions.count == 9
-    parts = [one for one in frames(seats[:1], camera, Attention("point", 0.05, 0.95)) if one.state == "refining"]
-    order = [int(regions.of_pixel.reshape(-1)[part.pixels[0]]) for part in parts]
-    assert sorted(order) == list(range(9))
-    assert (order[0], order[-1]) == (2, 6)
-
-
 def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Seat], camera: Camera) -> None:
     shown = list(frames(seats, camera, FOVEAL))
     assert [seat.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
     assert all("share a call" in frame.note for frame in of(shown, "qnerf"))
     assert all(frame.note == "" for frame in frames(seats, camera, PLAIN, use_cache=False))
-
-
-def test_methods_take_turns(seats: list[Seat], camera: Camera) -> None:
-    """Each has had its coarse frame before any is refined, and then it is the turn of who has had the least time."""
-    small = [replace(seat, chunk=200) for seat in seats]
-    shown = list(frames(small, camera, PLAIN, use_cache=False))
-    assert [frame.state for frame in shown[:2]] == ["coarse", "coarse"]
-    had: dict[str, float] = {frame.method: frame.work for frame in shown[:2]}
-    for frame in shown[2:]:
-        others = [work for method, work in had.items() if method != frame.method]
-        assert all(had[frame.method] <= work for work in others)
-        had[frame.method] = frame.work
-        if frame.state == "whole":
-            had[frame.method] = np.inf
 
 
 def test_the_second_time_it_is_out_of_the_cache(seats: list[Seat], camera: Camera) -> None:
@@ -150,14 +126,6 @@ def test_nothing_is_rendered_that_is_not_asked_for(
     shown.close()
     assert len(calls) == 3
     assert all(seat.cached.lookup(camera, None) is None for seat in seats)
-
-
-def test_a_whole_picture_is_kept_even_if_nobody_waits_for_more(seats: list[Seat], camera: Camera) -> None:
-    shown = frames(seats[:1], camera, FOVEAL)
-    while next(shown).state != "whole":
-        pass
-    shown.close()
-    assert next(frames(seats[:1], camera, FOVEAL)).level == 1
 
 
 def test_psnr_is_that_of_the_whole_picture(seats: list[Seat], camera: Camera) -> None:

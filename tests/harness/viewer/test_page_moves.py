@@ -100,16 +100,3 @@ def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
     assert look.figure("nerf", "psnr") == f"{score:.2f} dB"
     assert look.data("nerf", "state") == "whole"
     assert look.noise == []
-
-
-def test_a_busy_server_is_asked_again(browser: Any, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    look = Looking(browser, site)
-    with monkeypatch.context() as full:
-        full.setattr("harness.viewer.server.MOST_STREAMS", 0)
-        look.page.keyboard.press("ArrowUp")
-        look.page.wait_for_selector("#alert:not([hidden])")
-        assert "views are being rendered already" in look.page.locator("#alert").inner_text()
-        before = int(look.page.get_attribute("body", "data-ended"))
-    look.ended(before)
-    assert look.data("nerf", "state") == "whole"
-    assert not look.page.locator("#alert").is_visible()
