@@ -15,6 +15,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from harness.evidence_record import failed_checks, read_evidence
 from reports import published as run
 from reports.published import Published, table
 from reports.wording import interval, listed, number, signed, significant
@@ -33,36 +34,15 @@ def environment(published: Published) -> str:
 
 
 def evidence(published: Published) -> str:
-    """The answer of each study, in the words that were made from its figures."""
-    studies = published.current("reduced/evidence.json").get("studies", [])
-    checks = [(check, study["info"]["title"]) for study in studies for check in study["checks"]]
-    if not studies:
+    """The answer of each study, in the words that were made from its figures, and which checks do not hold."""
+    if not published.current("reduced/evidence.json"):
         return ""
-    broken = [f"{check['what']} ({title})" for check, title in checks if not holds(check)]
-    lines = [f"* **{study['info']['title']}** {study['findings'][0]}" for study in studies if study["findings"]]
-    told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{'; '.join(broken)}."
+    record = read_evidence(published.docs / "reduced/evidence.json")
+    checks, broken = list(record.checks()), failed_checks(record)
+    lines = [f"* **{study.info.title}** {study.findings[0]}" for study in record.studies if study.findings]
+    lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
+    told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
     return "\n".join([*lines, "", told])
-
-
-def holds(check: dict[str, Any]) -> bool:
-    """As `harness.evidence_record.Check.holds`."""
-    figure, low, high = (check[name] for name in ("figure", "low", "high"))
-    return figure is not None and (low is None or figure >= low) and (high is None or figure <= high)
-
-
-def repair(published: Published) -> str:
-    """Which reading of the amplifier was chosen to stand for the idea."""
-    found = published.read("repair_search.json")
-    if not found or not all("density_per" in one for one in found["candidates"].values()):
-        return ""
-    means = {one["method"]: one["mean"] for one in found["standings"]}
-    ties = sum(one["ties"] for one in found["standings"])
-    return (
-        f"Of {len(means)} readings of Eq. 4 and Listing 2 that were compared on validation views of "
-        f"{listed(found['settings']['scenes'])}, {ties} tie with the best within its standard error "
-        f"({number(max(means.values()))} dB); `{found['chosen']}` ({number(means[found['chosen']])} dB), the simplest "
-        "of these, became `qnerf_repaired`."
-    )
 
 
 def stability(published: Published) -> str:
@@ -148,6 +128,7 @@ def omission(one: dict[str, Any] | None) -> str:
 BLOCKS: dict[str, Callable[[Published], str]] = {
     "scale": run.scale,
     "result": run.result,
+    "equal time": run.equal_time,
     "scores": run.scores,
     "why": run.why,
     "further methods": run.further,
@@ -156,7 +137,6 @@ BLOCKS: dict[str, Callable[[Published], str]] = {
     "processors": run.processors,
     "environment": environment,
     "evidence": evidence,
-    "repair": repair,
     "stability": stability,
     "speed": speed,
     "serving": serving,

@@ -8,6 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -17,8 +18,19 @@ from reports.headline import BASELINE, CONTROL, FAVOURITE
 from reports.ledger import VERDICTS
 from reports.wording import counted, listed, number, signed
 
-TOLD = {"better": "better", "worse": "worse", "equivalent": "the same within the margin", "inconclusive": "not settled"}
-"""Verdict → the word of a sentence about it: no other word compares two methods on these pages."""
+
+@cache
+def _read(path: Path, changed: int) -> dict[str, Any]:
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+SAYS = {
+    "better": "scores above",
+    "worse": "scores below",
+    "equivalent": "scores the same within the margin as",
+    "inconclusive": "is not told apart from",
+}
+"""Verdict → how a sentence about it goes on: no other words compare two methods on these pages."""
 DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
 
 
@@ -31,7 +43,7 @@ class Published:
     def read(self, name: str) -> dict[str, Any]:
         """A file's content; empty where it is not there."""
         path = self.docs / name
-        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        return _read(path, path.stat().st_mtime_ns) if path.is_file() else {}
 
     def current(self, name: str) -> dict[str, Any]:
         """As `read`; empty, too, where the methods had no common unit of density yet.
@@ -61,10 +73,10 @@ def row(run: dict[str, Any], scene: str, method: str, against: str, budget: str 
 
 
 def estimate(one: dict[str, Any], sense: str) -> str:
-    """`−0.13 to +0.50: not settled`, of the interval that the verdict is taken from."""
+    """`−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
     found = one[sense]
     pair = found and (found["simultaneous"] or found["interval"])
-    return f"{between(pair)}: {TOLD[found['verdict']]}" if pair else "–"
+    return f"{between(pair)}: {found['verdict']}" if pair else "–"
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -89,25 +101,27 @@ def scale(published: Published) -> str:
 
 
 def result(published: Published) -> str:
-    """The answer: who scores how much more than whom, asked twice, and the printed gain."""
+    """The answer, the printed gain, and who scores how much more than whom, asked twice."""
     run = published.run
     if not run:
         return ""
+    gain = next((one for one in run["claims"] if one["id"] == "table2-average" and one["printed"] is not None), None)
+    printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
+    return f"**{run['headline']}.**{printed}\n\n{differences(run, 'steps')}"
+
+
+def equal_time(published: Published) -> str:
+    """The same differences where both have trained as long."""
+    return differences(published.run, "seconds") if published.run else ""
+
+
+def differences(run: dict[str, Any], budget: str) -> str:
     rows = [
-        (
-            f"`{pair[0]}` − `{pair[1]}`",
-            words,
-            f"{signed(one['difference'])} dB",
-            *(estimate(one, name) for name in SENSES),
-        )
-        for budget, words in BUDGETS.items()
+        (f"`{pair[0]}` − `{pair[1]}`", f"{signed(one['difference'])} dB", *(estimate(one, name) for name in SENSES))
         for pair in DUELS
         if (one := row(run, "all", *pair, budget))
     ]
-    gain = next((one for one in run["claims"] if one["id"] == "table2-average" and one["printed"] is not None), None)
-    printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
-    head = ("test PSNR", "at", "difference", *(f"{words}, 95 %" for words in SENSES.values()))
-    return f"**{run['headline']}.**{printed}\n\n{table(head, rows)}"
+    return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
 
 
 def scores(published: Published) -> str:
@@ -167,8 +181,8 @@ def why(published: Published) -> str:
         )
     if printed:
         said.append(
-            f"`{printed['method']}` − `{BASELINE}` there: {signed(printed['difference'])} dB, "
-            f"{estimate(printed, 'on_these_scenes')}."
+            f"`{printed['method']}` {SAYS[printed['verdict']]} `{BASELINE}` there: {signed(printed['difference'])} dB "
+            f"({between(printed['simultaneous'] or printed['interval'])})."
         )
     return " ".join(said)
 
