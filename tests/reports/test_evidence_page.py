@@ -83,7 +83,7 @@ def test_forests_show_all_scenes_first_and_fold_the_rest(text):
     assert body.count('<table class="forest"') == 5, "two budgets, each with its scenes folded; SSIM"
     assert "PSNR at equal steps (dB)" in seen(body)
     assert "+0.89 [+0.77, +1.02] better" in seen(body)
-    assert "2 pairs left aside" in seen(body)
+    assert "2 pairs not judged" in seen(body)
     assert "±0.2" in seen(body)
 
 

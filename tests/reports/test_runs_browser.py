@@ -15,7 +15,7 @@ from tests.reports.fake_run import write_fake_run
 
 pytestmark = pytest.mark.slow
 
-APART, ASIDE = "not compared: the group is not whole", "left aside"
+APART, ASIDE = "not compared: the group is not whole", "not judged"
 
 
 def changed(cell: CellRecord) -> CellRecord:
