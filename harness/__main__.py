@@ -90,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
     filming_options.add_options(film)
     serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")
     serving_options.add_options(serving)
-    gate = commands.add_parser("gate", help="regression gates: this code against reviewed limits (exit code 4)")
+    gate = commands.add_parser("gate", help="regression gates: has anything changed, and is it worse (exit code 4)")
     gate_options.add_options(gate)
     conforms = commands.add_parser("conformance", help="hold methods to the contract of the catalogue (exit code 3)")
     conformance_options.add_options(conforms)

@@ -32,7 +32,7 @@ def class_here() -> str:
     """The class of this process: that of the processor, unless its environment forces another."""
     import torch
 
-    capability = str(torch.backends.cpu.get_cpu_capability()).lower().replace(" ", "_")
+    capability = str(torch.backends.cpu.get_cpu_capability()).lower().replace("no avx", "default")
     machine = platform.machine()
     return capability if machine in ("x86_64", "AMD64") else f"{machine}_{capability}"
 
