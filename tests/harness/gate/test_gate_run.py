@@ -11,77 +11,20 @@ import pytest
 from harness.__main__ import main
 from harness.folder_lock import lock_folder
 from harness.gate import options, runner
-from harness.gate.catalog import KINDS, Gate, gates, settings_of
+from harness.gate.catalog import KINDS, Gate, gates
 from harness.gate.limits import Limit
-from harness.gate.limits_file import KindFacts, LimitsFile, read_limits, write_limits
+from harness.gate.limits_file import LimitsFile, read_limits
 from harness.gate.outcome import Pictures, Sample
 from harness.gate.process import class_here
-from harness.gate.references import Course, References, read_references, write_references
+from harness.gate.references import References, write_references
 from harness.gate.situation import Situation
 from scenes.images import read_image
+from tests.harness.gate.gate_runs import CENTRE, facts, gate_command, measured_values, references, sound
 from tests.harness.shell import refused
 
-CENTRE = 25.0
 FAMILY = len(gates())
 ROOT = Path(__file__).parents[3]
 INPUTS = dict(runner.INPUTS)
-
-
-def measured_values() -> dict[str, list[float]]:
-    """As a renewal gives them of images."""
-    generator = np.random.default_rng(1)
-    return {
-        gate.name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for gate in gates() if gate.kind == "images"
-    }
-
-
-def facts(kind: str) -> KindFacts:
-    return KindFacts(settings_of(kind), {}, 1.0)  # type: ignore[arg-type]
-
-
-def references(name: str) -> References:
-    return References(
-        name,
-        kinds={kind: facts(kind) for kind in ("changed", "worse", "speed")},
-        courses={"double": {"nerf": Course([0.5], {"1": [0.25]})}},
-        reordered={"double": {"two threads": 1e-14}},
-        cells={"lego/nerf/1000": {"psnr": [20.0, 20.1, 20.2]}},
-        statistics={"qnerf_nerf": [0.5, 0.25, 0.75]},
-        speed={"speed.score": [2.0, 2.1]},
-    )
-
-
-@pytest.fixture
-def limits(tmp_path: Path) -> Path:
-    file = tmp_path / "gates" / "limits.json"
-    write_limits(file, LimitsFile().renewed("images", measured_values(), facts("images"), gates()))
-    write_references(tmp_path / "gates" / "classes", references(class_here()))
-    return file
-
-
-def sound(gate: Gate) -> Sample:
-    """As each kind gives it: what depends on the class of the processor brings its limit along."""
-    picture = np.full((4, 4, 3), 0.25)
-    limit = Limit(CENTRE - 1.0, CENTRE + 1.0) if gate.rule == "of_class" else None
-    value = 0.0 if gate.rule == "none_differs" else CENTRE
-    return Sample([value] * gate.new, pictures=Pictures(picture, 2 * picture, picture), limit=limit)
-
-
-@pytest.fixture
-def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, Sample]:
-    """Gates that give something else than what is sound, by name."""
-    changed: dict[str, Sample] = {}
-
-    def measure(situation: Situation, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
-        return {gate.name: changed.get(gate.name, sound(gate)) for gate in of_kind}
-
-    monkeypatch.setattr(runner, "MEASURES", dict.fromkeys(KINDS, measure))
-    monkeypatch.setattr(runner, "INPUTS", {})
-    return changed
-
-
-def gate_command(limits: Path, out: Path, *others: str) -> int:
-    return main(["gate", "--limits", str(limits), "--out", str(out), *others])
 
 
 def test_all_pass(
@@ -187,23 +130,6 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
     assert said.count("PASS") == 2
 
 
-def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
-    limits: Path, tmp_path: Path, measuring: dict[str, Sample], capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = limits.parent / "classes"
-    (folder / f"{class_here()}.json").unlink()
-    assert "avx2.json" in refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
-    write_references(folder, references("avx2"))
-    if class_here() != "avx2":
-        assert gate_command(limits, tmp_path / "others") == 0
-        assert "of which nothing is stored: held to avx2 with wider limits" in capsys.readouterr().out
-        record = json.loads((tmp_path / "others" / "gate.json").read_text())
-        assert (record["class"], record["references"]) == (class_here(), "avx2")
-    assert "can be measured as" in refused(
-        capsys, "--limits", limits, "--class", "avx1024", "--out", tmp_path / "no", "--quiet", command="gate"
-    )
-
-
 def test_both_questions_are_answered_apart(
     limits: Path, tmp_path: Path, measuring: dict[str, Sample], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -217,30 +143,6 @@ def test_both_questions_are_answered_apart(
     assert f"Is it worse? {note}" in said
     answers = json.loads((tmp_path / "out" / "gate.json").read_text())["answers"]
     assert list(answers) == ["Has anything changed?", "Is it worse?"]
-
-
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda text: "{", "damaged"),
-        (lambda text: "[]", "damaged"),
-        (lambda text: text.replace('"schema": 1', '"schema": 7'), "schema 7"),
-        (lambda text: text.replace('"psnr": [20.0', '"psnr": ["a"'), "damaged"),
-        (lambda text: text.replace('"losses"', '"loses"'), "damaged"),
-        (lambda text: text.replace("[0.25]", "[NaN]"), "NaN is no number"),
-        (lambda text: text.replace("[2.0, 2.1]", "[]"), "damaged"),
-    ],
-)
-def test_references_that_cannot_be_read_are_bad_input(
-    spoil: Callable[[str], str], said: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = limits.parent / "classes" / f"{class_here()}.json"
-    stored = references(class_here())
-    assert read_references(file.parent, class_here()) == stored
-    file.write_text(spoil(file.read_text()))
-    told = refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
-    assert said in told
-    assert str(file) in told
 
 
 @pytest.mark.parametrize(
@@ -292,26 +194,6 @@ def test_the_list_names_every_gate(capsys: pytest.CaptureFixture[str]) -> None:
     assert f"{FAMILY} gates" in said
 
 
-def test_a_renewal_writes_what_it_measured_class_by_class(
-    limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked: list[str] = []
-
-    def renew(situation: Situation) -> References:
-        asked.append(situation.references.name)
-        return References(**{**vars(situation.references), "speed": {"speed.score": [3.0, 3.1]}})
-
-    monkeypatch.setattr(runner, "RENEWALS", {"speed": renew})
-    monkeypatch.setattr(runner, "RENEWED_CLASSES", (class_here(),))
-    assert gate_command(limits, tmp_path / "out", "--renew", "--only", "speed.train.nerf") == 0
-    after = read_references(limits.parent / "classes", class_here())
-    assert asked == [class_here()]
-    assert after.speed == {"speed.score": [3.0, 3.1]}
-    assert after.cells == references(class_here()).cells
-    assert after.kinds["speed"].provenance["processor"]
-    assert f"speed: references of class {class_here()} renewed" in capsys.readouterr().out
-
-
 def test_a_renewal_of_images_says_what_changed(
     limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -349,12 +231,3 @@ def test_the_committed_limits_are_those_that_follow_from_their_measurements() ->
     for gate in gates():
         if gate.kind == "images":
             assert stored.limit_of(gate)[1] == ""
-
-
-@pytest.mark.parametrize("name", ["avx2", "avx512"])
-def test_the_committed_references_are_of_these_gates(name: str) -> None:
-    stored = read_references(ROOT / options.LIMITS.parent / "classes", name)
-    assert stored.name == name
-    assert [stored.missing(gate) for gate in gates() if gate.kind in ("changed", "worse", "speed")] == [""] * sum(
-        gate.kind in ("changed", "worse", "speed") for gate in gates()
-    )
