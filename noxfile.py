@@ -1,7 +1,8 @@
-"""nox -s benchmark · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
-tests_thorough · fuzz · endurance · lint; uv makes their environments.
+"""nox -s benchmark · judge · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
+commands · tests_thorough · fuzz · endurance · lint; uv makes their environments.
 """
 
+import sys
 import time
 
 import nox
@@ -18,7 +19,8 @@ def install(session: nox.Session, *groups: str) -> None:
     """The pinned dependencies of the project and of the named groups."""
     extras = PROJECT["project"]["optional-dependencies"]
     asked = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
-    whole = session.name.startswith("tests")
+    asked["parquet"] = {word for word in session.posargs if word.endswith(".parquet")}
+    whole = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
     wanted = [one for name, words in asked.items() if whole or words & set(session.posargs) for one in extras[name]]
     session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *wanted)
 
@@ -35,6 +37,13 @@ def benchmark(session: nox.Session) -> None:
     session.run("python", "-m", "harness", "run", *options, success_codes=[0, 3])
     if not {"--dry-run", "--help", "-h"} & set(options):
         session.run("python", "-m", "reports", out_folder(options))
+
+
+@nox.session
+def judge(session: nox.Session) -> None:
+    """Verdicts on anybody's table of results, without training; options as in `python -m harness judge --help`."""
+    install(session)
+    session.run("python", "-m", "harness", "judge", *session.posargs)
 
 
 @nox.session
@@ -123,6 +132,13 @@ def tests_thorough(session: nox.Session) -> None:
     install(session, "test")
     session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
     session.run("pytest", "-m", "cluster", *session.posargs)
+
+
+@nox.session
+def commands(session: nox.Session) -> None:
+    """Every session and every command from end to end, each in its shortest form."""
+    install(session, "test")
+    session.run("python", "-m", "tests.every_command", sys.executable)
 
 
 @nox.session

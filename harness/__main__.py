@@ -9,13 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness import board_options, completion_options, scaling_options, scene_options
+from harness import board_options, compare_options, completion_options, scaling_options, scene_options
 from harness.conformance import options as conformance_options
 from harness.doctor import options as doctor_options
 from harness.evidence import options as evidence_options
 from harness.executors import add_executor_options, chosen_machine, device_and_bfloat16, leave
 from harness.filming import options as filming_options
 from harness.gate import options as gate_options
+from harness.judge import options as judge_options
 from harness.serving import options as serving_options
 from harness.speed import options as speed_options
 from harness.stability import options as stability_options
@@ -32,12 +33,14 @@ LEAST_SEEDS = 3
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 OTHERS: dict[str, Callable[..., int]] = {
     "scaling": scaling_options.run_scaling,
+    "compare": compare_options.run_compare,
     "speed": speed_options.run_speed,
     "stability": stability_options.run_stability,
     "evidence": evidence_options.run_evidence,
     "render": filming_options.run_render,
     "serving": serving_options.run_serving,
     "gate": gate_options.run_gate,
+    "judge": judge_options.run_judge,
     "conformance": conformance_options.run_conformance,
     "doctor": doctor_options.run_doctor,
     "view": viewer_options.run_view,
@@ -70,6 +73,7 @@ def parser() -> argparse.ArgumentParser:
     repair = commands.add_parser("repair", help="which candidate becomes qnerf_repaired, by a fixed protocol, as JSON")
     repair.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     repair.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache")
+    repair.add_argument("--quick", action="store_true", help="sizes at which no figure means anything")
     repair.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
     pairs = commands.add_parser("equivalence", help="what empty-space skipping and precision change in scores, as JSON")
     _add_plan_options(pairs)
@@ -82,24 +86,22 @@ def parser() -> argparse.ArgumentParser:
     speed = commands.add_parser("speed", help="measure how fast training, rendering and scoring are on this machine")
     speed_options.add_options(speed)
     stability_options.add_options(commands.add_parser("stability", help="try the catalogue of stiff and extreme cases"))
-    evidence = commands.add_parser(
-        "evidence", help="the studies that a verdict rests on, and the comparer's calibration"
-    )
-    evidence_options.add_options(evidence)
+    compare_options.add_options(commands.add_parser("compare", help="how far two outputs of the same plan differ"))
+    evidence_options.add_options(commands.add_parser("evidence", help="the studies that a verdict rests on"))
     film = commands.add_parser("render", help="a camera path through a finished run, its methods side by side")
     filming_options.add_options(film)
     serving = commands.add_parser("serving", help="measure view cache, attention and first frame on a finished run")
     serving_options.add_options(serving)
-    gate = commands.add_parser("gate", help="regression gates: has anything changed, and is it worse (exit code 4)")
+    gate = commands.add_parser("gate", help="has anything changed, and is it worse? (exit code 4)")
     gate_options.add_options(gate)
+    judge_options.add_options(commands.add_parser("judge", help="verdicts on anybody's table of results"))
     conforms = commands.add_parser("conformance", help="hold methods to the contract of the catalogue (exit code 3)")
     conformance_options.add_options(conforms)
     doctor_options.add_options(commands.add_parser("doctor", help="what this machine has, and how to get the rest"))
     board_options.add_options(commands.add_parser("tensorboard", help="write a run's cells for TensorBoard"))
     completion_options.add_options(commands.add_parser("completion", help="print a completion script for your shell"))
     scaling_options.add_options(commands.add_parser("scaling", help="the paper's full table on GPUs, on paper"))
-    view = commands.add_parser("view", help="look at a finished run in the browser, methods side by side")
-    viewer_options.add_options(view)
+    viewer_options.add_options(commands.add_parser("view", help="look at a finished run in the browser"))
     for one in commands.choices.values():
         one.allow_abbrev = False  # `--with` is no `--without`
     return top
@@ -226,7 +228,7 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
             told = board_options.also_written(options, out, show)
             code = run(plan, out, options.view_sets, machine, command, told, *extras)
     except InputError:
-        if before is not None and not out.exists():
+        if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
@@ -262,7 +264,7 @@ def _repair(options: argparse.Namespace, show: "Progress") -> int:
     device = chosen_device(options.device)
     _check_file(options.out)
     use_threads(1)  # processor seconds count every thread
-    plan = search_plan(multiplies_bfloat16(device))
+    plan = search_plan(multiplies_bfloat16(device), options.quick)
     rows = []
     for row in search(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
         rows.append(row)

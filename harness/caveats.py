@@ -20,15 +20,20 @@ ALWAYS = [
     "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
     "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
-    "Vanilla NeRF's density is a scaled softplus (25 per scene unit, shifted by −4.4: a fresh field is thin fog) "
-    "instead of ReLU, which can die for good; Eq. 4 acts on the same density. Listing 2 has its own sigmoid "
-    "and no such scale.",
+    "The paper names no unit of length, and density is per length. Every method has the same unit here: what its "
+    "amplifier calls 1 is a density of 25 per half of the longest side of the scene's box, so that no result depends "
+    "on the unit in which poses are written (Alpha Invariance, arXiv 2404.02155). qnerf_printed has the other reading "
+    "of Listing 2, a density of at most 1 per scene unit.",
+    "Vanilla NeRF's density is a softplus shifted by −4.4, so that a fresh field is thin fog, instead of ReLU, which "
+    "can die for good; Eq. 4 acts on the same density. Listing 2 prints a sigmoid without a shift: this is the one "
+    "part of NeRF's density that qnerf lacks, and nerf_no_shift measures what it is worth.",
     "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
     "against single spikes: norm 1 alone may be a hundred times the usual one.",
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
     "shapes match.",
     "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "
-    "occupied cells; in scoring they are those of one chunk of rays, drawn from all over the view.",
+    "occupied cells; in scoring they are those of one chunk of rays, drawn from all over the view. The occupancy grid "
+    "and the density histograms ask about other points and take the mean that training rendered with last.",
     "The view cache (§8.1) knows a view by all that its picture depends on: weights, method, pose, lens, size, "
     "sampling and how rays are put into calls. Listing 5's hash of the pose alone would return another one's picture. "
     "HUAMMemory is not published: the store has what Listing 5 asks of it.",
@@ -46,7 +51,13 @@ def deviations(plan: Plan) -> list[str]:
             f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g} after "
             f"{train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
             f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
-            "docs/learning_rates.json holds the sweep of every method on validation views and a seed of its own."
+            "docs/learning_rates.json holds a sweep of three methods on validation views, at earlier settings: the "
+            "best rate was the same for all three and the largest that was tried."
+        )
+    elif train.last_learning_rate != paper.learning_rate:
+        rows.append(
+            f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g}, as the original "
+            "NeRF's does; the paper prints one rate."
         )
     if train.precision != "float32":
         rows.append(

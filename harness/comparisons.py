@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from harness.failures import judgeable
+from harness.paper_tables import TABLE4
 from harness.records import CellRecord, Comparison, Estimate
 from harness.statistics import (
     PairedDifference,
@@ -81,31 +83,40 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
 
     Scene by scene where both have cells, however these ended, and over all scenes where both have cells on all.
     """
-    by_key, scenes, seeds = keyed(cells)
-    planned = {(cell.scene, cell.method) for cell in cells}
+    by_key, _, seeds = keyed(cells)
     rows = []
     for method, against in duels(methods):
-        shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
+        where = scenes_of(cells, method, against)
+        shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
             budgets: tuple[Budget, ...] = ("steps", "seconds") if metric.along_training else ("steps",)
             for budget in budgets:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
-                where = [*shared, "all"] if shared == scenes else shared
                 rows += [_comparison(table, scene, method, against, name, budget) for scene in where]
     return rows
 
 
 def duels(methods: list[str]) -> list[tuple[str, str]]:
-    """Who is compared with whom: (method, against)."""
+    """Who is compared with whom: (method, against). A row of the paper's ablation also with the row above it."""
     references = [
         name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
     ]
-    return [
+    found = [
         (method, against)
         for against in references
         for method in methods
         if method != against and not (method in references and against != references[0])
     ]
+    steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
+    return [*found, *(pair for pair in steps if set(pair) <= set(methods) and pair not in found)]
+
+
+def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
+    """Where two methods are compared: the scenes on which both have cells, and `all` first where that is every one."""
+    planned = {(cell.scene, cell.method) for cell in cells}
+    scenes = sorted({cell.scene for cell in cells})
+    shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
+    return ["all", *shared] if shared == scenes else shared
 
 
 def keyed(cells: list[CellRecord]) -> tuple[dict[Key, CellRecord], list[str], list[int]]:

@@ -125,6 +125,23 @@ def is_locked(out: Path) -> bool:
     return False
 
 
+def is_abandoned(folder: Path) -> bool:
+    """Whether it is certain that no process holds the folder's lock; False where the file system has no locks."""
+    try:
+        import fcntl
+
+        file = _opened(folder / LOCK_FILE, os.O_CREAT)
+    except (ImportError, OSError):
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(file)
+    return True
+
+
 def _opened(path: Path, flags: int) -> int:
     """Raises `OSError`, `ELOOP` for a link of either kind or a device: what it leads to is not ours to write."""
     file = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o644)

@@ -29,6 +29,12 @@ TABLE4: list[dict[str, Any]] = [
 """`method` is ours with that row's parts, the amplifier as in Listing 2."""
 
 SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
+    ("table1-position-bands", "Table 1", 10, "Frequency bands of a position, L", "train.network.position_bands"),
+    ("table1-direction-bands", "Table 1", 4, "Frequency bands of a direction, L", "train.network.direction_bands"),
+    ("table1-depth", "Table 1", 8, "Layers of the density MLP", "train.network.depth"),
+    ("table1-width", "Table 1", 256, "Width of the density MLP", "train.network.width"),
+    ("table1-colour-layers", "Table 1", 2, "Layers of the colour MLP", "train.network.colour_layers"),
+    ("table1-colour-width", "Table 1", 128, "Width of the colour MLP", "train.network.colour_width"),
     ("setup-iterations", "§7.1", 200_000, "Iterations of a training", "budget.steps"),
     ("setup-learning-rate", "§7.1", 0.0005, "Learning rate", "train.learning_rate"),
     ("setup-rays", "§7.1", 1024, "Rays of an iteration", "train.rays"),

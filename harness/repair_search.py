@@ -117,17 +117,22 @@ def read_search(path: Path = PUBLISHED) -> Search:
         raise InputError(f"{path}: {error}; write it with `python -m harness repair --out {path}`") from error
 
 
-def search_plan(precision_as_planned: bool) -> Plan:
-    """The profile `reduced` on the scenes and seeds of the search, at equal time."""
+def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
+    """The profile `reduced` on the scenes and seeds of the search, at equal time; with `quick`, next to nothing."""
     plan = PROFILES["reduced"]
-    return replace(
+    whole = replace(
         plan,
         scenes=SEARCHED,
         methods=(*CANDIDATES, *REFERENCES),
         seeds=SEEDS,
         budget=Budget(steps=None, seconds=SECONDS),
         train=plan.train if precision_as_planned else replace(plan.train, precision="float32"),
+        extras=(),
     )
+    if not quick:
+        return whole
+    views = replace(plan.views, resolution=16, train=3, val=1, test=1, spp_train=2, spp_test=2)
+    return replace(whole, scenes=SEARCHED[:1], seeds=SEEDS[:1], views=views, budget=Budget(steps=None, seconds=0.1))
 
 
 def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[RepairRow]:

@@ -3,7 +3,6 @@
 Nothing is deleted but what writers left half written: what is not as it was written goes to OUT/damaged.
 """
 
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -21,14 +20,13 @@ from harness.records import (
     read_run,
     records_folder,
 )
+from harness.scratch import remove_abandoned
 from harness.serving_record import SERVING_FILE, read_serving
 from harness.targets_record import TARGETS_FILE, read_targets
 from harness.unfinished import ENDED, read_unfinished, unfinished_path
 from harness.unfinished import FOLDER as UNFINISHED
 from scenes.errors import InputError
 
-SCRATCH = (".serving-*", ".scratch-*")
-"""Temporary folders of what is measured beside a run."""
 DAMAGED = "damaged"
 """Folder under OUT."""
 FOLDERS = ("records", "records/cells", "records/pictures", "checkpoints", UNFINISHED)
@@ -37,14 +35,14 @@ Say = Callable[[str], None]
 
 
 def sweep(out: Path) -> int:
-    """Removes what killed writers left half written, of which nobody else can be writing: the folder is ours."""
+    """Removes what killed writers left half written, and scratch folders that nobody works in; how many there were.
+
+    Nobody else can be writing to the former: the folder is ours.
+    """
     parts = [part for folder in (".", *FOLDERS) for part in (out / folder).glob(".*.part") if part.is_file()]
     for part in parts:
         part.unlink(missing_ok=True)
-    scratch = [folder for pattern in SCRATCH for folder in out.glob(pattern) if folder.is_dir()]
-    for folder in scratch:
-        shutil.rmtree(folder, ignore_errors=True)
-    return len(parts) + len(scratch)
+    return len(parts) + remove_abandoned(out)
 
 
 def mend(out: Path, plan: Plan, say: Say) -> None:

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from scipy.special import gammainc
 from scipy.stats import t as student
 
-from harness.moderation import error_of_mean, moderated
+from harness import nested
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
@@ -63,46 +63,29 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
     values = np.asarray(differences, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
         raise ValueError(f"differences must be finite and not empty, got {values}")
-    if values.size == 1:
-        return PairedDifference(float(values[0]), None, None, 1)
-    spread = float(values.std(ddof=1))
-    return _difference(float(values.mean()), spread / values.size**0.5, values.size - 1.0, values.size, family, spread)
+    return _difference(nested.scenes_like_these(values[:, None]), values.size, family)
 
 
 def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
     """Scene → differences [seeds], NaN where a seed has none: the mean over scenes of the means over seeds.
 
-    The scenes are those that are asked about, so that the error comes from seeds alone. Scenes may differ in their
-    spread. A scene with one difference borrows the pooled variance of the others; one without any is no part of the
-    mean. Raises `ValueError` where there is no difference at all.
+    The scenes are those that are asked about, so that the error comes from seeds alone. Raises `ValueError` where there
+    is no difference at all.
     """
-    means, variances, counts = _by_scene(table)
-    freedom, share = counts - 1.0, 1.0 / counts
-    known = freedom > 0
-    mean, scenes = float(means.mean()), len(means)
-    if not known.any():
-        return PairedDifference(mean, None, None, scenes, family=family)
-    pooled = float(variances[known] @ freedom[known] / freedom.sum())
-    weights = share[known] + share[~known].sum() * freedom[known] / freedom.sum()
-    error, of_error = error_of_mean(variances[known], freedom[known], weights / scenes**2)
-    return _difference(mean, float(error), float(of_error), scenes, family, pooled**0.5)
+    values = _rows(table)
+    return _difference(nested.on_these_scenes(values), len(values), family)
 
 
 def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> PairedDifference:
-    """One scene of `table`, its variance moderated by those of the others (`harness.moderation`).
+    """One scene of `table`, its variance moderated by those of the others (`harness.nested`).
 
     Raises `ValueError` where it has no difference.
     """
-    if not np.isfinite(table[scene]).any():
+    there = {name: values for name, values in table.items() if name == scene or np.isfinite(values).any()}
+    count = int(np.isfinite(table[scene]).sum())
+    if not count:
         raise ValueError(f"{scene} has no difference")
-    chosen = {name: values for name, values in table.items() if name == scene or np.isfinite(values).sum() > 1}
-    means, variances, counts = _by_scene(chosen)
-    place = list(chosen).index(scene)
-    found, freedom = (float(one[place]) for one in moderated(variances, counts - 1.0))
-    mean, count = float(means[place]), int(counts[place])
-    if freedom == 0:
-        return PairedDifference(mean, None, None, count, family=family)
-    return _difference(mean, (found / count) ** 0.5, freedom, count, family, found**0.5)
+    return _difference(nested.on_each_scene(_rows(there)), count, family, list(there).index(scene))
 
 
 def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
@@ -110,34 +93,45 @@ def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDi
 
     Without an interval where there is a single scene.
     """
-    return paired_difference(_by_scene(table)[0], family)
+    values = _rows(table)
+    return _difference(nested.scenes_like_these(values), len(values), family)
 
 
-def _by_scene(table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means, variances (0 of a single difference) and counts of the scenes that have a difference."""
-    there = [found for values in table.values() if len(found := values[np.isfinite(values)])]
+def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
+    """[scenes that have a difference, seeds]"""
+    there = [values for values in table.values() if np.isfinite(values).any()]
     if not there:
         raise ValueError("no scene has a difference")
-    return (
-        np.array([values.mean() for values in there]),
-        np.array([values.var(ddof=1) if len(values) > 1 else 0.0 for values in there]),
-        np.array([len(values) for values in there], dtype=np.float64),
-    )
+    found = np.full((len(there), max(map(len, there))), np.nan)
+    for row, values in zip(found, there, strict=True):
+        row[: len(values)] = values
+    return found
 
 
-def _difference(mean: float, error: float, freedom: float, units: int, family: int, spread: float) -> PairedDifference:
-    """`spread` is the standard deviation that the mean is told in as an effect."""
-    freedom = _rounded_down(freedom)
+def _difference(found: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
+    """Of one table: `place` is the scene where each has an estimate of its own."""
+    parts = (found.mean, found.error, found.freedom, found.spread)
+    mean, error, freedom, spread = (float(one if place is None else one[place]) for one in parts)
+    if np.isnan(error):
+        return PairedDifference(mean, None, None, units, family=family)
+    freedom = rounded_down(freedom)
     alone, together = (critical(freedom, many) * error for many in (1, family))
-    found = shift_found(critical(freedom, family), freedom) * error
+    detected = shift_found(critical(freedom, family), freedom) * error
     interval, simultaneous = ((mean - half, mean + half) for half in (alone, together))
     effect = mean / spread if spread > 0 else None
-    return PairedDifference(mean, interval, found, units, simultaneous, error, freedom, family, effect)
+    return PairedDifference(mean, interval, detected, units, simultaneous, error, freedom, family, effect)
 
 
-def _rounded_down(freedom: float) -> float:
+def rounded_down(freedom: float) -> float:
     """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike."""
     return max(float(np.floor(10 * freedom + 1e-6)) / 10, min(freedom, 1.0))
+
+
+def half_widths(found: nested.Estimated) -> np.ndarray:
+    """Of the 95 % intervals of many estimates, as they are printed for one."""
+    values, places = np.unique(found.freedom, return_inverse=True)
+    factors = np.array([critical(rounded_down(float(one))) if one > 0 else np.nan for one in values])
+    return np.asarray(factors[places.reshape(found.freedom.shape)] * found.error)
 
 
 def critical(freedom: float, family: int = 1) -> float:

@@ -2,7 +2,7 @@
 
 A run that ends below the target was watched until its end: its time is known to be longer (censored). One that
 diverged never gets there, whatever it scored before: that is a result of its method. One that failed (a full disk, a
-killed process) says nothing of its method: it was watched until then, and its pairs are left aside. One above the
+killed process) says nothing of its method: it was watched until then, and its pairs are not judged. One above the
 target at its first checkpoint was there at that time or earlier; its time counts as that of the checkpoint, which can
 only hide a difference, never make one.
 """
@@ -14,10 +14,20 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from scipy.stats import binomtest
 
-from harness.comparisons import duels, family_of
-from harness.records import CellRecord, Checkpoint
-from harness.statistics import PairedDifference, detectable, on_one_scene, scenes_like_these, verdict
+from harness.comparisons import FEWEST_SEEDS, NO_ESTIMATE, duels, family_of, scenes_of
+from harness.records import CellRecord, Checkpoint, Estimate
+from harness.statistics import (
+    CONFIDENCE,
+    PairedDifference,
+    Verdict,
+    detectable,
+    on_one_scene,
+    on_these_scenes,
+    scenes_like_these,
+    verdict,
+)
 from harness.targets_record import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 
 PRINTED_TARGET = 30.0
@@ -54,7 +64,7 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
         compared(runs, method, against, axis, target, scene)
         for axis in AXES
         for method, against in duels(methods)
-        for scene in ["all", *scenes]
+        for scene in scenes_of(runs, method, against)
     ]
     return TargetsRecord(target, target == PRINTED_TARGET, baseline, declared, reaches, curves, comparisons)
 
@@ -141,6 +151,13 @@ class _Paired:
         ours, theirs = (sum(pair[side].known == known for pair in self.pairs) for side in (0, 1))
         return ours, theirs
 
+    def sooner(self, family: int) -> Verdict:
+        """Who was known to be there first in more pairs than chance explains (sign test, exact and two-sided)."""
+        ours, theirs = (sum(pair[side].time < pair[1 - side].time for pair in self.pairs) for side in (0, 1))
+        if not ours + theirs or binomtest(ours, ours + theirs).pvalue >= (1.0 - CONFIDENCE) / family:
+            return "inconclusive"
+        return "better" if ours > theirs else "worse"
+
     @property
     def bounded(self) -> int:
         """Pairs of which a time is a bound alone: how far apart they are, nobody knows."""
@@ -157,54 +174,74 @@ def compared(
 ) -> TargetComparison:
     """`method` against `against` on one scene, or on `all` of `cells`.
 
-    Times are cut at the horizon of their scene, the shortest that a finished run of the two was watched there. A run
-    that never gets there counts as long as the horizon: a saving that rests on such runs is understated. While some
-    pair's time is a bound alone, nothing is called equivalent.
+    What is compared is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a finished
+    run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored; of the
+    time to the target itself it is a bound at most. While some pair's time is a bound alone, nothing is called
+    equivalent.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
-    scenes = sorted({cell.scene for cell in runs.values()})
+    scenes, seeds = sorted({key[0] for key in runs}), {key[2] for key in runs}
     found = _paired(runs, scenes if scene == "all" else [scene], method, against, axis, target)
-    family = family_of("psnr", scene, len(scenes))
-    row = TargetComparison(
+    shared = [one for one in scenes_of(list(runs.values()), method, against) if one != "all"]
+    family = family_of("psnr", scene, len(shared))
+    nothing = found.silent == len(found.pairs)
+    here = elsewhere = apart = None
+    if not nothing and scene == "all" and len(found.ratios) > 1:
+        here = _estimate(found, on_these_scenes(found.ratios, family))
+        elsewhere, apart = _estimate(found, scenes_like_these(found.ratios, family)), scenes_like_these(found.apart)
+    elif not nothing:
+        (only,) = found.ratios
+        beside = _paired(runs, shared, method, against, axis, target)
+        here = _estimate(found, on_one_scene(beside.ratios, only, family), settled=len(seeds) >= FEWEST_SEEDS)
+        apart = on_one_scene(beside.apart, only)
+    one = elsewhere or here or NO_ESTIMATE
+    never, earlier = found.count("never"), found.count("earlier")
+    low, high = one.interval or (None, None)
+    return TargetComparison(
         scene=scene,
         method=method,
         against=against,
         axis=axis,
         horizon=min(found.horizons, default=0.0),
-        saving=None,
-        interval=None,
-        simultaneous=None,
+        saving=None if nothing else _per_cent(on_these_scenes(found.ratios).mean),
+        interval=one.interval,
+        simultaneous=one.simultaneous,
         family=family,
-        verdict="inconclusive",
-        smallest_detectable=None,
-        difference=None,
-        difference_interval=None,
+        verdict=one.verdict,
+        smallest_detectable=one.smallest_detectable,
+        difference=apart.mean if apart else None,
+        difference_interval=_with_width(apart.interval if apart else None),
         pairs=len(found.pairs),
-        never=found.count("never"),
-        earlier=found.count("earlier"),
+        never=never,
+        earlier=earlier,
         unpaired=found.aside,
+        # what was cut short of `against`, or came before the first look at `method`, can only have been saved besides
+        at_least=None if never[0] or earlier[1] else low,
+        at_most=None if never[1] or earlier[0] else high,
+        on_these_scenes=here,
+        scenes_like_these=elsewhere,
     )
-    if found.silent == len(found.pairs):
-        return row
-    result, apart = _estimated(found.ratios, family), _estimated(found.apart)
+
+
+def _estimate(found: _Paired, result: PairedDifference, settled: bool = True) -> Estimate:
+    """No verdict unless `settled`."""
     of_interest = -math.log1p(-SMALLEST_SAVING / 100)
-    said = verdict(result, of_interest, higher_is_better=False)
-    least = detectable(result, of_interest)
-    return replace(
-        row,
-        saving=_per_cent(result.mean),
-        interval=_in_per_cent(result.interval),
-        simultaneous=_in_per_cent(result.simultaneous),
-        verdict="inconclusive" if found.aside or (said == "equivalent" and found.bounded) else said,
-        smallest_detectable=None if least is None else _per_cent(-least),
-        difference=apart.mean,
-        difference_interval=apart.interval,
+    said, least = verdict(result, of_interest, higher_is_better=False), detectable(result, of_interest)
+    if found.bounded and not _with_width(result.interval):  # times that are bounds alone agree by construction
+        said = found.sooner(result.family)
+    return Estimate(
+        _in_per_cent(_with_width(result.interval)),
+        _in_per_cent(_with_width(result.simultaneous)),
+        result.family,
+        "inconclusive" if not settled or (said == "equivalent" and found.bounded) else said,
+        None if least is None else _per_cent(-least),
+        None if result.effect is None else -result.effect,
     )
 
 
-def _estimated(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """On scenes like these where there are several."""
-    return scenes_like_these(table, family) if len(table) > 1 else on_one_scene(table, next(iter(table)), family)
+def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    """None for an interval without any width: equal times say nothing of how much times differ."""
+    return interval if interval is not None and interval[1] > interval[0] else None
 
 
 def _paired(

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from harness.json_record import DamagedRecord, load_record, write_record
 from harness.record_types import sound
-from harness.records import records_folder
+from harness.records import Estimate, estimate_of, records_folder
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
@@ -56,7 +56,8 @@ class ReachCurve:
 class TargetComparison:
     """How much sooner `method` reaches the target than `against`, paired over scenes and seeds.
 
-    What is compared is min(T, horizon): all that a time can say that was only watched until then.
+    What is compared is the restricted time min(T, horizon): all that a time can say that was only watched until then.
+    `interval` is of its saving. Of the time to the target itself that is one bound or both: `at_least`, `at_most`.
     """
 
     scene: str
@@ -68,10 +69,11 @@ class TargetComparison:
     """The common end of watching: the shortest that a finished run of the two methods was watched on the scene. Of
     `all` the shortest of the scenes', which each keep their own."""
     saving: float | None
-    """Per cent of `against`'s time, from the mean of the logarithms of the ratios; below 0 where `method` needs more.
-    None where no pair tells anything."""
+    """Per cent of `against`'s restricted time, from the mean of the logarithms of the ratios; below 0 where `method`
+    needs more. None where no pair tells anything."""
     interval: tuple[float, float] | None
-    """95 %, of this comparison alone, in per cent."""
+    """95 %, of this comparison alone, in per cent; None where times agree so that it would have no width. As all that
+    has the name of a part of `Estimate`: of scenes like these where several were tried."""
     simultaneous: tuple[float, float] | None
     """The one that the verdict is taken from: as many are looked at together as `family` says."""
     family: int
@@ -80,7 +82,7 @@ class TargetComparison:
     smallest_detectable: float | None
     """The true saving in per cent that such a sample would find in 80 % of repetitions."""
     difference: float | None
-    """Of the restricted means, `method` − `against`, in steps or seconds."""
+    """Of the mean restricted times, `method` − `against`, in steps or seconds."""
     difference_interval: tuple[float, float] | None
     """95 %, of this comparison alone."""
     pairs: int
@@ -89,7 +91,15 @@ class TargetComparison:
     earlier: tuple[int, int]
     """Runs among the pairs that had reached it by their first checkpoint: of `method`, of `against`."""
     unpaired: int
-    """Pairs of which a run does not exist, or failed for reasons that are not its method's: no verdict without them."""
+    """Pairs of which a run does not exist, or failed for reasons that are not its method's."""
+    at_least: float | None = None
+    """Per cent that `method` saves of the time to the target itself, or more, with 97.5 % confidence. None where a time
+    of the two that was not seen whole may have made it less."""
+    at_most: float | None = None
+    on_these_scenes: Estimate | None = None
+    """In per cent, with error from seeds alone."""
+    scenes_like_these: Estimate | None = None
+    """None for a single scene."""
 
 
 @dataclass(frozen=True)
@@ -141,4 +151,5 @@ def read_targets(out: Path) -> TargetsRecord | None:
 
 def _with_pairs(row: dict[str, Any]) -> dict[str, Any]:
     names = ("interval", "simultaneous", "difference_interval", "never", "earlier")
-    return {**row, **{name: None if row[name] is None else (row[name][0], row[name][1]) for name in names}}
+    pairs = {name: None if row[name] is None else (row[name][0], row[name][1]) for name in names}
+    return {**row, **pairs, **{name: estimate_of(row[name]) for name in ("on_these_scenes", "scenes_like_these")}}

@@ -2,6 +2,7 @@
 
 Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone. The studies of an
 evidence.json stand in report.html, or alone in evidence.html; what a serving.json holds stands in report.html.
+A judgement.json has a page of its own.
 Several outputs are compared in outputs.html, each with the first.
 """
 
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from harness.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
 from harness.json_record import DamagedRecord
+from harness.judge.record import JUDGEMENT_FILE, read_judgement
 from harness.records import records_folder
 from harness.serving_record import SERVING_FILE
 from harness.speed_record import SpeedRecord
@@ -83,6 +85,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -> int:
     """Reads, writes, prints, with `partial` of a damaged run what is sound; what is heavy is imported last."""
+    if (out / JUDGEMENT_FILE).is_file():
+        code = build_judgement(out)
+        others = (out / file for file in ("speed.json", STABILITY_FILE, EVIDENCE_FILE, records_folder(out).name))
+        if not any(other.exists() for other in others):
+            return code
+
     from reports.beside import Beside
     from reports.evidence_load import find_evidence
     from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
@@ -183,6 +191,14 @@ def holds_run(out: Path) -> bool:
     """Whether a run lies beside another record: its own file and at least one finished cell."""
     folder = records_folder(out)
     return (folder / "run.json").is_file() and any((folder / "cells").glob("*.json"))
+
+
+def build_judgement(out: Path) -> int:
+    """The page about somebody's table; raises `DamagedRecord`."""
+    from reports.judgement_page import write_judgement_page
+
+    print(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
+    return 0
 
 
 def build_speed(record: SpeedRecord, out: Path, publish: Path | None, beside_report: bool) -> int:

@@ -1,13 +1,13 @@
-"""The claims ledger: every printed number with what was measured here and a verdict. Never a silent pass.
+"""The claims ledger: what the paper prints, with what was measured here and a verdict. Never a silent pass.
 
-The scale stands beside each: at another scale than the paper's, a verdict is about that scale. What has no measurement
-is *not tested at this scale*, whatever it is.
+Statements that are one comparison are one entry; what the paper does not say but we read into it stands apart.
 """
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
+from harness.json_record import DamagedRecord
 from reports import claims_arithmetic as arithmetic
 from reports import claims_code as code
 from reports import claims_scores as scores
@@ -17,7 +17,6 @@ from reports.beside import ALONE, Beside
 from reports.claims_ablation import added_part
 from reports.ledger import UNTESTED, VERDICTS, Bench, Claim, Finding, Printed, Verdict, claim_of, entries
 from reports.load import Records
-from reports.scale import has_paper_settings, in_a_line
 from reports.wording import number, signed
 
 KINDS = {
@@ -26,14 +25,17 @@ KINDS = {
     "figures": "Weights and its own arithmetic",
     "serving": "View cache and attention",
     "others": "Settings and code",
+    "readings": "Our readings of the paper, which it does not print",
 }
 
 Judge = Callable[[Bench, Printed], Finding]
 
 RULES: dict[str, tuple[str, Judge]] = {
     "gain": ("gains", scores.gain),
-    "range of gains": ("gains", scores.range_of_gains),
+    "each gain": ("gains", scores.each_row),
+    "each level": ("levels", scores.each_row),
     "saving": ("gains", times.saving),
+    "derived saving": ("readings", times.saving),
     "added part": ("gains", added_part),
     "score": ("levels", scores.score),
     "time to target": ("levels", times.time_to_target),
@@ -42,18 +44,18 @@ RULES: dict[str, tuple[str, Judge]] = {
     "skip layer": ("figures", arithmetic.skip_layer),
     "sum of weights": ("figures", arithmetic.sum_of_weights),
     "differences of rows": ("figures", arithmetic.differences_of_rows),
-    "mean of rows": ("figures", arithmetic.mean_of_rows),
+    "means of rows": ("figures", arithmetic.means_of_rows),
     "range of rows": ("figures", arithmetic.range_of_rows),
     "scenes of rows": ("figures", arithmetic.scenes_of_rows),
-    "source of the baseline": ("figures", arithmetic.source_of_baseline),
+    "source of the baseline": ("readings", arithmetic.source_of_baseline),
     "ratio of times": ("figures", arithmetic.ratio_of_times),
     "final is average": ("figures", arithmetic.final_is_average),
     "row of table 2": ("figures", arithmetic.row_of_table2),
     "number of a table": ("figures", arithmetic.number_of_a_table),
     "retrieval": ("serving", serving.retrieval),
-    "pose key": ("serving", serving.pose_key),
+    "pose key": ("readings", serving.pose_key),
     "attended first": ("serving", serving.attended_first),
-    "factor of priorities": ("serving", serving.factor_of_priorities),
+    "factor of priorities": ("readings", serving.factor_of_priorities),
     "setting": ("others", code.run_setting),
     "lines": ("others", code.lines),
     "their code": ("others", code.their_code),
@@ -66,29 +68,33 @@ def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
 
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
-    bench = Bench(
-        records, beside.evidence, records.targets, in_a_line(records), has_paper_settings(records), beside.serving
-    )
-    return [_judged(bench, entry) for entry in entries(records.run.paper)]
+    bench = Bench(records, beside.evidence, records.targets, beside.serving)
+    try:
+        return [_judged(bench, entry) for entry in entries(records.run.paper)]
+    except KeyError as error:
+        raise DamagedRecord(
+            f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
+            "`python -m harness run --resume` writes it anew and trains nothing that is finished"
+        ) from error
 
 
 def _judged(bench: Bench, entry: Printed) -> Claim:
     kind, judge = RULES.get(entry.rule, ("others", _unknown))
     found = judge(bench, entry)
-    if entry.leaves_open:
-        ends = " to ".join(
+    if entry.leaves_open and found.verdict != UNTESTED:
+        ends = " and ".join(
             number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open
         )
-        derived = f"not printed but derived from rounded figures, which leave {ends} {entry.unit}".strip() + " open"
+        derived = f"the paper prints rounded totals: this step is between {ends} {entry.unit}".strip()
         found = replace(found, note="; ".join(filter(None, [found.note, derived])))
     return claim_of(entry, found, kind, bench.scale)
 
 
 def _unknown(bench: Bench, entry: Printed) -> Finding:
-    return Finding(UNTESTED, "", note=f"this version of the report has no rule {entry.rule!r}")
+    return Finding(UNTESTED, "", note=f"need a version of the report with the rule {entry.rule!r}")
 
 
 def tally(found: list[Claim]) -> list[tuple[Verdict, int]]:
-    """How many claims hold, do not, are undecided or were not tested; verdicts that nothing has are left out."""
+    """How many claims have each verdict; verdicts that nothing has are left out."""
     many = Counter(claim.verdict for claim in found)
     return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

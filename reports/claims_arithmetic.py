@@ -1,7 +1,6 @@
 """The paper's own figures put to the test with nothing but themselves: sums, means, ratios, cross-references."""
 
 import math
-from collections.abc import Callable
 
 from reports.judging import half_unit, judge_figures
 from reports.ledger import OWN_FIGURES, UNTESTED, Bench, Finding, Printed, Verdict
@@ -27,11 +26,11 @@ def _computed(entry: Printed, how: str, value: float, slack: float = 0.0, note: 
 
 
 def _absent(how: str) -> Finding:
-    return Finding(UNTESTED, how, scale=OWN_FIGURES, note="this run’s record does not hold the table")
+    return Finding(UNTESTED, how, scale=OWN_FIGURES, note="need the paper’s tables, which this run’s record lacks")
 
 
 def _agrees(right: bool) -> Verdict:
-    return "holds" if right else "does not hold"
+    return "reproduced" if right else "not reproduced"
 
 
 def listing_1(bench: Bench, entry: Printed) -> Finding:
@@ -58,25 +57,33 @@ def sum_of_weights(bench: Bench, entry: Printed) -> Finding:
 
 def differences_of_rows(bench: Bench, entry: Printed) -> Finding:
     """Δ = Q-NeRF − NeRF, the average's row included; each to within what rounding three figures may do."""
-    how = "Q-NeRF less NeRF against Δ, row by row"
     rows = {name: row for name, row in (bench.paper.get("table2") or {}).items() if "delta" in row}
-    if not rows:
+    right = {name: abs(row["qnerf"] - row["nerf"] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()}
+    return _counted(entry, "Q-NeRF less NeRF against Δ, row by row", right)
+
+
+def means_of_rows(bench: Bench, entry: Printed) -> Finding:
+    """The row of averages, each to within what rounding its column's figures may do."""
+    rows, average = list(bench.scenes_of_table2().values()), bench.row("table2", "average")
+    right = {}
+    for column in average:
+        values = [row[column] for row in rows if column in row]
+        if len(values) < max(len(rows), 1):
+            return _absent("mean of each column’s rows")
+        mean = sum(values) / len(values)
+        ends = (mean - DIGIT_DB, mean + DIGIT_DB)
+        right[column] = judge_figures(average[column], half_unit(average[column], "dB"), mean, ends) == "reproduced"
+    return _counted(entry, "mean of each column’s rows", right)
+
+
+def _counted(entry: Printed, how: str, right: dict[str, bool]) -> Finding:
+    """How many of several things are as printed, and which are not."""
+    if not right:
         return _absent(how)
-    wrong = [name for name, row in rows.items() if abs(row["qnerf"] - row["nerf"] - row["delta"]) > DIGIT_DB + 1e-9]
+    wrong = [name for name, one in right.items() if not one]
+    verdict = _agrees(not wrong and len(right) == entry.printed)
     note = f"not {listed(wrong)}" if wrong else ""
-    return Finding(
-        _agrees(not wrong and len(rows) == entry.printed), how, len(rows) - len(wrong), None, OWN_FIGURES, note
-    )
-
-
-def mean_of_rows(bench: Bench, entry: Printed) -> Finding:
-    column = entry.of["column"]
-    how = "mean of the column’s eight rows"
-    rows = bench.scenes_of_table2().values()
-    values = [row[column] for row in rows if column in row]
-    if not values or len(values) < len(rows):
-        return _absent(how)
-    return _computed(entry, how, sum(values) / len(values), DIGIT_DB)
+    return Finding(verdict, how, len(right) - len(wrong), None, OWN_FIGURES, note)
 
 
 def range_of_rows(bench: Bench, entry: Printed) -> Finding:
@@ -130,20 +137,17 @@ def ratio_of_times(bench: Bench, entry: Printed) -> Finding:
     return Finding(verdict, how, value, None, OWN_FIGURES, note)
 
 
-def _same(how: str, value: Callable[[Bench, str], float | None]) -> Callable[[Bench, Printed], Finding]:
-    """A figure that stands in two places."""
-
-    def judge(bench: Bench, entry: Printed) -> Finding:
-        other = value(bench, entry.of["method"])
-        return (
-            _absent(how) if other is None else Finding(_agrees(other == entry.printed), how, other, None, OWN_FIGURES)
-        )
-
-    return judge
+def final_is_average(bench: Bench, entry: Printed) -> Finding:
+    final, average = (bench.paper.get("table3") or {}).get("final_psnr") or {}, bench.row("table2", "average")
+    right = {name: average[name] == value for name, value in final.items() if name in average}
+    return _counted(entry, "Table 3’s final scores against Table 2’s averages", right)
 
 
-final_is_average = _same("Table 2’s average", lambda bench, method: bench.row("table2", "average").get(method))
-row_of_table2 = _same("Table 2’s row lego", lambda bench, method: bench.row("table2", "lego").get(method))
+def row_of_table2(bench: Bench, entry: Printed) -> Finding:
+    lego = bench.row("table2", "lego")
+    ablation = {row["method"]: row["psnr"] for row in bench.paper.get("table4") or []}
+    right = {name: lego[name] == value for name, value in ablation.items() if name in lego}
+    return _counted(entry, "Table 4’s first and last row against Table 2’s row lego", right)
 
 
 def number_of_a_table(bench: Bench, entry: Printed) -> Finding:

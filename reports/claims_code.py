@@ -1,7 +1,7 @@
 """What needs no training, or cannot be tested from outside: weights, settings, lines of code."""
 
 from reports.judging import half_unit
-from reports.ledger import UNTESTED, Bench, Finding, Printed, Verdict
+from reports.ledger import UNTESTED, Bench, Finding, Printed
 from reports.scale import number_at
 from reports.wording import count, listed
 
@@ -14,22 +14,27 @@ COMPONENTS = {
 }
 
 
+PUBLISHED = "need the authors’ code, which is not published"
+SETTING = "are settings, taken over or named under Deviations, not results"
+
+
 def weights(bench: Bench, entry: Printed) -> Finding:
     """Counted at the paper's own size: no training is needed, so the scale of the run does not matter."""
-    how = "counted in the network that is built as Table 1 describes it"
-    ours = (bench.paper.get("parameters_measured") or {}).get(entry.of["component"])
-    if ours is None or not isinstance(entry.printed, int | float):
-        return Finding(UNTESTED, how, note="not counted in this run")
-    verdict: Verdict = "holds" if abs(ours - entry.printed) <= half_unit(entry.printed) else "does not hold"
-    return Finding(verdict, how, ours, scale="the paper’s network")
+    how = "counted in the network that Table 1 describes"
+    ours, printed = bench.paper.get("parameters_measured") or {}, bench.paper.get("table1") or {}
+    if "total" not in ours or not set(printed) <= set(ours):
+        return Finding(UNTESTED, how, note="need the weights to be counted: run again with --resume")
+    wrong = [name for name, many in printed.items() if abs(ours[name] - many) > half_unit(many)]
+    off = [f"{COMPONENTS[name]} {count(ours[name])} for {count(printed[name])}" for name in wrong if name != "total"]
+    return Finding(
+        "not reproduced" if wrong else "reproduced", how, ours["total"], scale="the paper’s network", note=listed(off)
+    )
 
 
 def run_setting(bench: Bench, entry: Printed) -> Finding:
     """A setting is taken over, not put to the test; the run's own stands beside."""
-    path = entry.of["at"].split(".") if "at" in entry.of else ["train", "network", entry.of["setting"]]
-    value = number_at(bench.records.run.settings, *path)
-    how = "the settings of this run" if "at" in entry.of else "the networks of this run"
-    return Finding(UNTESTED, how, value, note="a setting, not a result")
+    value = number_at(bench.records.run.settings, *entry.of["at"].split("."))
+    return Finding(UNTESTED, "the settings of this run", value, note=SETTING)
 
 
 def lines(bench: Bench, entry: Printed) -> Finding:
@@ -37,11 +42,10 @@ def lines(bench: Bench, entry: Printed) -> Finding:
     how = "lines of our modules for the same parts that are neither blank nor comment"
     ours = bench.paper.get("sloc_measured")
     files = bench.paper.get("sloc_files") or {}
-    note = "the authors’ module is not published"
     if files:
-        note += "; ours: " + listed([f"{name} {count(many)}" for name, many in files.items()])
-    return Finding(UNTESTED, how, int(ours) if ours is not None else None, note=note)
+        how += ": " + listed([f"{name} {count(many)}" for name, many in files.items()])
+    return Finding(UNTESTED, how, int(ours) if ours is not None else None, note=PUBLISHED)
 
 
 def their_code(bench: Bench, entry: Printed) -> Finding:
-    return Finding(UNTESTED, "cannot be measured from outside", note="the authors’ code is not published")
+    return Finding(UNTESTED, "cannot be measured from outside", note=PUBLISHED)

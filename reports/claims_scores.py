@@ -1,23 +1,42 @@
-"""Abstract and Table 2: how much better, and how good."""
+"""Abstract, Table 2 and Table 4: how much better, and how good."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
 
 from harness.json_record import finite_or_none
 from harness.records import Comparison
+from harness.statistics import on_one_scene, on_these_scenes
 from reports.headline import roles
-from reports.judging import half_unit, interval_of_mean, judge_gain, judge_level, rounded_away
+from reports.judging import LEAST_PAIRS, MARGINS, judge_all, judge_gain, judge_level, seeds_that_settle
 from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
-from reports.scale import strangers, unless_whole
 from reports.selection import Selection, behind_difference
 from reports.wording import counted, interval, listed, signed
 
-MARGINS = {"psnr": 0.2, "ssim": 0.005}
-"""Smallest differences of interest, as the harness declares them for its comparisons."""
+PAIRED = "mean test {metric} at equal steps, paired by {units}; interval on these scenes"
+NEEDS_PAPER = "need the paper’s settings on its own pictures (docs/full-setting.md)"
+NEEDS_RUN = "need a run of {methods}"
+PRINTED_FORM = "qnerf_printed"
+"""The form with density at most 1 per scene unit: its verdict stands beside."""
 
-PAIRED = "mean test {metric} at equal steps, paired by {units}"
+
+@dataclass(frozen=True)
+class Part:
+    """One of several things that a statement is about."""
+
+    name: str
+    verdict: Verdict
+    value: float
+    seeds: int | None = None
+    """How many would settle what is open."""
 
 
-def interval_judged(one: Comparison) -> Pair | None:
-    """The one that verdicts are taken from; runs recorded before there were families have only their own."""
-    return one.simultaneous or one.interval
+def on_them(one: Comparison) -> Pair | None:
+    """The interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
+    if one.on_these_scenes is None or one.pairs < LEAST_PAIRS:
+        return None
+    return one.on_these_scenes.simultaneous or one.on_these_scenes.interval
 
 
 def gain(bench: Bench, entry: Printed) -> Finding:
@@ -26,12 +45,37 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     one = bench.records.comparison(scene, method, against, metric)
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
     if one is None or not isinstance(entry.printed, int | float) or not tried(bench, one):
-        return Finding(UNTESTED, how, note=f"{method} was not compared with {against} {_where(scene)} in this run")
-    pair = interval_judged(one)
-    verdict = judge_gain(entry.printed, rounded_away(entry), one.difference, pair, one.unpaired)
-    if scene == "all":
-        verdict = unless_whole(bench.records, verdict)
-    return Finding(verdict, how, one.difference, pair, note=_note(bench, scene), runs=behind_difference(one))
+        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
+    pair, margin = on_them(one), MARGINS[metric]
+    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and _on_each(bench, one))
+    notes = [
+        f"{counted(one.unpaired, 'pair')} could not be judged" if one.unpaired else "",
+        settled_by(one, margin, _scenes(bench, scene)) if verdict == "inconclusive" else "",
+        *(_beside(bench, entry, *rival) for rival in _rivals(bench, method, against)),
+    ]
+    return Finding(verdict, how, one.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(one))
+
+
+def _on_each(bench: Bench, one: Comparison) -> bool:
+    """Whether a mean over all scenes has a pair on each of them."""
+    scenes = bench.records.scenes if one.scene == "all" else [one.scene]
+    rows = [bench.records.comparison(scene, one.method, one.against, one.metric) for scene in scenes]
+    return all(row is not None and row.difference is not None for row in rows)
+
+
+def settled_by(one: Comparison, margin: float, scenes: int) -> str:
+    """How many seeds would settle a gain that is open, in words; nothing where its spread is not known."""
+    seeds = _seeds_needed(one, margin, scenes)
+    return f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""
+
+
+def _seeds_needed(one: Comparison, margin: float, scenes: int) -> int | None:
+    about = one.on_these_scenes
+    if about is None or not about.effect or one.difference is None:
+        return None
+    deviation = abs(one.difference / about.effect)
+    seeds = seeds_that_settle(deviation, scenes, margin, about.family)
+    return seeds if seeds and seeds * scenes > one.pairs else None
 
 
 def tried(bench: Bench, one: Comparison) -> bool:
@@ -46,92 +90,127 @@ def tried(bench: Bench, one: Comparison) -> bool:
     return {one.method, one.against} <= started
 
 
-def range_of_gains(bench: Bench, entry: Printed) -> Finding:
-    """1.2–1.8 dB on all scenes: refuted by one of them or by their mean, established only by every one.
-
-    That every scene gains at least the lower end implies that their mean does. So it *does not hold* where the interval
-    of a printed scene or that of the mean ends below the lower end, and *holds* where the interval of each printed
-    scene lies at or above it.
-    """
-    how = "worst to best scene; refuted by a scene or by the mean, holds only if every scene of Table 2 reaches it"
-    one = bench.records.comparison("all", "qnerf", "nerf")
-    if one is None or not isinstance(entry.printed, tuple) or not tried(bench, one):
-        return Finding(UNTESTED, how, note="Q-NeRF was not compared with NeRF in this run")
-    low = entry.printed[0]
-    rounding, pair = half_unit(low, entry.unit), interval_judged(one)
-    of_mean = unless_whole(bench.records, judge_gain(low, rounding, one.difference, pair, one.unpaired))
-    rows = {name: bench.records.comparison(name, "qnerf", "nerf") for name in bench.scenes_of_table2()}
-    there = {name: row.difference for name, row in rows.items() if row and row.difference is not None}
-    each = [
-        judge_gain(low, rounding, row.difference, interval_judged(row), row.unpaired) if row else UNTESTED
-        for row in rows.values()
+def each_row(bench: Bench, entry: Printed) -> Finding:
+    """What a table prints row by row, each judged on its own scene: a printed row speaks of no other."""
+    table, column, metric = (entry.of[name] for name in ("table", "column", "metric"))
+    if column == "delta":
+        how = PAIRED.format(metric=metric.upper(), units="seed") + "; each row on its own scene"
+    else:
+        how = f"mean test {metric.upper()} over seeds; each row on its own scene"
+    rows = _rows(bench, table, column, metric)
+    parts = [
+        part for name, (printed, judge) in rows.items() if (part := judge(bench, name, printed, metric, len(rows)))
     ]
-    verdict: Verdict = "inconclusive"
-    if "does not hold" in (of_mean, *each):
-        verdict = "does not hold"
-    elif of_mean == "holds" and all(one == "holds" for one in each):
-        verdict = "holds"
-    below = [name for name, one in zip(rows, each, strict=True) if one == "does not hold"]
-    mean = f"mean {signed(one.difference)} {interval(pair)}".strip() if one.difference is not None else ""
-    notes = [f"below it on {listed(below)}" if below else "", mean, _note(bench, "all")]
-    ends = (min(there.values()), max(there.values())) if there else None
-    behind = behind_difference(one) if set(bench.records.scenes) <= set(rows) else None
-    return Finding(verdict, how, ends, note="; ".join(filter(None, notes)), runs=behind)
+    if not parts:
+        return Finding(UNTESTED, how, note=NEEDS_PAPER)
+    verdict = judge_all(part.verdict for part in parts)
+    if verdict == "reproduced" and len(parts) < len(rows):
+        verdict = "inconclusive"
+    values = [part.value for part in parts]
+    return Finding(verdict, how, (min(values), max(values)), note=_by_verdict(parts, len(rows)))
+
+
+Judge = Callable[[Bench, str, float, str, int], Part | None]
+"""From a row's name, printed value, metric and how many rows there are; None where its pictures are not the paper's."""
+
+
+def _rows(bench: Bench, table: str, column: str, metric: str) -> dict[str, tuple[float, Judge]]:
+    """Row → what it prints, and who judges it."""
+    if table == "table2":
+        scenes = bench.scenes_of_table2()
+        return {
+            scene: (row[column], _gain_of if column == "delta" else _level_of(scene, column))
+            for scene, row in scenes.items()
+            if column in row
+        }
+    rows = bench.paper.get(table) or []
+    return {row["method"]: (row[metric], _level_of("lego", row["method"])) for row in rows}
+
+
+def _gain_of(bench: Bench, scene: str, printed: float, metric: str, family: int) -> Part | None:
+    """A row of Table 2's column of gains."""
+    one = bench.records.comparison(scene, "qnerf", "nerf", metric)
+    if one is None or one.difference is None or not bench.at_paper_scale(scene):
+        return None
+    verdict = judge_gain(printed, MARGINS[metric], on_them(one), True)
+    seeds = _seeds_needed(one, MARGINS[metric], 1) if verdict == "inconclusive" else None
+    return Part(scene, verdict, one.difference, seeds)
+
+
+def _level_of(scene: str, method: str) -> Judge:
+    """A judge of the level that a method reaches on a scene."""
+
+    def judge(bench: Bench, name: str, printed: float, metric: str, family: int) -> Part | None:
+        table = _scores(bench, method, metric)
+        if scene not in table or not bench.at_paper_scale(scene):
+            return None
+        found = on_one_scene(table, scene, family)
+        pair = found.simultaneous if found.units >= LEAST_PAIRS else None
+        return Part(name, judge_level(printed, MARGINS[metric], pair), found.mean)
+
+    return judge
+
+
+def _by_verdict(parts: list[Part], rows: int) -> str:
+    """Which rows came out how, and how many seeds the open ones want."""
+    said = []
+    for verdict in dict.fromkeys(part.verdict for part in parts):
+        some = [part for part in parts if part.verdict == verdict]
+        said.append(f"{verdict}: {listed([part.name for part in some])}")
+    wanted = [part.seeds for part in parts if part.seeds]
+    if wanted:
+        said.append(f"about {counted(max(wanted), 'seed')} would settle the open ones")
+    if len(parts) < rows:
+        said.append(f"{len(parts)} of {rows} rows")
+    return "; ".join(said)
 
 
 def score(bench: Bench, entry: Printed) -> Finding:
     """How good a method gets. At another scale, or on other pictures than the paper's, the value only stands beside."""
-    scene, method, metric = (entry.of[name] for name in ("scene", "method", "metric"))
-    how = f"mean test {metric.upper()} of this run’s {method}, by seed"
-    scenes = [name.lower() for name in bench.scenes_of_table2()] if scene == "all" else [scene]
-    ran = [name for name in scenes if name in bench.records.scenes]
-    by_seed: dict[int, list[float]] = {}
-    lost = 0
-    for name in ran:
-        for cell in bench.records.cells_of(name, method):
-            value = finite_or_none(cell.scores.get(metric))
-            if cell.status == "done" and value is not None:
-                by_seed.setdefault(cell.seed, []).append(value)
-            else:
-                lost += 1
-    means = [sum(values) / len(values) for values in by_seed.values() if len(values) == len(ran)]
-    if not means:
-        return Finding(UNTESTED, how, note=f"{method} has no score {_where(scene)} in this run")
-    pair = interval_of_mean(means)
-    missing = [name for name in scenes if name not in ran]
-    notes = [
-        f"without {listed(missing)}" if missing else "",
-        f"{counted(lost, 'cell')} without a score" if lost else "",
-    ]
-    measured = sum(means) / len(means)
-    elsewhere = all(not one.rendered for one in bench.records.run.scenes)
-    if not (bench.at_paper_scale and elsewhere):
-        notes.append("other pictures than the paper’s" if bench.at_paper_scale else "")
-        return Finding(UNTESTED, how, measured, pair, note="; ".join(filter(None, notes)))
-    printed = entry.printed if isinstance(entry.printed, int | float) else float("nan")
-    verdict = "inconclusive" if missing or lost else judge_level(printed, MARGINS[metric], pair)
-    notes.append("on the view sets that were given: whether these are the paper’s, this program cannot tell")
-    behind = Selection("" if scene == "all" else scene, method, metric=metric)
-    exactly = behind if scene != "all" or set(ran) == set(bench.records.scenes) else None
-    return Finding(verdict, how, measured, pair, note="; ".join(filter(None, notes)), runs=exactly)
+    method, metric = entry.of["method"], entry.of["metric"]
+    how = f"mean test {metric.upper()} of this run’s {method}, error from seeds"
+    table = _scores(bench, method, metric)
+    if len(table) < len(bench.records.scenes):
+        return Finding(UNTESTED, how, note=NEEDS_PAPER)
+    found = on_these_scenes(table)
+    if not bench.at_paper_scale("all") or not isinstance(entry.printed, int | float):
+        return Finding(UNTESTED, how, found.mean, found.interval, note=NEEDS_PAPER)
+    verdict = judge_level(entry.printed, MARGINS[metric], found.interval)
+    return Finding(verdict, how, found.mean, found.interval, runs=Selection("", method, metric=metric))
 
 
-def _where(scene: str) -> str:
-    return "over all scenes" if scene == "all" else f"on {scene}"
+def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
+    """Scene → scores of its finished cells [seeds], where there are any."""
+    found = {
+        scene: [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
+        for scene in bench.records.scenes
+    }
+    table = {scene: np.array([one for one in values if one is not None]) for scene, values in found.items()}
+    return {scene: values for scene, values in table.items() if values.size}
 
 
-def _note(bench: Bench, scene: str) -> str:
-    """What is left of a gain over the baseline once bandwidth is matched, and what could not be paired."""
-    records, parts = bench.records, []
-    if scene == "all":
-        parts.append(strangers(records))
-    over_baseline = records.comparison(scene, "qnerf", "nerf")
-    if over_baseline and over_baseline.unpaired:
-        lost = counted(over_baseline.unpaired, "pair")
-        parts.append(f"{lost} lost" if over_baseline.pairs else f"all {lost} lost")
-    control = roles(records).control
-    one = records.comparison(scene, "qnerf", control) if control else None
-    if one is not None and one.difference is not None:
-        shown = f"{signed(one.difference)} {interval(interval_judged(one))}".strip()
-        parts.append(f"against {control}: {shown} ({one.verdict})")
-    return "; ".join(filter(None, parts))
+def _scenes(bench: Bench, scene: str) -> int:
+    return len(bench.records.scenes) if scene == "all" else 1
+
+
+def _rivals(bench: Bench, method: str, against: str) -> list[tuple[str, str]]:
+    """What stands beside Q-NeRF's gain: what is left of it once bandwidth is matched, and the printed form's."""
+    if (method, against) != ("qnerf", "nerf"):
+        return []
+    control = roles(bench.records).control
+    return [(PRINTED_FORM, against), *([(method, control)] if control else [])]
+
+
+def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
+    """Another difference in words: where it was measured over all scenes, else on the single one that has it."""
+    metric, scenes = entry.of["metric"], bench.records.scenes
+    found = [bench.records.comparison(scene, method, against, metric) for scene in (entry.of["scene"], *scenes)]
+    one = next((row for row in found if row is not None and row.difference is not None), None)
+    if one is None:
+        return ""
+    where = f" on {one.scene}" if one.scene != entry.of["scene"] else ""
+    shown = f"{method} − {against}{where}: {signed(one.difference)} {interval(on_them(one))}".rstrip()
+    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
+        return shown
+    verdict = judge_gain(entry.printed, MARGINS[metric], on_them(one), bench.at_paper_scale(one.scene))
+    return f"{shown}: {verdict}"

@@ -1,9 +1,10 @@
 """§8: retrieval from the cache, its key, and attention as priority, as measured on the run's trained methods."""
 
+import math
+
 from harness.serving_record import CacheRecord, Confusion, Latency, Measure, PhiCheck
 from reports.evidence_view import plain
-from reports.judging import judge_difference
-from reports.ledger import UNTESTED, Bench, Claim, Finding, Pair, Printed, Verdict
+from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
 from reports.serving_load import is_quick
 from reports.serving_races import SHARE, Race, earlier, races
 from reports.serving_wording import TIMED
@@ -17,9 +18,9 @@ LEAST_SCENES = 3
 ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}
 LEAST_VISIBLE = 0.5 / 255
 """RMSE of display colour: half a step of 8 bits."""
-OURS = "the sentence is our reading, not the paper’s"
-STATED = ("section8.1-retrieval", "listing5-key", "section8.2-priority", "eq7-phi")
-"""Entries of §8 as the harness lists them now: ledgers of older runs have fewer."""
+MISSED: Verdict = "not seen at this scale"
+NEEDS_SERVING = f"need `{COMMAND}`"
+NEEDS_LONGER = f"need `{COMMAND}` without --quick"
 
 
 def retrieval(bench: Bench, entry: Printed) -> Finding:
@@ -49,7 +50,7 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     ]
     notes += [
         f"{words}: {listed(names)}"
-        for failing, words in (("does not hold", "missed"), ("inconclusive", "its spread reaches across the bar"))
+        for failing, words in ((MISSED, "missed"), ("inconclusive", "its spread reaches across the bar"))
         if (names := [f"{one.method} on {one.scene} ({TIMED[one.source]})"
                       for one in memory + disk if judge_hit(one, record) == failing])
     ]  # fmt: skip
@@ -59,19 +60,20 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
 
 
 def both(record: CacheRecord) -> Verdict:
-    """*Does not hold* where the hits of a scene and method miss a target, *holds* where all of both kinds reach it."""
+    """*Not seen* where the hits of a scene and method miss a target, *seen* where all of both kinds reach it."""
     found = [judge_hit(one, record) for one in record.latencies if one.source in MEMORY + DISK]
     sources = {one.source for one in record.latencies}
-    if "does not hold" in found:
-        return "does not hold"
+    if MISSED in found:
+        return MISSED
     complete = sources & set(MEMORY) and sources & set(DISK)
-    return "holds" if complete and all(one == "holds" for one in found) else "inconclusive"
+    return "seen" if complete and all(one == "seen" for one in found) else "inconclusive"
 
 
 def judge_hit(one: Latency, record: CacheRecord) -> Verdict:
     """By its spread, where there is one: it may lie above the target, below, or across."""
     target = record.target_disk if one.source in DISK else record.target_memory
-    return judge_difference(target, 0.0, one.ratio_spread)
+    low, high = one.ratio_spread or (0.0, math.inf)
+    return "seen" if low >= target else MISSED if high < target else "inconclusive"
 
 
 def pose_key(bench: Bench, entry: Printed) -> Finding:
@@ -83,11 +85,11 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
     found = bench.serving.cache.confusions if bench.serving and bench.serving.cache else []
     looked, stale = [one for one in found if one.views], [one for one in found if one.stale]
     if _quick(bench) or not looked:
-        return _untested(bench, how, OURS)
+        return _untested(bench, how)
     views, missed = sum(one.views for one in looked), sum(one.missed for one in looked)
-    notes = [OURS, f"of {counted(len(looked), 'kind')} of change", *_errors(stale)]
+    notes = [f"of {counted(len(looked), 'kind')} of change", *_errors(stale)]
     notes.append(f"our key is new for {'all' if missed == views else f'{missed} of'} {counted(views, 'view')}")
-    return Finding("does not hold" if stale else "holds", how, len(stale), note="; ".join(notes))
+    return Finding("not reproduced" if stale else "reproduced", how, len(stale), note="; ".join(notes))
 
 
 def _errors(stale: list[Confusion]) -> list[str]:
@@ -119,9 +121,9 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
     ahead, open_ = sum(map(_ahead, found)), sum(map(_undecided, found))
     verdict: Verdict = "inconclusive"
     if len(scenes) >= LEAST_SCENES and len(won) == len(scenes):
-        verdict = "holds"
+        verdict = "seen"
     elif len(scenes) >= LEAST_SCENES and not ahead and not open_:
-        verdict = "does not hold"
+        verdict = MISSED
     pairs = [(one.to("attended")["attention"], one.to("attended")["raster"]) for one in found]
     factors = [theirs.seconds / mine.seconds for mine, theirs in pairs if mine and theirs and mine.seconds]
     notes = [
@@ -161,38 +163,17 @@ def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
     how = "orders and allocations of attention maps, with the factor φ and without it"
     phi: PhiCheck | None = bench.serving.attention.phi if bench.serving and bench.serving.attention else None
     if _quick(bench) or phi is None or not phi.maps:
-        return _untested(bench, how, OURS)
+        return _untested(bench, how)
     changed = max(phi.orders_changed, phi.allocations_changed)
     note = (
-        f"{OURS}; changed, of {counted(phi.maps, 'map')}; the priorities sum to "
+        f"changed, of {counted(phi.maps, 'map')}; the priorities sum to "
         f"{significant(phi.sum_of_priorities, 4)}, not to 1: they are no probabilities"
     )
-    return Finding("holds" if changed else "does not hold", how, changed, note=note)
+    return Finding("reproduced" if changed else "not reproduced", how, changed, note=note)
 
 
-def untested(found: list[Claim]) -> list[str]:
-    """What of §8 the ledger has left untested, and what it does not list; nothing where all was judged."""
-    mine = [claim for claim in found if claim.kind == "serving"]
-    missing = sum(claim.verdict == UNTESTED for claim in mine)
-    # a run without any ledger makes no claims that some could be missing of
-    unlisted = set(STATED) - {claim.id for claim in mine} if found else set()
-    said = []
-    if missing:
-        said.append(
-            f"View cache and attention-prioritised rendering (§8): {missing} of {counted(len(mine), 'statement')}; "
-            f"`{COMMAND}` measures them on a finished run."
-        )
-    if unlisted:
-        said.append(
-            f"{len(unlisted)} of {len(STATED)} statements of §8: the ledger of this run predates them; run again with "
-            "--resume."
-        )
-    return said
-
-
-def _untested(bench: Bench, how: str, reading: str = "") -> Finding:
-    quick = "measured too quickly to be judged" if _quick(bench) else "not measured"
-    return Finding(UNTESTED, how, note="; ".join(filter(None, [reading, f"{quick}: `{COMMAND}` does"])))
+def _untested(bench: Bench, how: str) -> Finding:
+    return Finding(UNTESTED, how, note=NEEDS_LONGER if _quick(bench) else NEEDS_SERVING)
 
 
 def _quick(bench: Bench) -> bool:

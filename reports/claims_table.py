@@ -2,35 +2,62 @@
 
 from dataclasses import dataclass
 
-from reports.claims import KINDS
+from reports.claims import KINDS, tally
 from reports.evidence_view import plain
 from reports.grid import Column, Entry, Grid
-from reports.ledger import UNTESTED, VERDICTS, Claim, Number, Pair
-from reports.wording import NOTHING, count, interval, number, signed, significant
+from reports.ledger import UNTESTED, Claim, Number, Pair
+from reports.untested import by_cause
+from reports.wording import NOTHING, count, counted, interval, listed, number, signed, significant
 
-TONES = {"holds": "holds", "does not hold": "fails", "inconclusive": "", UNTESTED: "muted"}
-MARKS = {"holds": "✓", "does not hold": "✕", "inconclusive": "?", UNTESTED: "–"}
-FOLDED = ("levels", "others")
-"""Kinds of which hardly anything is judged: there, but closed."""
+TONES = {"reproduced": "holds", "seen": "holds", "not reproduced": "fails", "not seen at this scale": "fails"}
+TONES |= {"inconclusive": "", UNTESTED: "muted"}
+MARKS = {"reproduced": "✓", "not reproduced": "✕", "seen": "✓", "not seen at this scale": "✕"}
+MARKS |= {"inconclusive": "?", UNTESTED: "–"}
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """All claims of a kind."""
+    """All claims of a kind that were tested."""
 
     title: str
     grid: Grid
-    folded: bool
+
+
+@dataclass(frozen=True)
+class Fold:
+    """All claims that one thing would test."""
+
+    title: str
+    claims: list[str]
 
 
 def chapters(found: list[Claim], here: str) -> list[Chapter]:
     """One table a kind of statement, each in the paper's order. `here` is the run's scale, which stands above them."""
-    of_kind = {kind: [claim for claim in found if claim.kind == kind] for kind in KINDS}
+    of_kind = {kind: [claim for claim in found if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
-        Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]), kind in FOLDED)
+        Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]))
         for kind, some in of_kind.items()
         if some
     ]
+
+
+def folds(found: list[Claim]) -> list[Fold]:
+    """What was not tested, gathered by what it needs."""
+    return [Fold(sentence, [_in_a_line(claim) for claim in some]) for sentence, some in by_cause(found)]
+
+
+def _in_a_line(claim: Claim) -> str:
+    """`Layers of the density MLP (Table 1): printed 8, here 6`."""
+    here = f", here {measured_text(claim)}" if claim.measured is not None else ""
+    return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
+
+
+def in_a_sentence(found: list[Claim]) -> str:
+    """`Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
+    if not found:
+        return ""
+    said = [f"{many} {verdict}" for verdict, many in tally(found)]
+    return f"Of {counted(len(found), 'statement')} in the ledger: {listed(said)}."
 
 
 def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
@@ -41,35 +68,13 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
     ]
     rows = []
     for claim in found:
-        scale = "" if claim.verdict == UNTESTED or claim.scale == here else claim.scale
+        scale = "" if claim.scale == here else claim.scale
         row = [Entry(claim.statement), printed_entry(claim, claim.source.replace(", ", "\n")), measured_entry(claim)]
         row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
         row.append(Entry(claim.how, claim.note))
         rows.append(row)
     # without what was judged, it would read as if nothing had been
     return Grid(caption, columns, rows, filtered=False)
-
-
-def tally_grid(found: list[Claim]) -> Grid:
-    """How many of each kind hold, do not, are undecided, were not tested."""
-    columns = [
-        Column("printed statements", numeric=False),
-        *(Column(f"{MARKS[verdict]} {verdict}") for verdict in VERDICTS),
-    ]
-    rows = []
-    for kind, words in KINDS.items():
-        some = [claim.verdict for claim in found if claim.kind == kind]
-        if some:
-            counts = [some.count(verdict) for verdict in VERDICTS]
-            entries = [_counted(many, verdict) for many, verdict in zip(counts, VERDICTS, strict=True)]
-            rows.append([Entry(words), *entries])
-    whole = [sum(claim.verdict == verdict for claim in found) for verdict in VERDICTS]
-    total = [Entry(f"{len(found)} printed statements"), *(Entry(str(many)) for many in whole)]
-    return Grid("What became of what the paper prints", columns, rows, [total])
-
-
-def _counted(many: int, verdict: str) -> Entry:
-    return Entry(str(many), tone=TONES[verdict]) if many else Entry("·", tone="muted", value=0)
 
 
 def printed_entry(claim: Claim, small: str = "") -> Entry:

@@ -140,7 +140,8 @@ def draw(panel: Panel) -> Figure:
     """The figure of one panel; give it to `svg` or save it as PNG."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=panel.size)
-        left = 0.9 if panel.rows else 0.62
+        longest = max(map(len, panel.rows), default=0)
+        left = max(0.9, 0.2 + 0.06 * min(longest, 40)) if panel.rows else 0.62
         width, height = panel.size
         axes = figure.add_axes(
             (left / width, 0.5 / height, 1 - (left + 0.12) / width, 1 - 0.62 / height), facecolor="none"

@@ -7,22 +7,25 @@ from dataclasses import dataclass
 
 from harness.evidence_record import Check, EvidenceRecord
 from reports.beside import Beside
-from reports.claims_table import MARKS, TONES, measured_entry, printed_entry, printed_text, tally_grid
-from reports.grid import Entry, Grid
+from reports.claims_table import MARKS, TONES, in_a_sentence, measured_entry, printed_entry, printed_text
+from reports.estimands import SENSES, between, sense_of
+from reports.estimands import said as difference_said
+from reports.grid import Entry
 from reports.headline import roles, smallest_detectable
 from reports.ledger import UNTESTED, Claim
 from reports.load import Records
 from reports.scale import in_a_line
-from reports.wording import NARROW, NOTHING, interval, listed, number, signed
+from reports.untested import by_cause
+from reports.wording import NARROW, NOTHING, listed, number
 
 PRINCIPAL = {
-    "abstract-psnr-range": "PSNR gain, every scene",
     "table2-average": "PSNR gain, average",
+    "abstract-psnr-range": "PSNR gain, scene by scene",
     "abstract-faster": "fewer iterations to 30 dB",
     "table4-nerf_phi_encoding-psnr": "φ encoding adds, on lego",
     "table4-nerf_phi_encoding_amplifier-psnr": "then the amplifier",
     "table4-qnerf-psnr": "then the φ skip",
-    "table1-total": "weights",
+    "table1-total": "weights of Table 1’s network, counted",
 }
 """Claims of the first screen, in a few words each."""
 
@@ -52,14 +55,23 @@ class FirstScreen:
     lines: list[Line]
     sure: list[str]
     """How sure the answer is: sentences, made from figures."""
-    tally: Grid | None
+    untested: list[str]
+    """What of these claims was not tested, and what it needs: a sentence a cause."""
+    tally: str
+    """How many statements of the whole ledger came out how."""
 
 
 def first_screen(records: Records, found: list[Claim], beside: Beside) -> FirstScreen:
     by_id = {claim.id: claim for claim in found}
-    lines = [_line(words, by_id[name], in_a_line(records)) for name, words in PRINCIPAL.items() if name in by_id]
-    tally = tally_grid(found) if found else None
-    return FirstScreen(question(records, by_id), lines, how_sure(records, beside.evidence), tally)
+    shown = {words: by_id[name] for name, words in PRINCIPAL.items() if name in by_id}
+    here = in_a_line(records)
+    return FirstScreen(
+        question(records, by_id),
+        [_line(words, claim, here) for words, claim in shown.items() if claim.verdict != UNTESTED],
+        how_sure(records, beside.evidence),
+        [sentence for sentence, _ in by_cause(list(shown.values()))],
+        in_a_sentence(found),
+    )
 
 
 def question(records: Records, by_id: dict[str, Claim]) -> str:
@@ -76,24 +88,16 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
 
 def _line(words: str, claim: Claim, here: str) -> Line:
     # its first sentence; what else is to be known of a study's cells stands with the study
-    tested = claim.verdict != UNTESTED
-    elsewhere = claim.scale.split(". ")[0] if claim.scale != here and tested else ""
-    measured = measured_entry(claim)
-    # a figure beside a verdict would be read as what the verdict is about
-    instead = (
-        f"measured instead: {measured.text} {measured.small}".strip()
-        if claim.measured is not None and not tested
-        else ""
-    )
+    elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
     return Line(
         words,
         claim.source,
         printed_entry(claim),
-        measured if tested else Entry(NOTHING, runs=claim.runs),
+        measured_entry(claim),
         claim.verdict,
         MARKS[claim.verdict],
         TONES[claim.verdict],
-        "; ".join(filter(None, [instead, claim.note, elsewhere])),
+        "; ".join(filter(None, [claim.note, elsewhere])),
     )
 
 
@@ -102,28 +106,22 @@ def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
     said = []
     cast = roles(records)
     one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    aside = f"; {one.unpaired} of {one.pairs + one.unpaired} pairs not judged" if one and one.unpaired else ""
-    pair = one.simultaneous or one.interval if one else None
-    if one is not None and one.difference is not None and pair is not None:
-        units = "scenes and seeds" if len(records.scenes) > 1 else f"seeds on {records.scenes[0]} alone"
-        said.append(
-            f"{one.method} less {one.against} at equal steps: {signed(one.difference)} dB, 95{NARROW}% interval "
-            f"{interval(pair)} over {units}{aside}."
-        )
-    elif one is not None and one.difference is not None:
-        said.append(
-            f"{one.method} less {one.against}: {signed(one.difference)} dB; too few units for an interval{aside}."
-        )
+    if one is not None and one.difference is not None:
+        sentence, sense = difference_said(one, records.scenes, records.run.seeds), sense_of(one)
+        said.append(f"{sentence}. The verdict is {sense}.")
+        here = one.on_these_scenes
+        if sense != SENSES["on_these_scenes"] and here is not None and here.interval is not None:
+            said.append(f"On these scenes alone, the interval is {between(here.interval)} dB ({here.verdict}).")
     said += filter(None, [smallest_detectable(records)])
     return [*said, *calibration(evidence)]
 
 
 def calibration(evidence: EvidenceRecord | None) -> list[str]:
-    """What the study of the comparer measured, in a sentence a check; or that there was none."""
+    """What the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study(CALIBRATION) if evidence else None
     if study is None:
-        return ["Whether the comparer itself errs as often as it says was not measured beside this run."]
-    return [_checked(check) for check in study.checks]
+        return ["The intervals' own error rate was not checked beside this run (`nox -s evidence` does)."]
+    return [*study.findings[:1], *(_checked(check) for check in study.checks if not check.holds)]
 
 
 def _checked(check: Check) -> str:

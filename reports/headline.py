@@ -133,11 +133,19 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     vs_control = verdicts.get(cast.control) if cast.control else None
     title = title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
     losses = [said for name in (method, cast.baseline) if (said := _lost(records, name))]
-    if losses and verdicts.get(cast.baseline) in (None, "inconclusive"):
+    if losses and verdicts.get(cast.baseline) is None:
         open_ = f"against {cast.baseline} nothing is settled" if lost else f"nothing is settled about {method}"
         return f"{' and '.join(losses)}: {open_}"
     differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
-    return f"{title} (at equal steps)" if differs else title
+    how = ", ".join(filter(None, ["at equal steps" if differs else "", _sense(fought) if verdicts else ""]))
+    return f"{title} ({how})" if how else title
+
+
+def _sense(fought: list[Duel]) -> str:
+    """Which question the verdicts answer (`reports.estimands`)."""
+    judged = [duel.steps for duel in fought if duel.steps is not None]
+    like = any(one.scenes_like_these is not None for one in judged)
+    return "on scenes like these" if like else "on these scenes" if judged else ""
 
 
 def _lost(records: Records, method: str) -> str:

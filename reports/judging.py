@@ -1,14 +1,24 @@
 """Verdicts on printed numbers: pure functions of figures and intervals.
 
-A printed gain *does not hold* where the interval of the measured one ends below everything that rounds to the printed
-value, *holds* where it lies at or above that range, and is *inconclusive* where it reaches into it or across it.
-A printed level is judged from both sides. A printed sum is judged by the figures that it is made of.
+A gain is a level. At the paper's scale it is *reproduced* where the interval of what was measured lies above 0 and
+within `margin` of what is printed, and *not reproduced* where it lies outside. At another scale it can only be *seen*,
+where the interval lies above 0 and reaches to within `margin` of what is printed, or *not seen at this scale*, where it
+does not reach there. All else is *inconclusive*. A printed sum is judged by the figures that it is made of.
 """
 
-from reports.ledger import UNTESTED, Number, Pair, Printed, Verdict
+import math
+from collections.abc import Iterable
+from statistics import NormalDist
 
-STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 4: 2.776, 5: 2.571, 6: 2.447, 7: 2.365, 8: 2.306, 9: 2.262}
-"""Half-width of a 95 % interval in standard errors by degrees of freedom; 1.96 is approached from above."""
+from harness.statistics import critical
+from reports.ledger import Number, Pair, Verdict
+
+MARGINS = {"psnr": 0.2, "ssim": 0.005}
+"""How near a level must come: the smallest differences of interest, as the harness declares them."""
+LEAST_PAIRS = 3
+"""Two seeds give no verdict."""
+POWER = 0.8
+MOST_SEEDS = 1000
 
 
 def half_unit(printed: Number, unit: str = "") -> float:
@@ -26,61 +36,62 @@ def half_unit(printed: Number, unit: str = "") -> float:
     return 0.5 * 10**-decimals
 
 
-def rounded_away(entry: Printed) -> float:
-    """How far below the printed number what was rounded to it may lie: further where it is derived from others."""
-    if not isinstance(entry.printed, int | float):
-        raise ValueError(f"{entry.id} is no single number")
-    return entry.printed - entry.leaves_open[0] if entry.leaves_open else half_unit(entry.printed, entry.unit)
-
-
-def judge_difference(printed: float, rounding: float, measured: Pair | None) -> Verdict:
+def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_scale: bool) -> Verdict:
     """A printed gain against the interval of the measured one; without an interval nothing is settled."""
     if measured is None:
         return "inconclusive"
     low, high = measured
-    if high < printed - rounding:
-        return "does not hold"
-    return "holds" if low >= printed - rounding else "inconclusive"
-
-
-def judge_gain(
-    printed: float, rounding: float, difference: float | None, interval: Pair | None, unpaired: int
-) -> Verdict:
-    """The same for a comparison: where cells were lost, their survivors settle nothing, and less so without any."""
-    if difference is None:
-        return "inconclusive" if unpaired else UNTESTED
-    return "inconclusive" if unpaired else judge_difference(printed, rounding, interval)
+    least, most = max(0.0, printed - margin), printed + margin
+    if high < least or low > most:
+        return "not reproduced" if at_paper_scale else "not seen at this scale"
+    if low <= 0:
+        return "inconclusive"
+    if at_paper_scale:
+        return "reproduced" if least <= low and high <= most else "inconclusive"
+    return "seen"
 
 
 def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
-    """A printed level: *holds* where the interval lies within `margin` of it, *does not hold* where it lies outside."""
+    """A printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
     if measured is None:
         return "inconclusive"
     low, high = measured
     if high < printed - margin or low > printed + margin:
-        return "does not hold"
-    return "holds" if printed - margin <= low and high <= printed + margin else "inconclusive"
+        return "not reproduced"
+    return "reproduced" if printed - margin <= low and high <= printed + margin else "inconclusive"
+
+
+def judge_all(parts: Iterable[Verdict]) -> Verdict:
+    """A statement about each of several things: refuted by one, reproduced by all."""
+    found = set(parts)
+    if "not reproduced" in found:
+        return "not reproduced"
+    return "reproduced" if found == {"reproduced"} else "inconclusive"
+
+
+def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int = 1) -> int | None:
+    """How many seeds a scene would show a true gain that is just the printed one, in 80 % of repetitions.
+
+    `deviation` is that of a paired difference about its scene's mean. The interval on `scenes` fixed scenes, one of
+    `family`, must then fit into ± `margin`. None where a thousand would not do.
+    """
+    off_centre = NormalDist().inv_cdf((1 + POWER) / 2)
+    for seeds in range(LEAST_PAIRS, MOST_SEEDS):
+        reach = critical(scenes * (seeds - 1), family) + off_centre
+        if reach * deviation / math.sqrt(scenes * seeds) <= margin:
+            return seeds
+    return None
 
 
 def judge_figures(printed: float, rounding: float, computed: float, reachable: Pair) -> Verdict:
     """A printed result against what the printed figures give: `computed` from them as they stand, `reachable` from
     all that rounds to them.
 
-    *holds* where `computed` rounds to the printed result, *does not hold* where nothing reachable does, and
+    *reproduced* where `computed` rounds to the printed result, *not reproduced* where nothing reachable does, and
     *inconclusive* where only the rounding of the figures could explain it.
     """
     slack = 1e-9 * max(1.0, abs(printed))  # decimals are no binary fractions
     if abs(computed - printed) <= rounding + slack:
-        return "holds"
+        return "reproduced"
     missed = reachable[1] < printed - rounding - slack or reachable[0] > printed + rounding + slack
-    return "does not hold" if missed else "inconclusive"
-
-
-def interval_of_mean(values: list[float]) -> Pair | None:
-    """Student's 95 % interval of the mean of independent values; None for fewer than two."""
-    if len(values) < 2:
-        return None
-    mean = sum(values) / len(values)
-    variance = sum((value - mean) ** 2 for value in values) / (len(values) - 1)
-    half = STUDENT.get(len(values) - 1, STUDENT[9]) * (variance / len(values)) ** 0.5
-    return (mean - half, mean + half)
+    return "not reproduced" if missed else "inconclusive"

@@ -1,28 +1,28 @@
 """The ledger's entries as a run record keeps them, and what becomes of one: a claim with its verdict.
 
-`RunRecord.paper` holds the paper's tables and, under `ledger`, every printed number of it. Runs recorded before the
-ledger was kept have the tables alone: of those the differences, savings and weights are read.
+`RunRecord.paper` holds the paper's tables and, under `ledger`, every printed number of it.
 """
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any, Literal, get_args
 
 from harness.evidence_record import EvidenceRecord
 from harness.json_record import DamagedRecord
 from harness.serving_record import ServingRecord
 from harness.targets_record import TargetsRecord
 from reports.load import REMEDY, Records
+from reports.scale import in_a_line, is_paper_scale
 from reports.selection import Selection
 
-Verdict = Literal["holds", "does not hold", "inconclusive", "not tested at this scale"]
-UNTESTED: Verdict = "not tested at this scale"
-VERDICTS: tuple[Verdict, ...] = ("holds", "does not hold", "inconclusive", UNTESTED)
+Verdict = Literal["reproduced", "not reproduced", "seen", "not seen at this scale", "inconclusive", "not tested"]
+UNTESTED: Verdict = "not tested"
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 Number = int | float
 Pair = tuple[float, float]
 
 OWN_FIGURES = "the paper’s own figures"
-SMALLER_SCALE = "a verdict is about the scale of this run"
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ class Claim:
     digits: int = 0
     """Decimals of the printed number."""
     note: str = ""
+    """What qualifies the verdict; of what was not tested, what it needs."""
     runs: Selection | None = None
     """The runs of this report that the verdict is taken from; None where it is of something else, or there is none."""
 
@@ -78,14 +79,20 @@ class Bench:
     records: Records
     evidence: EvidenceRecord | None
     targets: TargetsRecord | None
-    scale: str
-    """Of the run, in a line."""
-    at_paper_scale: bool
     serving: ServingRecord | None = None
 
     @property
     def paper(self) -> dict[str, Any]:
         return self.records.run.paper
+
+    @cached_property
+    def scale(self) -> str:
+        """Of the run, in a line."""
+        return in_a_line(self.records)
+
+    def at_paper_scale(self, scene: str) -> bool:
+        """Whether what was measured on a scene, or over `all`, can speak of the paper's own numbers."""
+        return is_paper_scale(self.records, scene)
 
     def row(self, table: str, name: str) -> dict[str, Any]:
         """A row of one of the paper's tables; empty where the record has none."""
@@ -135,8 +142,6 @@ def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
 
 def entries(paper: dict[str, Any]) -> list[Printed]:
     """The ledger of a record, in the paper's order; raises `DamagedRecord` where it is not as the harness writes it."""
-    if "ledger" not in paper:
-        return _from_tables(paper)
     try:
         return [
             Printed(
@@ -147,7 +152,7 @@ def entries(paper: dict[str, Any]) -> list[Printed]:
                     "leaves_open": _pair(row.get("leaves_open")),
                 }
             )
-            for row in paper["ledger"]
+            for row in paper.get("ledger") or []
         ]
     except (TypeError, KeyError) as error:
         raise DamagedRecord(f"run.json: the paper's ledger is not readable ({error}); {REMEDY}") from error
@@ -155,26 +160,3 @@ def entries(paper: dict[str, Any]) -> list[Printed]:
 
 def _pair(value: Any) -> Any:
     return (value[0], value[1]) if isinstance(value, list | tuple) else value
-
-
-def _from_tables(paper: dict[str, Any]) -> list[Printed]:
-    """What older records allow to judge: gains, savings, weights."""
-    found = []
-    for component, weights in (paper.get("table1") or {}).items():
-        of = {"component": component}
-        found.append(
-            Printed(f"table1-{component}", ("Table 1",), weights, f"Weights, {component}", "weights", "weights", of)
-        )
-    for scene, row in (paper.get("table2") or {}).items():
-        whole = scene == "average"
-        of = {"scene": "all" if whole else scene, "method": "qnerf", "against": "nerf", "metric": "psnr"}
-        words = "Q-NeRF gains over NeRF on " + scene
-        gain = round(row["qnerf"] - row["nerf"], 1)
-        found.append(Printed(f"table2-{scene}", ("Table 2",), gain, words, "gain", "dB", of))
-    for name, axis in (("iterations", "steps"), ("hours", "seconds")):
-        row = (paper.get("table3") or {}).get(f"{name}_to_30_db")
-        if row:
-            saved = round(100 * (1 - row["qnerf"] / row["nerf"]))
-            words = f"Q-NeRF needs this much fewer {name} to reach 30 dB"
-            found.append(Printed(f"table3-{name}", ("Table 3",), saved, words, "saving", "%", {"axis": axis}))
-    return found

@@ -66,9 +66,9 @@ def _verdict(first: Output, one: Against, method: str, placed: bool) -> str:
     row = _row(one, method)
     if row is None:
         return "not compared"
-    same = row.found.difference == 0 and row.found.interval == (0.0, 0.0)
+    same = row.found.difference == 0 and row.found.chosen.interval == (0.0, 0.0)
     place = _place(first, one, method) if placed else ""
-    return " ".join(filter(None, ["the same" if same else row.found.verdict, place]))
+    return " ".join(filter(None, ["the same" if same else row.found.chosen.verdict, place]))
 
 
 def methods_of(outputs: list[Output]) -> list[str]:

@@ -9,9 +9,10 @@ from markupsafe import Markup, escape
 from reports import comparer, palette, properties, shell, wording
 from reports.beside import ALONE, Beside
 from reports.claims import claims
-from reports.claims_table import chapters
+from reports.claims_table import chapters, folds
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
+from reports.estimands import rates_grid, senses_grid
 from reports.evidence_view import evidence as evidence_shown
 from reports.first_screen import first_screen
 from reports.grid import Grid
@@ -24,7 +25,7 @@ from reports.pictures import views
 from reports.plots import Plot, plots
 from reports.psnr_table import differences_grids, scores_grid
 from reports.runs_data import RUN_SCRIPTS, density_data, runs_data
-from reports.scale import facts, in_a_line, is_paper_scale, on_other_pictures
+from reports.scale import facts, in_a_line, is_paper_scale, standing
 from reports.script import as_data, content_policy, script
 from reports.selection import behind_difference
 from reports.serving_attention import about, attention
@@ -32,6 +33,7 @@ from reports.serving_cache import cache
 from reports.shell import SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
 from reports.stability_view import stability
 from reports.time_to_target import time_to_target
+from reports.units import printed_form, units
 from reports.untested import in_short, not_tested
 from reports.work_view import work
 
@@ -68,6 +70,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
 
 SECTIONS = (
     ("psnr", "PSNR"),
+    ("units", "The unit of density"),
     ("evidence", "Evidence"),
     ("convergence", "Convergence"),
     ("work", "Error against run time"),
@@ -79,6 +82,7 @@ SECTIONS = (
     ("amplifier", "Amplifier"),
     ("stability", "Numerical stability"),
     ("claims", "The paper’s claims"),
+    ("rates", "Failure rates"),
     ("failures", "Unfinished cells"),
     ("warnings", "Warnings"),
     ("properties", "Measured properties"),
@@ -136,8 +140,8 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "first": first_screen(records, found, beside),
         "facts": facts(records),
         "scale": in_a_line(records),
+        "standing": standing(records),
         "at_paper_scale": is_paper_scale(records),
-        "on_other_pictures": on_other_pictures(records),
         "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
         "failed": records.failed,
         "not_tested": missing,
@@ -147,8 +151,11 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "psnr": {
             "scores": scores_grid(records),
             "differences": differences_grids(records),
+            "senses": filled(senses_grid(records)),
             "plots": plots(difference_panels(records), "difference"),
         },
+        "units": units(records),
+        "as_printed": printed_form(records),
         "convergence": _some(
             steps=plots(convergence(records, "step"), "steps"),
             seconds=plots(convergence(records, "seconds"), "seconds"),
@@ -163,6 +170,8 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         ),
         "amplified_methods": amplified_methods(records),
         "claims": chapters(found, in_a_line(records)),
+        "folds": folds(found),
+        "rates": filled(rates_grid(records)),
         "failures": filled(properties.failures_grid(records)),
         "warnings": filled(properties.warnings_grid(records)),
         "properties": filled(properties.properties_grid(records)),

@@ -139,7 +139,8 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
         row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
         row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
         rows.append(row)
-    note = "Difference in test PSNR (dB), its 95 % interval (over seeds; for all scenes over scenes), and the verdict."
+    note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and the verdict. "
+    note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {TOGETHER}" if any(one.family > 1 and one.simultaneous for one in records.comparisons) else ""
     note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
@@ -154,16 +155,10 @@ def difference_entry(one: Comparison | None) -> Entry:
     if one.difference is None:
         return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)
     digits = 2 if one.metric in ("psnr", "delta_e") else 4
-    small = lines(interval(one.interval, digits), together(one, digits), one.verdict, aside)
-    low, high = one.interval or (None, None)
+    pair = one.simultaneous or one.interval
+    small = lines(interval(pair, digits), one.verdict, aside)
+    low, high = pair or (None, None)
     return Entry(signed(one.difference, digits), small, one.verdict, one.difference, {"low": low, "high": high}, behind)
-
-
-def together(one: Comparison, digits: int) -> str:
-    """`8 together: [+0.11, +0.93]`: what the verdict is taken from, where it is not the interval beside it."""
-    if one.family == 1 or one.simultaneous is None:
-        return ""
-    return f"{one.family} together: {interval(one.simultaneous, digits)}"
 
 
 def lines(*parts: str) -> str:

@@ -19,13 +19,14 @@ from reports.pictures import as_picture, first_view, last_render, seed_shown
 from reports.psnr_table import tone_of
 from reports.summary import write_summary
 from reports.table import cells_frame
+from reports.units import ladder_panel
 from reports.work_precision import EVERYWHERE, diagrams
 
 DOTS_PER_INCH = 130
 
 
 def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
-    """psnr.png, error_vs_time.png, work_precision.png, views.png (where pictures were kept) and summary.json.
+    """psnr.png, error_vs_time.png, work_precision.png, units.png, views.png (where they can be drawn) and summary.json.
 
     Gives what was written.
     """
@@ -38,6 +39,7 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
             "error_vs_time": error_against_time(records),
             "work_precision": work_precision(records),
             "views": contact(records),
+            "units": ladder_of_units(records),
         }
         for name, figure in figures.items():
             if figure is not None:
@@ -89,6 +91,21 @@ def work_precision(records: Records) -> Figure | None:
     """Every error that was measured along training against training seconds, over all scenes together."""
     found = [one for one in diagrams(records) if one.cost.name == "seconds"]
     return _side_by_side(records, [(one.measure.label, one.panels[0]) for one in found], (3.4, 2.9), 2)
+
+
+def ladder_of_units(records: Records) -> Figure | None:
+    """Test PSNR against the unit of density; None where no ladder was trained."""
+    drawn = ladder_panel(records)
+    if drawn is None:
+        return None
+    figure = Figure(figsize=(5.8, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    paint(axes, drawn)
+    kinds = {"line": "-", "floor": "--", "cross": "x"}
+    named = {trace.label: trace for trace in drawn.traces if trace.kind in kinds}
+    handles = [axes.plot([], [], kinds[one.kind], color=one.colour, label=name)[0] for name, one in named.items()]
+    axes.legend(handles=handles, loc="lower right", frameon=False)
+    return figure
 
 
 def _side_by_side(

@@ -155,7 +155,7 @@ def _latency(one: Latency, record: CacheRecord) -> list[Entry]:
     if one.ratio is None or one.ratio_spread is None:
         return [*entries, EMPTY, EMPTY, Entry("")]
     verdict = judge_hit(one, record)
-    tone = {"holds": "holds", "does not hold": "fails"}.get(verdict, "")
+    tone = {"seen": "holds", "not seen at this scale": "fails"}.get(verdict, "")
     worse, better = one.ratio_spread
     return [
         *entries,

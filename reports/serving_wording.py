@@ -41,7 +41,7 @@ WAYS: dict[Way, str] = {
     "samples": "by attention, as many samples",
     "even": "the same for each ray",
 }
-OUTCOMES: dict[Verdict, str] = {"holds": "met", "does not hold": "missed", "inconclusive": "open"}
+OUTCOMES: dict[Verdict, str] = {"seen": "met", "not seen at this scale": "missed", "inconclusive": "open"}
 
 
 def brief(seconds: float) -> str:

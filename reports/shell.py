@@ -33,6 +33,7 @@ def environment() -> Environment:
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     made.filters["breakable"] = breakable
+    made.filters["code"] = with_code
     made.filters["cell_data"] = attributes.of_entry
     made.filters["row_data"] = attributes.of_row
     made.filters["as_json"] = attributes.as_json
@@ -48,6 +49,12 @@ def code() -> str:
 def breakable(name: str) -> Markup:
     """A name that may be broken behind its underscores, where a column is narrow."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
+
+
+def with_code(sentence: str) -> Markup:
+    """A sentence whose commands stand in backticks, as code."""
+    parts = [escape(part) for part in sentence.split("`")]
+    return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else part for at, part in enumerate(parts))
 
 
 def style(*files: str) -> Markup:

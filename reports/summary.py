@@ -9,6 +9,7 @@ from harness.records import CellRecord
 from harness.serving_record import CacheRecord, ServingRecord
 from reports.beside import ALONE, Beside
 from reports.claims import claims
+from reports.estimands import found_failures
 from reports.headline import headline
 from reports.load import Records
 from reports.table import METRICS
@@ -43,8 +44,9 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
             }
             for scene in run.scenes
         ],
-        "cells": [_cell(cell) for cell in records.cells],
-        "comparisons": [asdict(one) for one in records.comparisons],
+        "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
+        "comparisons": [asdict(one) for one in (*records.comparisons, *records.extra_comparisons)],
+        "failures": asdict(found_failures(records)),
         "claims": [_claim(one.__dict__) for one in found],
         "cache": _cache(beside.serving.cache) if beside.serving and beside.serving.cache else None,
         "attention": _attention(beside.serving) if beside.serving else None,

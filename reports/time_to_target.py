@@ -7,7 +7,6 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from harness.targets_record import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from reports.claims_time import bound
 from reports.figure import Kind, Panel, Trace
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
@@ -20,6 +19,8 @@ AXES: dict[Axis, tuple[str, str]] = {
     "steps": ("training step", "fewer steps"),
     "seconds": ("training seconds", "less training time"),
 }
+AT_RISK = 5
+"""The curve over all scenes ends where fewer runs are still watched."""
 BEFORE = 1.6
 """A curve begins at 0 so many times before anybody got there."""
 EVERYWHERE = "all scenes"
@@ -76,8 +77,8 @@ def _panel(records: Records, record: TargetsRecord, scene: str, axis: Axis) -> P
             one.method,
             colours[one.method],
             "outline",
-            (start, *one.time),
-            (0.0, *one.share),
+            (start, *one.time[: (many := _known(one) if everywhere else len(one.time))]),
+            (0.0, *one.share[:many]),
             runs=(Selection("" if everywhere else scene, one.method),),
         )
         for one in curves
@@ -91,6 +92,12 @@ def _panel(records: Records, record: TargetsRecord, scene: str, axis: Axis) -> P
     alt = f"{title}: {label} against {AXES[axis][0]}. {'; '.join(said)}."
     size = (4.6, 3.0) if scene == "all" else (3.7, 2.6)
     return Panel(title, AXES[axis][0], label, tuple(traces), alt, "log", y_limits=(-0.05, 1.05), size=size)
+
+
+def _known(curve: ReachCurve) -> int:
+    """So many points of the curve rest on `AT_RISK` runs or more; all where there never were as many."""
+    many = sum(risk >= AT_RISK for risk in curve.at_risk)
+    return many or len(curve.time)
 
 
 def _marks(curve: ReachCurve, never: list[Reach], colour: str) -> list[Trace]:
@@ -155,10 +162,9 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
     columns += [Column("could detect", small=words.removeprefix("fewer ").removeprefix("less training "))
                 for _, words in AXES.values()]  # fmt: skip
     note = (
-        "Saving in per cent of the other method’s time, from the mean of the logarithms of the ratios of pairs, with "
-        "its 95 % interval, that of all comparisons looked at together, from which the verdict is taken; below 0 the "
-        "method needs more. What is compared is the time or the end of watching, whichever comes first, so that a run "
-        "that never got there counts with as much as is known of it."
+        "Percentage saved of the time to the target, or to the horizon where that comes first (geometric mean over "
+        "pairs; negative: slower), with the 95 % interval that the verdict is taken from. Where runs were cut short by "
+        "the horizon it is no estimate of the time to the target itself, but a bound of it where one is given."
     )
     title = "How much sooner, over all scenes" if scenes == ["all"] else "How much sooner, scene by scene"
     return Grid(title, columns, rows, note=note if scenes == ["all"] else "")
@@ -174,7 +180,12 @@ def saving_entry(one: TargetComparison | None) -> Entry:
         for method, many in zip((one.method, one.against), pair, strict=True)
         if many
     ]
-    censored += [bound(one)] if one.saving is not None and censored else []
+    if one.saving is not None and censored:
+        ends = ((one.at_least, "or more"), (one.at_most, "or less"))
+        censored += [
+            f"to the target itself {signed(end, 1)}{NARROW}% {words}" for end, words in ends if end is not None
+        ]
+        censored.append(f"horizon {number(one.horizon, 0)} {'steps' if one.axis == 'steps' else 's'}")
     aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
     behind = behind_saving(one)
     if one.saving is None:

@@ -1,19 +1,27 @@
-"""What a reader of the paper might miss: what the run says of itself, and what the ledger could not judge for want of a
-record beside it.
-"""
+"""What a reader of the paper might miss: what the run says of itself, and what the ledger could not judge and why."""
 
-from reports import claims_ablation, claims_serving
-from reports.ledger import Claim
+from reports.ledger import UNTESTED, Claim
 from reports.wording import counted
 
-KNOWN_HERE = ("The ablation of Table 4", "View caching and attention-prioritised rendering")
-"""How sentences of older runs begin, which could not know what would lie beside them."""
+
+def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
+    """Claims that were not tested, gathered by what they need: `4 claims need …`, most first."""
+    missing: dict[str, list[Claim]] = {}
+    for claim in found:
+        if claim.verdict == UNTESTED:
+            missing.setdefault(claim.note, []).append(claim)
+    gathered = sorted(missing.items(), key=lambda one: -len(one[1]))
+    return [(f"{counted(len(some), 'claim')} {_agreeing(cause, len(some))}.", some) for cause, some in gathered]
+
+
+def _agreeing(cause: str, many: int) -> str:
+    """A cause begins with its verb in the plural."""
+    return cause if many != 1 else cause.replace("need ", "needs ", 1).replace("are settings", "is a setting", 1)
 
 
 def not_tested(said: list[str], found: list[Claim]) -> list[str]:
-    """`said` by the run, then what of the claims `found` was left untested of ablation and serving, if anything."""
-    kept = [one for one in said if not one.startswith(KNOWN_HERE)]
-    return [*kept, *claims_ablation.untested(found), *claims_serving.untested(found)]
+    """`said` by the run, then what the claims `found` that were not tested need."""
+    return [*said, *(sentence for sentence, _ in by_cause(found))]
 
 
 def in_short(said: list[str]) -> str:

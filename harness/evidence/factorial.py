@@ -148,8 +148,8 @@ def _limits(cells: list[CellRecord]) -> Iterator[str]:
             )
             yield (
                 f"The densest point in any of {len(fields)} fields with the amplifier of {reading} has a density of "
-                f"{density:.3g} a scene unit: a solid of one unit hides at most {100 * opacity:.3g} % of what is "
-                "behind it."
+                f"{density:.3g} per half of the box: a solid of that thickness hides at most {100 * opacity:.3g} % of "
+                "what is behind it."
             )
     lost = [cell for cell in cells if cell.status != "done"]
     if lost:

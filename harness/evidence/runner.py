@@ -1,7 +1,6 @@
 """Study after study → `evidence.json`, written whenever one is whole."""
 
 import json
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from harness.output_folder import gone_on_with
 from harness.plan import Machine
 from harness.progress import Progress
 from harness.provenance import provenance
+from harness.scratch import scratch_folder
 from harness.stopping import ON, told_when_stopped
 from scenes.errors import InputError
 
@@ -51,8 +51,8 @@ def run(
         whole = sum(one.info.id in studies for one in record.studies)
         return f"{whole} of {len(studies)} studies are kept; `python -m reports {out}` reports them; {ON} {out}"
 
-    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        situation = Situation(out, view_sets, Path(scratch), machine, multiplies_bfloat16(device), quick, show)
+    with told_when_stopped(kept), scratch_folder(out) as scratch:
+        situation = Situation(out, view_sets, scratch, machine, multiplies_bfloat16(device), quick, show)
         if resume:
             record = _with_sound_trainings(record, studies, situation)
             # before any training is whole again: from then on nothing tells that figures were of other cells

@@ -50,7 +50,6 @@ TEXTURED = ("lego", "chair")
 HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
 
 TRAININGS: dict[str, Training] = {
-    "a_a": Training(("nerf",), tuple(CLASSICS), 300, seeds=(0, 1, 2, 3, 4, 5), checkpoints=2),
     "no_encoding": Training(("nerf", "nerf_no_encoding"), DIRECTED, 600),
     "no_direction": Training(("nerf", "nerf_no_direction"), DIRECTED[1:], 1000, seeds=tuple(range(6))),
     "images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE),
@@ -86,6 +85,7 @@ def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan
         score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
         views=views,
         train=profile.train if precision_as_planned else replace(profile.train, precision="float32"),
+        extras=(),
     )
     if not quick:
         return plan

@@ -4,7 +4,6 @@ Two copies of a method under different names must end bit for bit alike; what me
 the comparer, given cells without a difference, must not see one.
 """
 
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -26,6 +25,7 @@ from harness.learner import Learner, learner_for
 from harness.lockstep import box_of, train_group
 from harness.records import CellRecord
 from harness.schedule import Budget
+from harness.scratch import scratch_folder
 from harness.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.speed.drawn_views import write_disc
 from scenes.view_set import ViewSet, read_view_set
@@ -38,17 +38,17 @@ CPU = torch.device("cpu")
 def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     names = {gate.name for gate in gates}
     found: dict[str, Sample] = {}
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=situation.out) as scratch:
-        views = drawn(Path(scratch))
+    with scratch_folder(situation.out) as scratch:
+        views = drawn(scratch)
         if "fairness.first_weights" in names:
             found["fairness.first_weights"] = _counted(first_weights(TRAINED_METHODS, views))
         if "fairness.batches" in names:
-            found["fairness.batches"] = _counted(other_batches(TRAINED_METHODS, views, Path(scratch) / "batches"))
+            found["fairness.batches"] = _counted(other_batches(TRAINED_METHODS, views, scratch / "batches"))
         cells: dict[str, list[CellRecord]] = {}
         for method in TRAINED_METHODS:
             copies = f"fairness.copies.{method}"
             if copies in names or (method == "nerf" and "fairness.compared_copies" in names):
-                differing, cells[method] = copied(method, views, Path(scratch) / method)
+                differing, cells[method] = copied(method, views, scratch / method)
                 found[copies] = _counted(differing)
         if "fairness.compared_copies" in names:
             found["fairness.compared_copies"] = _counted(seen_differences(cells["nerf"], "nerf", copy_of("nerf")))

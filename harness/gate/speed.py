@@ -6,7 +6,6 @@ A slower machine, or a busy one, is slower at both.
 
 import math
 import statistics
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,6 +28,7 @@ from harness.gate.situation import Situation
 from harness.gate.worse import gate_plan
 from harness.learner import Learner
 from harness.lockstep import box_of
+from harness.scratch import scratch_folder
 from harness.seeds import generator_for
 from harness.speed.drawn_views import write_disc
 from harness.speed.timing import interleaved, quotients
@@ -79,9 +79,9 @@ def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
 
 def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.perf_counter) -> dict[str, float]:
     """Gate → median over the repetitions of seconds per seconds of the plain code."""
-    with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        write_disc(Path(scratch) / "views", 40, 20, 2, seed=3)
-        views = read_view_set(Path(scratch) / "views", scratch=Path(scratch))
+    with scratch_folder(out) as scratch:
+        write_disc(scratch / "views", 40, 20, 2, seed=3)
+        views = read_view_set(scratch / "views", scratch=scratch)
         return {name: ratio(*sides_of(name, views), clock) for name in names}
 
 

@@ -5,7 +5,6 @@ whose spread is measured: stored cells were trained several times from weights t
 """
 
 import math
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -42,6 +41,7 @@ from harness.plan import SHORT_TRAINING, Plan
 from harness.records import CellRecord, Checkpoint
 from harness.runner import view_set_folders
 from harness.schedule import Budget
+from harness.scratch import scratch_folder
 from harness.seeds import generator_for
 from harness.settings import GridSettings, ScoreSettings, ViewSettings
 from scenes.errors import InputError
@@ -142,9 +142,9 @@ def train_groups(
     settings = GroupSettings(methods, plan.train, plan.score, plan.budget)
     cells: list[CellRecord] = []
     for scene, seed in groups:
-        with tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-            views = read_views(folders[scene], plan.views, Path(scratch))
-            place = Path(scratch) / "cells"
+        with scratch_folder(out) as scratch:
+            views = read_views(folders[scene], plan.views, scratch)
+            place = scratch / "cells"
             cells += train_group(
                 views, scene, seed, settings, torch.device("cpu"), place, {}, _nothing, rounded_otherwise(draw)
             )

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from harness.json_record import DamagedRecord, file_digest
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.records import records_folder
+from harness.scratch import scratch_folder
 from harness.serving import attention_study, cache_study, first_frame
 from harness.serving.attention_maps import KINDS
 from harness.serving.plan import estimated_seconds, plan_lines
@@ -81,9 +81,9 @@ def run(
     settings = settings_of(finished, asked, device)
     record = ServingRecord(provenance(device), settings, None, None)
     mend_serving(finished.out, show.line)
-    with tempfile.TemporaryDirectory(prefix=".serving-", dir=finished.out, ignore_cleanup_errors=True) as scratch:
+    with scratch_folder(finished.out) as scratch:
         deadline = None if most_seconds is None else began + most_seconds
-        situation = _situation(finished, asked, device, view_sets, Path(scratch), show, deadline)
+        situation = _situation(finished, asked, device, view_sets, scratch, show, deadline)
         failed: list[str] = []
 
         def kept(complete: bool = False, **studies: Any) -> ServingRecord:

@@ -1,7 +1,6 @@
 """Question after question → `speed.json`, written whenever something has been measured."""
 
 import json
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
@@ -15,6 +14,7 @@ from harness.device import available_cores, keep_freed_memory, use_threads
 from harness.output_folder import gone_on_with
 from harness.progress import Progress
 from harness.provenance import provenance
+from harness.scratch import scratch_folder
 from harness.speed import (
     accelerations,
     encodings,
@@ -85,8 +85,8 @@ def run(
         whole = sum(str(item) in record.seconds for item in items) if record else 0
         return f"{whole} of {len(items)} questions are kept; `python -m reports {out}` reports them; {ON} {out}"
 
-    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        situation = Situation(device, threads, quick, plain_seconds, view_sets, Path(scratch), show)
+    with told_when_stopped(kept), scratch_folder(out) as scratch:
+        situation = Situation(device, threads, quick, plain_seconds, view_sets, scratch, show)
         fresh = SpeedRecord(provenance(device), settings_of(situation))
         if record is None:
             record = fresh

@@ -1,7 +1,6 @@
 """Case after case → `stability.json`, written whenever one is whole."""
 
 import json
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from harness.device import available_cores, keep_freed_memory, use_threads
 from harness.output_folder import gone_on_with
 from harness.progress import Progress
 from harness.provenance import provenance
+from harness.scratch import scratch_folder
 from harness.stability.catalog import CASES, Case, measure_of
 from harness.stability.situation import Situation
 from harness.stability_record import (
@@ -50,8 +50,8 @@ def run(
         whole = sum(one.info.id in cases for one in record.cases)
         return f"{whole} of {len(cases)} cases are kept; `python -m reports {out}` reports them; {ON} {out}"
 
-    with told_when_stopped(kept), tempfile.TemporaryDirectory(prefix=".scratch-", dir=out) as scratch:
-        situation = Situation(methods, out, view_sets, Path(scratch), workers, quick, show, tuple(missing))
+    with told_when_stopped(kept), scratch_folder(out) as scratch:
+        situation = Situation(methods, out, view_sets, scratch, workers, quick, show, tuple(missing))
         for place, name in enumerate(missing):
             show.line(f"[{place + 1}/{len(missing)}] {name} {CASES[name].info.title}")
             record = _with_case(record, measured(CASES[name], situation))

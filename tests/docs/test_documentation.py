@@ -13,6 +13,7 @@ import pytest
 from harness.__main__ import parser
 from harness.json_record import write_json
 from harness.records import read_cells
+from tests.every_command import blocks
 from tests.harness.shell import ROOT
 from tests.reports.fake_run import write_fake_run
 
@@ -48,6 +49,17 @@ def test_commands_parse(page: Path) -> None:
         with pytest.raises(SystemExit) if "--help" in words else nullcontext() as stop:
             parser().parse_args(words)
         assert stop is None or stop.value.code == 0, command
+
+
+def test_every_session_and_command_is_run_from_end_to_end() -> None:
+    typed = [line.split() for block in blocks("here") for line in block]
+    in_ci = re.search(r"^nox -s (.*)$", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.M)
+    assert in_ci is not None
+    sessions = {words[2] for words in typed if words[0] == "nox"}
+    assert sessions | set(in_ci.group(1).split()) == SESSIONS
+    run = {THROUGH.get(name, name) for name in sessions} | {words[3] for words in typed if words[2] == "harness"}
+    (known,) = [action.choices for action in parser()._actions if isinstance(action.choices, dict)]
+    assert set(known) <= run
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -132,7 +132,7 @@ def phase_of(here: Path, scenes: list[str] = SCENES, every_cell: int = CELLS) ->
     cells = len(list((out / "records" / "cells").glob("*.json")))
     if cells < every_cell:
         return "training"
-    return "serving" if list(out.glob(".serving-*")) else "after training"
+    return "serving" if list(out.glob(".scratch-*")) else "after training"
 
 
 def on_a_full_disk(here: Path, rendering: bool, write: int) -> Ended:

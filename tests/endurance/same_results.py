@@ -47,7 +47,7 @@ def cells_gone_on(out: Path) -> int:
 def left_behind(folder: Path) -> list[str]:
     """Temporary files and folders of writers."""
     names = (file.name for file in folder.rglob(".*"))
-    return [name for name in names if name.endswith((".part", ".partial")) or name.startswith(".serving-")]
+    return [name for name in names if name.endswith((".part", ".partial")) or name.startswith(".scratch-")]
 
 
 def _unlike_bytes(one: Path, other: Path, pattern: str) -> list[str]:

@@ -1,12 +1,11 @@
 """Tries the readers for a given time, each in processes of its own, and prints what was tried and what was found.
 
     python -m tests.fuzz [--seconds 600] [--inputs N] [--targets NAME …] [--seed N] [--scratch DIR] [--keep]
-                         [--tally FILE] [--no-guided | --guided-alone]
+                         [--no-guided | --guided-alone]
 
 Half of the time inputs are made by chance, half guided by coverage (atheris, the dependency group `fuzz`). With
-`--keep` each input that showed a fault goes to tests/fuzz/corpus/TARGET/, which the fast tests try again. FILE is that
-of `tests.fuzz.in_turn`, with a line of their own for guided inputs; what is in it is added to. Exit code 1 where a
-fault was found.
+`--keep` each input that showed a fault goes to tests/fuzz/corpus/TARGET/, which the fast tests try again. Exit
+code 1 where a fault was found.
 """
 
 import argparse
@@ -20,9 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.tally import GUIDED, Tally, added, row, table
-from tests.fuzz.tally import read as read_tally
-from tests.fuzz.tally import write as write_tally
+from tests.fuzz.tally import GUIDED, Tally, row, table
 
 CORPUS = Path(__file__).parent / "corpus"
 SILENT_SECONDS = 120.0
@@ -42,7 +39,6 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--scratch", type=Path, default=Path(tempfile.gettempdir()) / "radiance-verdict-fuzz")
     parser.add_argument("--keep", action="store_true", help="put inputs that show a fault into tests/fuzz/corpus")
-    parser.add_argument("--tally", type=Path, metavar="FILE", help="JSON file to add what was tried to")
     way = parser.add_mutually_exclusive_group()
     way.add_argument("--no-guided", action="store_true", help="by chance alone")
     way.add_argument("--guided-alone", action="store_true", help="by coverage alone")
@@ -63,9 +59,6 @@ def main(arguments: list[str]) -> int:
             found[key] = tried(name, options.scratch / key, each, options.inputs, options.seed, guided)
             if options.keep:
                 keep(name, options.scratch / key)
-            if options.tally:
-                before = read_tally(options.tally)
-                write_tally(options.tally, {**before, key: added(before.get(key, Tally()), found[key])})
             print(row(key, found[key]), flush=True)
     print(table(found))
     return 1 if any(tally.faults for tally in found.values()) else 0

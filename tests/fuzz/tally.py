@@ -1,9 +1,7 @@
 """What became of the inputs of a target, and the list of all targets."""
 
-import json
 from collections import Counter
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import Any
 
 GUIDED = "-guided"
@@ -36,20 +34,6 @@ def added(one: Tally, other: Tally) -> Tally:
     sums = {f.name: getattr(one, f.name) + getattr(other, f.name) for f in fields(Tally) if f.name != "features"}
     features = [*one.features, *other.features]
     return Tally(**sums, features=[features[0], features[-1]] if features else [])
-
-
-def read(file: Path) -> dict[str, Tally]:
-    """By target and way; nothing where there is no file yet."""
-    if not file.exists():
-        return {}
-    data = json.loads(file.read_text(encoding="utf-8"))
-    return {name: Tally.of_json(one) for name, one in data.items()}
-
-
-def write(file: Path, found: dict[str, Tally]) -> None:
-    beside = file.with_name(f".{file.name}.part")
-    beside.write_text(json.dumps({name: one.as_json() for name, one in found.items()}, indent=1), encoding="utf-8")
-    beside.replace(file)
 
 
 def row(name: str, tally: Tally) -> str:

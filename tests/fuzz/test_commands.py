@@ -9,7 +9,6 @@ import pytest
 from tests.fuzz.choices import Choices
 from tests.fuzz.command_work import called
 from tests.fuzz.commands import mutate, names_its_option
-from tests.fuzz.tally import Tally, added, read, table, write
 from tests.fuzz.watch import bad_refusal
 
 
@@ -60,12 +59,3 @@ def test_a_command_line_is_refused_by_what_checks_it(tmp_path: Path) -> None:
     assert code == 2
     assert "--page" in said
     assert Path.cwd() != tmp_path
-
-
-def test_a_tally_is_added_to_and_keeps_its_true_counts(tmp_path: Path) -> None:
-    first = Tally(tried=3, accepted=1, refused=2, seconds=1.5, features=[10, 20])
-    second = Tally(tried=4, accepted=4, seconds=0.5, features=[15, 40])
-    write(tmp_path / "tally.json", {"a": added(first, second), "b": second})
-    found = read(tmp_path / "tally.json")
-    assert (found["a"].tried, found["a"].seconds, found["a"].features) == (7, 2.0, [10, 40])
-    assert table(found).splitlines()[-1].split()[:2] == ["all", "11"]

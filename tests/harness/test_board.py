@@ -1,20 +1,17 @@
 """What TensorBoard reads back is what the records hold."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from harness import board
 from harness.__main__ import main
 from harness.board import board_folder, require_tensorboard, write_board
 from harness.board_options import also_written
-from harness.pictures_record import Render, Truth, cell_pictures, half, truth_pictures, write_renders, write_truth
 from harness.progress import Quiet
-from harness.records import CellRecord, Checkpoint, records_folder, write_cell
+from harness.records import CellRecord, Checkpoint, write_cell
 from scenes.errors import InputError
 from tests.harness.shell import refused
 
@@ -40,17 +37,6 @@ def cell(method: str = "qnerf", **changes: Any) -> CellRecord:
         "provenance": {}, "pictures": None,
     }  # fmt: skip
     return CellRecord(**{**facts, **changes})
-
-
-def with_pictures(out: Path) -> tuple[CellRecord, np.ndarray]:
-    """A cell with one view at its two checkpoints; the last colour is beyond what a display shows."""
-    colour = np.linspace(-0.2, 1.2, 4 * 5 * 3).reshape(4, 5, 3)
-    grey = half(np.full((4, 5), 0.5))
-    renders = [Render("./test/r_1", step, half(colour * step / 40), grey, grey) for step in (20, 40)]
-    path = cell_pictures("ball", "qnerf", 0)
-    write_renders(records_folder(out) / path, renders)
-    write_truth(records_folder(out) / truth_pictures("ball"), [Truth("./test/r_1", half(np.ones((4, 5, 3))), grey)])
-    return cell(pictures=path), colour
 
 
 def read_back(folder: Path) -> Any:
@@ -81,30 +67,6 @@ def test_scalars_are_those_of_the_record_on_the_cells_own_clock(tmp_path: Path) 
     assert [value for *_, value in series("train/alpha")] == [0.61, 0.62, 0.63]
     assert series("end/psnr") == [(40, 4.5, 22.25)]
     assert not {"train/beta", "end/depth_rmse"} & set(found.Tags()["scalars"])
-
-
-def test_histograms_hold_the_shares_of_the_record(tmp_path: Path) -> None:
-    found = read_back(write_board(tmp_path, cell()))
-    (first, last) = found.Histograms("density/after")
-    assert (first.step, last.step) == (20, 40)
-    value = last.histogram_value
-    assert [one / board.POINTS for one in value.bucket] == [0.0, 0.5, 0.5]
-    assert list(value.bucket_limit) == EDGES[1:]
-
-
-def test_images_are_the_kept_views_of_each_checkpoint(tmp_path: Path) -> None:
-    import io
-
-    from PIL import Image
-
-    one, colour = with_pictures(tmp_path)
-    found = read_back(write_board(tmp_path, one))
-    assert set(found.Tags()["images"]) == {f"./test/r_1/{kind}" for kind in ("colour", "opacity", "truth")}
-    first, last = found.Images("./test/r_1/colour")
-    assert (first.step, last.step) == (20, 40)
-    shown = np.asarray(Image.open(io.BytesIO(last.encoded_image_string)))
-    assert shown.shape == (4, 5, 3)
-    assert np.abs(shown / 255.0 - np.clip(colour, 0.0, 1.0)).max() < 1.5 / 255.0
 
 
 def test_writing_again_replaces(tmp_path: Path) -> None:
@@ -156,22 +118,3 @@ def test_without_the_package_it_is_said_before_anything_is_done(
     said = refused(capsys, "--profile", "smoke", "--tensorboard", "--out", out)
     assert said.startswith("error: --tensorboard: the package tensorboard is not installed")
     assert not out.exists()
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_a_real_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from tests.harness.ball import write_ball
-    from tests.harness.shell import shell
-
-    write_ball(tmp_path / "ball", size=16, train=5, test=2)
-    out = tmp_path / "run"
-    options = ["--view-set", tmp_path / "ball", "--profile", "smoke", "--resolution", "16", "--budget-steps", "30"]
-    done = shell(*options, "--methods", "qnerf", "--seeds", "1", "--workers", "1", "--no-serving",
-                 "--tensorboard", "--out", out)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    record = json.loads((records_folder(out) / "cells" / "ball.qnerf.0.json").read_text())
-    found = read_back(out / "tensorboard" / "ball" / "qnerf" / "0")
-    shown = [(one.step, one.value) for one in found.Scalars("test/psnr")]
-    assert shown == [(one["step"], pytest.approx(one["psnr"], rel=1e-6)) for one in record["curve"]]
-    assert found.Tags()["images"], "pictures of its kept views"

@@ -1,18 +1,14 @@
 """Camera paths: rigid, level, on their sphere, and where they say they are."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harness.camera_paths import ORIGIN, PATHS, look_at, mean_distance, orbit, spiral, through, walk
-from harness.filming.options import PATH_NAMES
+from harness.camera_paths import ORIGIN, PATHS, look_at, orbit, spiral, through, walk
 from scenes.errors import InputError
-from scenes.transforms import read_transforms
 from scenes.viewpoints import RADIUS, TILT, all_poses
 from scenes.viewpoints import look_at as scenes_look_at
-from tests.harness.ball import DISTANCE
 
 TARGET = (0.3, -0.2, 0.5)
 
@@ -47,17 +43,6 @@ def test_every_path_is_level_and_looks_at_its_target_from_its_radius(name: str) 
     np.testing.assert_allclose(misses(poses, TARGET), 0.0, atol=1e-14)
     np.testing.assert_allclose(np.linalg.norm(poses[:, :3, 3] - TARGET, axis=-1), 2.5, rtol=1e-14)
     np.testing.assert_array_equal(poses, PATHS[name](23, radius=2.5, target=TARGET))
-
-
-@pytest.mark.parametrize("name", PATHS)
-def test_without_a_word_paths_are_those_of_the_view_sets(name: str) -> None:
-    poses = PATHS[name](5)
-    np.testing.assert_allclose(np.linalg.norm(poses[:, :3, 3], axis=-1), RADIUS, rtol=1e-14)
-    np.testing.assert_allclose(misses(poses, ORIGIN), 0.0, atol=1e-14)
-
-
-def test_the_command_knows_every_path() -> None:
-    assert set(PATH_NAMES) == {*PATHS, "test"}
 
 
 def test_an_orbit_is_closed_in_equal_steps_at_one_height() -> None:
@@ -107,12 +92,6 @@ def test_a_walk_goes_step_by_step_and_comes_back_to_the_same_bits() -> None:
     np.testing.assert_array_equal(walk(50, seed=3), poses[:50])
 
 
-def test_who_always_keeps_their_way_walks_once_round() -> None:
-    round_trip = walk(61, keep=1.0)
-    assert len({pose.tobytes() for pose in round_trip[:60]}) == 60
-    np.testing.assert_array_equal(round_trip[60], round_trip[0])
-
-
 def test_through_hits_what_is_given() -> None:
     given = all_poses("test")[5:185:20]
     np.testing.assert_allclose(through(given, len(given)), given, atol=1e-14)
@@ -159,13 +138,6 @@ def test_look_at_from_a_pole_is_as_from_azimuth_0(height: float, offset: float) 
     np.testing.assert_array_equal(pose[:3, 3], (0.0, 0.0, height))
     np.testing.assert_allclose(pose[:3, 0], [0.0, 1.0, 0.0])
     np.testing.assert_allclose(misses(pose[None], ORIGIN), 0.0, atol=1e-14)
-
-
-def test_mean_distance_is_of_a_view_set_from_elsewhere(ball_folder: Path) -> None:
-    poses = read_transforms(ball_folder, "train").camera_to_world
-    assert mean_distance(poses) == pytest.approx(DISTANCE)
-    poses[0, :3, 3] *= 2.0
-    assert mean_distance(poses) == pytest.approx(DISTANCE * (1 + 1 / len(poses)))
 
 
 @pytest.mark.parametrize("name", PATHS)

@@ -42,11 +42,6 @@ def test_groups_that_mix_code_are_counted() -> None:
     assert "In 1 of 2 groups of one scene and seed" in said
 
 
-def test_groups_that_were_each_made_by_one_are_told_from_those() -> None:
-    (said,) = code_apart([*ALIKE[:2], made("b", "nerf", packages={"torch": "1"})])
-    assert "differ in torch 2 (2 cells), 1 (1 cells). All 2 groups" in said
-
-
 def test_records_without_the_digest_are_told_apart_by_their_commit() -> None:
     (said,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
     assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in said

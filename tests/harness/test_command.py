@@ -122,10 +122,13 @@ def test_from_a_shell_there_is_no_traceback(tmp_path: Path) -> None:
 
 
 def test_an_output_folder_that_cannot_be_is_refused(
-    ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
+    (tmp_path / "out" / "earlier").mkdir(parents=True)
+    (tmp_path / "out" / "latest").symlink_to("earlier")
+    monkeypatch.chdir(tmp_path)
     for out, expected in (
         (file, "is a file"),
         (file / "run", "cannot be written"),
@@ -135,21 +138,10 @@ def test_an_output_folder_that_cannot_be_is_refused(
     ):
         assert expected in refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", out)
     assert file.read_text() == "mine"
+    assert (tmp_path / "out" / "latest").readlink() == Path("earlier")
 
 
 # other surfaces
-
-
-def test_a_dry_run_prints_the_plan_and_its_cost_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["run", "--profile", "smoke", "--resolution", "16", "--dry-run"]) == 0
-    said, complaints = capsys.readouterr()
-    assert complaints == ""
-    for part in ("12 cells of 60 steps", "hotdog lego", "nerf nerf_matched qnerf", "16 px", "estimated cost"):
-        assert part in said
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.thorough

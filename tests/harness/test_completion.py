@@ -1,10 +1,8 @@
 """The completion scripts in real shells: commands, options, scenes, methods and profiles."""
 
-import os
 import shutil
 import subprocess
 from functools import cache
-from pathlib import Path
 
 import pytest
 
@@ -18,18 +16,6 @@ COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
 _shtab_harness
 printf '%s\\n' "${{COMPREPLY[@]}}"
 """
-
-ASK_ZSH = r"""
-zmodload zsh/zpty
-zpty inner zsh -f -i
-zpty -w inner "LISTMAX=0; eval \"\$(<$1)\"; PS1=REA''DY"
-zpty -r inner line '*READY*'
-zpty -w -n inner "$2"$'\t\t'
-zpty -w -n inner $'\C-U'"print EN''D"$'\n'
-zpty -r inner line '*END*'
-print -r -- "$line"
-"""
-"""In a shell that nothing was set up in, as on a fresh account: the script, then words and twice Tab at the prompt."""
 
 
 @cache
@@ -60,31 +46,6 @@ def test_bash_completes(words: str, some: list[str], none: list[str]) -> None:
     found = done.stdout.split()
     assert set(some) <= set(found)
     assert not set(none) & set(found)
-
-
-@pytest.mark.parametrize(
-    ("line", "some"),
-    [
-        ("harness do", ["doctor"]),
-        ("harness run --sc", ["--scenes", "--scene-file"]),
-        ("harness run --scenes l", ["lego"]),
-    ],
-)
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_zsh_and_fish_complete(shell: str, line: str, some: list[str], tmp_path: Path) -> None:
-    if shutil.which(shell) is None:
-        pytest.skip(f"no {shell} here")
-    file = tmp_path / "completion"
-    file.write_text(script(shell, parser()))
-    ask = {
-        "zsh": ["zsh", "-f", "-c", ASK_ZSH, "zsh", str(file), line],
-        "fish": ["fish", "--no-config", "-c", f"source {file}; complete -C '{line}'"],
-    }
-    home = {**os.environ, "HOME": str(tmp_path), "ZDOTDIR": str(tmp_path), "TERM": "xterm"}
-    done = subprocess.run(ask[shell], capture_output=True, text=True, check=True, env=home)
-    assert not set(some) & set(line.split())
-    for one in some:
-        assert one in done.stdout
 
 
 def test_harness_is_what_is_completed_and_what_is_run() -> None:

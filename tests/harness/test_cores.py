@@ -98,20 +98,6 @@ def cell(scene: str, method: str, processor: str, own: list[int] | None = None) 
     return replace(unscored(scene, method, 0, "done", ""), train_seconds=1.0, provenance=origin)
 
 
-def test_clocks_of_one_kind_need_no_words() -> None:
-    assert clocks_apart([cell("a", "nerf", "X", [0]), cell("b", "qnerf", "X", [1]), cell("c", "nerf", "X")]) == []
-    assert clocks_apart([]) == []
-
-
-def test_kinds_of_processors_are_named_and_groups_that_mix_them_counted() -> None:
-    apart = [cell("a", "nerf", "X"), cell("a", "qnerf", "X"), cell("b", "nerf", "Y"), cell("b", "qnerf", "Y")]
-    (said,) = clocks_apart(apart)
-    assert "2 kinds of processor (X, 1 threads; Y, 1 threads)" in said
-    assert "All 2 groups" in said
-    (said,) = clocks_apart([*apart[:3], cell("b", "qnerf", "X")])
-    assert "In 1 of 2 groups" in said
-
-
 def test_cells_that_shared_their_cores_are_counted() -> None:
     (said,) = clocks_apart([cell("a", "nerf", "X", [0]), cell("a", "qnerf", "X", [])])
     assert "1 of 2 could not be bound" in said

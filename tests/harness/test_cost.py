@@ -2,33 +2,22 @@
 
 import json
 import statistics
-import time
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from harness import probe
 from harness.cost import (
-    SERVED_VIEWS,
     Extent,
     estimate_lines,
-    groups_left,
     lines_of,
-    rendering_seconds,
-    serving_seconds,
     shared,
     training_seconds,
 )
-from harness.learner import Learner
-from harness.plan import PROFILES, Machine, Plan, planned
-from harness.probe import OCCUPIED, Pace, Probe, probed
-from harness.records import cell_path, write_cell
+from harness.plan import PROFILES, Machine, Plan
+from harness.probe import Pace, Probe
 from harness.schedule import Budget
-from harness.serving.runner import MOST_SECONDS, MOST_SHARE, WIDTH
-from harness.unscored import unscored
 
 SUMMARY = json.loads((Path(__file__).parents[2] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
 PLAN = replace(PROFILES["reduced"], extras=())
@@ -48,24 +37,6 @@ def said(
     **changes: Any,
 ) -> list[str]:
     return lines_of(plan, MACHINE, replace(PROBE, **changes), Extent(missing, groups, verify, serving), cores=2)
-
-
-def small(**changes: Any) -> Plan:
-    plan = planned("smoke", resolution=8, **changes)
-    return replace(plan, train=replace(plan.train, rays=32), score=replace(plan.score, chunk=32))
-
-
-def test_each_recorded_scene_lies_between_the_shares_that_are_measured() -> None:
-    train, rays = PLAN.train, PLAN.train.rays
-    for scene in {cell["scene"] for cell in SUMMARY["cells"]}:
-        shares = []
-        for cell in SUMMARY["cells"]:
-            if cell["scene"] == scene:
-                curve = cell["curve"]
-                ends = pairwise(zip((0, *curve["steps"]), (0, *curve["network_evaluations"]), strict=True))
-                each = [(b[1] - a[1]) / (b[0] - a[0]) / rays for a, b in ends]
-                shares.append(each[-1] / train.bins / (each[0] / train.first_bins))
-        assert OCCUPIED[0] <= statistics.mean(shares) <= OCCUPIED[1], scene
 
 
 def test_training_as_recorded_is_estimated_as_recorded() -> None:
@@ -115,104 +86,6 @@ def test_of_a_scene_of_ones_own_no_rendering_is_foretold() -> None:
     assert found[3].startswith("  scoring at most, ")
 
 
-def test_every_method_is_tried_and_one_that_fails_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    import torch
-
-    plan = small(methods=["nerf", "qnerf"])
-    monkeypatch.setattr(probe, "LONGEST", 0.0)
-    usual = probe.learner_for
-
-    def failing(method: str, *arguments: Any) -> Learner:
-        if method == "qnerf":
-            raise ValueError("no such thing")
-        return usual(method, *arguments)
-
-    monkeypatch.setattr(probe, "learner_for", failing)
-    found = probed(plan, torch.device("cpu"), 1)
-    assert found.untried == {"qnerf": "no such thing"}
-    pace = found.paces["nerf"]
-    assert min(pace.first_step, *pace.step, *pace.ray, pace.point, found.start, found.compared) > 0
-
-
-def test_a_machine_is_busy_where_steps_wait_and_not_where_imports_or_children_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    import torch
-
-    wall, busy = [0.0], [0.0]
-    monkeypatch.setattr(time, "perf_counter", lambda: wall[0])
-    monkeypatch.setattr(time, "process_time", lambda: busy[0])
-
-    def imported(*_: Any) -> Learner:
-        wall[0], busy[0] = wall[0] + 100.0, busy[0] + 1.0
-        return usual(*arguments)
-
-    def waiting(*_: Any) -> Pace:
-        wall[0], busy[0] = wall[0] + 6.0, busy[0] + 2.0
-        return PACE
-
-    plan = small(methods=["nerf", "qnerf"])
-    usual, arguments = probe._learner, (plan, "nerf", torch.device("cpu"))
-    monkeypatch.setattr(probe, "_learner", imported)
-    monkeypatch.setattr(probe, "_pace", waiting)
-    assert probed(plan, torch.device("cpu"), 2).delayed == 1.0, "of several threads the processor's time says nothing"
-    assert probed(plan, torch.device("cpu"), 1).delayed == 3.0
-
-
-def test_without_a_grid_what_comes_after_its_first_step_is_timed_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    import torch
-
-    timed = []
-
-    def noted(work: Any, *_: Any) -> float:
-        timed.append((work.__name__, learner.step))
-        return float(len(timed))
-
-    monkeypatch.setattr(probe, "_seconds", noted)
-    plan = small(methods=["nerf"], without=["grid"])
-    learner = probe._learner(plan, "nerf", torch.device("cpu"))
-    pace = probe._pace(learner, plan, time.process_time)
-    later = plan.train.grid.first_step + 1
-    assert timed == [("step", 0), ("step", later), ("render", later)]
-    assert (pace.first_step, pace.step) == (1.0, (2.0, 2.0))
-
-
 def test_a_cluster_is_not_measured() -> None:
     found = estimate_lines(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, serving=True, before=None)
     assert "not measured" in found[0]
-
-
-def test_more_cores_may_render_faster_and_one_renders_slower() -> None:
-    two = rendering_seconds(PLAN, 8, 2)
-    assert rendering_seconds(PLAN, 8, 8) == (two[0] / 4, two[1])
-    assert rendering_seconds(PLAN, 8, 1) == (2 * two[0], 2 * two[1])
-
-
-def test_what_is_measured_after_a_run_has_its_own_size_and_a_share_of_the_run() -> None:
-    paces = [replace(PACE, ray=(1e-5, 2e-5))]
-    rays = SERVED_VIEWS * WIDTH**2
-    large = replace(PLAN, views=replace(PLAN.views, resolution=800))
-    assert serving_seconds(large, paces, (0.0, 0.0)) == (1e-5 * rays, 2e-5 * rays)
-    paces = [replace(PACE, ray=(1e-4, 2e-4))]
-    assert serving_seconds(large, paces, (0.0, 0.0)) == (0.0, MOST_SECONDS)
-    long = (1e5, 2e5)
-    assert serving_seconds(large, paces, long) == (1e-4 * rays, 2e-4 * rays)
-    assert MOST_SHARE * long[0] > 2e-4 * rays > MOST_SECONDS, "else it is no test"
-
-
-def test_what_is_finished_is_not_in_it_and_what_else_is_not_is_said(tmp_path: Path) -> None:
-    methods, scene = PLAN.methods, PLAN.scenes[0]
-    for method in methods:
-        write_cell(tmp_path, unscored(scene, method, 0, "diverged", "a NaN"))
-        write_cell(tmp_path, unscored(scene, method, 1, "error", "is tried again"))
-    damaged = cell_path(tmp_path, scene, methods[0], 2)
-    damaged.write_text("{", encoding="utf-8")
-    assert groups_left(PLAN, tmp_path) == ALL[1:]
-    assert groups_left(PLAN, tmp_path / "nothing") == groups_left(PLAN, None) == ALL
-    found = said(groups=ALL[:12], verify=True)
-    assert found[-2:] == [
-        "  12 of 24 groups of cells are finished, not in it",
-        "  verification of omissions is not in it: it trains cells again",
-    ]
-    assert said(groups=())[2] == "  24 of 24 groups of cells are finished, not in it", "neither training nor scoring"
-    assert not any("not in it" in line for line in said())

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
-from harness.doctor import arithmetic, catalog, machine, packages, rendering
+from harness.doctor import catalog, machine, packages
 from harness.doctor.finding import Finding
 from tests.harness.shell import ROOT
 
@@ -56,42 +56,6 @@ def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pyte
     (found,) = json.loads(text)
     assert found["found"] == "ImportError: libtorch.so: no such file"
     assert found["needed"] is True
-
-
-def test_a_package_that_is_missing_is_told_once(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
-    def without_torch() -> list[Finding]:
-        raise ModuleNotFoundError("No module named 'torch'", name="torch")
-
-    probes["packages"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
-    probes["torch"] = probes["products"] = without_torch
-    code, text = said(capsys)
-    assert code == 2
-    assert text.splitlines() == [
-        "missing  torch: not installed",
-        "         → install it",
-        "missing, and needed: torch",
-    ]
-    del probes["packages"]
-    assert "No module named 'torch'" in said(capsys)[1], "told by the probe where nobody else did"
-
-
-@pytest.mark.parametrize(
-    ("files", "cores"),
-    [
-        ({"cpu.max": "max 100000"}, None),
-        ({"cpu.max": "150000 100000"}, 1.5),
-        ({"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, None),
-        ({"cpu/cpu.cfs_quota_us": "400000", "cpu/cpu.cfs_period_us": "100000"}, 4.0),
-        ({"cpu.max": "rubbish"}, None),
-        ({"cpu.max": "1 0"}, None),
-        ({}, None),
-    ],
-)
-def test_quotas_of_both_kinds_of_container(tmp_path: Path, files: dict[str, str], cores: float | None) -> None:
-    for name, text in files.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
-    assert machine.cpu_quota(tmp_path) == cores
 
 
 def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
@@ -149,27 +113,6 @@ def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> Non
         ("numpy", "limited", False),
         ("scipy", "missing", True),
     ]
-
-
-def test_libraries_that_fail_are_told_until_one_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = {"/lib/libLLVM-21.so": "its process was killed by signal 6", "/lib/libLLVM-19.so": None}
-    monkeypatch.setattr(rendering, "llvm_libraries", lambda: [Path(one) for one in answers])
-    monkeypatch.setattr(rendering, "probe", lambda variant, library: answers[library])
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/lib/libLLVM-15.so")
-    users, first, second = rendering.llvm_findings()
-    assert "/lib/libLLVM-15.so is no such library" in users.found
-    assert (first.verdict, "signal 6" in first.found) == ("limited", True)
-    assert (second.verdict, second.found) == ("ok", "renders with /lib/libLLVM-19.so")
-    answers.clear()
-    assert "libllvm19" in rendering.llvm_findings()[-1].to_do
-
-
-def test_flags_of_either_architecture(tmp_path: Path) -> None:
-    (tmp_path / "x86").write_text("processor : 0\nflags\t\t: fpu avx512f amx_tile\n")
-    (tmp_path / "arm").write_text("Features\t: asimd bf16\n")
-    assert arithmetic.processor_flags(tmp_path / "x86") == {"fpu", "avx512f", "amx_tile"}
-    assert arithmetic.processor_flags(tmp_path / "arm") == {"asimd", "bf16"}
-    assert arithmetic.processor_flags(tmp_path / "none") == set()
 
 
 @pytest.mark.slow

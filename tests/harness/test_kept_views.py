@@ -10,32 +10,15 @@ import torch
 
 from baselines.contract import Box
 from harness import evaluate
-from harness.kept_views import KeptRenders, keep_truth, kept_views
-from harness.pictures_record import LARGEST_BYTES, read_renders, read_truth
+from harness.kept_views import KeptRenders, keep_truth
+from harness.pictures_record import read_renders, read_truth
 from harness.trainer import Trainer
-from scenes.image_stack import ImageStack
 from scenes.images import read_channels, write_channels
 from scenes.linear_light import linear_over_white
 from scenes.manifest import DamagedViewSet, checksum
 from scenes.pixels import decode_srgb, display_from_linear, encode_srgb, over_white
 from scenes.view_set import ViewSet
 from tests.harness.tiny import BUDGET, CPU, TRAIN
-
-
-@pytest.mark.parametrize(("views", "count", "chosen"), [(15, 2, [5, 9]), (3, 1, [1]), (3, 5, [0, 1, 2]), (1, 2, [0])])
-def test_kept_views_are_spread_and_each_is_kept_once(ball: ViewSet, views: int, count: int, chosen: list[int]) -> None:
-    test = replace(ball.test, names=tuple(map(str, range(views))))
-    assert kept_views(test, count) == chosen
-
-
-@pytest.mark.parametrize(
-    ("side", "views", "every"), [(100, 2, True), (800, 2, True), (2000, 2, False), (4096, 1, False)]
-)
-def test_large_views_are_kept_as_far_as_a_file_holds_them(ball: ViewSet, side: int, views: int, every: bool) -> None:
-    test = replace(ball.test, names=tuple("abcdef"), rgba=ImageStack((side, side, 4)))
-    keeping = KeptRenders.of(test, 2, 0, checkpoints=8)
-    assert (len(keeping.chosen), keeping.every) == (views, every)
-    assert views * side * side * 16 < LARGEST_BYTES
 
 
 def images() -> list[evaluate.View]:

@@ -129,7 +129,7 @@ def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
 
 def test_a_disk_that_takes_nothing_ends_the_run(ball_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OSError, match="File exists"):
+    with pytest.raises(FileExistsError):
         list(run_locally(tasks(ball_folder, tmp_path / "file", Budget(2, None))[:1], 1))
     assert multiprocessing.active_children() == []
 
@@ -169,9 +169,9 @@ def test_a_worker_of_other_sources_trains_nothing(
     monkeypatch.setattr(local_executor, "versions", lambda: {**versions(), "this program": "before"})
     events = list(run_locally(tasks(ball_folder, tmp_path), 2))
     cells = [event.cell for event in events if event.cell is not None]
-    assert [(cell.seed, cell.method, cell.status) for cell in cells] == [
+    assert sorted((cell.seed, cell.method, cell.status) for cell in cells) == [
         (seed, method, "error") for seed in range(2) for method in ("nerf", "qnerf")
-    ]
+    ], "in whichever order the workers refuse"
     assert {cell.reason for cell in cells} == {
         f"the sources changed while the run was going on (this program {versions()['this program']} instead of "
         "before); start it again with --resume"

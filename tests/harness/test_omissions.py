@@ -9,22 +9,18 @@ import pytest
 import torch
 
 from harness.arms import Arm, CellTask, Ended, Rerendered, TrainedCell, trained_cell
-from harness.caveats import deviations
-from harness.lockstep import needs_view_direction
-from harness.needed import FORCEABLE, LEFT_OUT_BY, for_scene, kept, needs_of, with_needs
+from harness.needed import LEFT_OUT_BY, for_scene, kept, needs_of, with_needs
 from harness.omissions import Omission, cell_tasks, controls_of, judged, omissions_of, verifiable
-from harness.plan import Machine, Plan, planned
+from harness.plan import Plan, planned
 from harness.records import LeftOut
 from harness.schedule import Budget
 from harness.statistics import paired_difference
-from harness.verification import filled, line_of, omission_of_integrators, too_costly
-from scenes.errors import InputError
+from harness.verification import filled, line_of, too_costly
 from scenes.integrators import in_blocks
 from scenes.needs import PARTS, Need, Needs, as_rows, left_out
 from scenes.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
-from tests.harness.trained_runs import in_this_process
 
 SOLID: Needs = {
     name: Need(name, name in ("fine_pass", "linear_quadrature", "depth_metric"), "as it is")
@@ -64,44 +60,6 @@ def test_parts_are_forced_out() -> None:
 def test_nothing_is_forced_by_default() -> None:
     for profile in ("smoke", "reduced", "full"):
         assert (planned(profile).views.need, planned(profile).views.no_need) == ((), ())
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"need": ["speed"]}, f"--need: unknown 'speed'; known: {' '.join(FORCEABLE)}"),
-        (
-            {"no_need": ["background_model"]},
-            "--no-need background_model: there is no choice about it; choose of view_dir",
-        ),
-        ({"need": ["outside_box"], "no_need": ["outside_box"]}, "outside_box in both; known: view_direction"),
-        ({"need": ["outside_box", "outside_box"]}, "--need: outside_box named twice"),
-        ({"without": ["grid"], "no_need": ["empty_space"]}, "--no-need empty_space: --without grid forces"),
-    ],
-)
-def test_a_mistake_lists_what_is_known(options: dict[str, list[str]], said: str) -> None:
-    with pytest.raises(InputError) as mistake:
-        planned("smoke", **options)  # type: ignore[arg-type]
-    assert said in str(mistake.value)
-
-
-def test_the_list_of_deviations_says_what_was_forced() -> None:
-    rows = " ".join(deviations(planned("smoke", need=["outside_box"], no_need=["view_direction"])))
-    assert "Forced by --need, whatever the scene needs: kept are samples outside the box." in rows
-    assert "Forced by --no-need, whatever the scene needs: left out are view-direction branch." in rows
-    assert "Forced" not in " ".join(deviations(planned("smoke")))
-
-
-def test_a_forced_part_reaches_the_view_set(ball: ViewSet) -> None:
-    shiny = known(ball, {**SOLID, "view_direction": Need("view_direction", True, "conductor")})
-    assert needs_view_direction(shiny)
-    out = with_needs(shiny, (), ("view_direction",))
-    assert not needs_view_direction(out)
-    (row,) = [row for row in out.rendered["left_out"] if row["name"] == "view_direction"]
-    assert "--no-need" in row["reason"]
-    assert needs_view_direction(with_needs(known(ball, SOLID), ("view_direction",), ()))
-    assert not needs_view_direction(with_needs(ball, (), ("view_direction",))), "also of a view set from elsewhere"
-    assert with_needs(shiny, (), ()) is shiny
 
 
 def test_depth_is_scored_where_there_is_one(ball: ViewSet) -> None:
@@ -257,20 +215,6 @@ def test_controls_are_turned_round() -> None:
     assert controls_of(cells_with((1.0, 1.0))) == []
 
 
-@pytest.mark.parametrize(
-    ("squared", "verdict", "apart"),
-    [([1e-8, -2e-8, 1e-8], "within its bound", 0.0), ([0.09, 0.09, 0.09], "costs more", 0.3),
-     ([4e-4, -9e-4, 4e-4], "inconclusive", 0.0), ([1e-6, 1.1e-6, 0.9e-6], "within its bound", 1e-3)],
-)  # fmt: skip
-def test_integrators(squared: list[float], verdict: str, apart: float) -> None:
-    seconds = {"path": 1.0, "volpath": 1.5}
-    found = {"scene": "lego", "seconds": seconds, "samples": 1000, "squared": squared}
-    one = omission_of_integrators(found, samples=4000)
-    assert one.verdict == verdict
-    assert one.difference == pytest.approx(apart)
-    assert one.seconds_saved == pytest.approx(2.0)
-
-
 def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
     image = np.zeros((17, 20, 3))
     image[:8, 8:16] = 1.0
@@ -304,27 +248,3 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
     assert torch.equal(torch.from_numpy(forced.test.rgba[0]), torch.from_numpy(plain.test.rgba[0]))
     assert needs_of(forced)["view_direction"].needed is False
     assert needs_of(plain) == {}
-
-
-@pytest.mark.slow
-def test_a_run_that_verifies_names_what_costs_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from harness.progress import chosen_progress
-    from harness.records import read_run
-    from harness.runner import run
-
-    folder = write_ball(tmp_path / "ball")
-    plan = planned("smoke", methods=["nerf"], seeds=1, view_set=folder, no_need=["view_direction"])
-    plan = replace(plan, train=TRAIN, score=SCORE, views=replace(VIEWS, no_need=plan.views.no_need))
-    plan = replace(plan, budget=Budget(2, None))
-    monkeypatch.setattr("harness.runner.run_locally", in_this_process)
-    for verdict, code in (("costs more", 3), ("within its bound", 0)):
-        one = Omission("ball", "nerf", "view_direction", 1.5, "training", -1.0, (-1.2, -0.8), 3, 0, verdict)  # type: ignore[arg-type]
-        monkeypatch.setattr("harness.verification.verified", lambda *_, found=one: ([found], []))
-        (out := tmp_path / verdict.split()[0]).mkdir()
-        machine = Machine("cpu", 1, 1)
-        assert run(plan, out, tmp_path, machine, "run", chosen_progress(quiet=True), verify=True) == code
-        (scene,) = read_run(out).scenes
-        (row,) = scene.left_out
-        found = (row.name, row.seconds_saved, row.difference, row.interval, row.verdict)
-        assert found == ("view_direction", 1.5, -1.0, (-1.2, -0.8), verdict)
-        assert "--no-need" in row.reason

@@ -113,12 +113,6 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
         assert {key for key in before if before[key] != after.get(key)} - {"extras"} == expected
 
 
-def test_a_budget_of_the_user_replaces_the_profiles() -> None:
-    assert planned("smoke", budget_seconds=5.0).budget == Budget(None, 5.0)
-    assert planned("smoke", budget_steps=9).budget == Budget(9, None)
-    assert planned("smoke", budget_steps=9, budget_seconds=5.0).budget == Budget(9, 5.0)
-
-
 def test_settings_survive_json() -> None:
     for name in PROFILES:
         text = json.dumps(planned(name).settings(), allow_nan=False)

@@ -8,7 +8,7 @@ import pytest
 from harness.ground_truth import Rendered
 from harness.group import GroupTask
 from harness.plan import PROFILES
-from harness.progress import Bars, Lines
+from harness.progress import Lines
 from harness.schedule import Budget
 
 
@@ -74,67 +74,3 @@ def test_a_scene_that_is_rendered_says_what_is_left_of_it(
     said = capsys.readouterr().out.splitlines()
     assert ["left" in line for line in said] == [False, False, True] * 2
     assert said[0] == "rendering lego: 1 of 120 views done (7 from before), view"
-
-
-def test_views_that_were_there_are_no_progress(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
-    show = Lines(every_seconds=0.0)
-    for done, share in ((90, 0.0), (92, 0.2), (93, 0.3)):
-        show.rendered(Rendered("lego", done, 100, kept=90, share=share), 1)
-        clock[0] += 60.0
-    assert [line.partition("left")[1] for line in capsys.readouterr().out.splitlines()] == ["", "", "left"]
-
-
-def test_of_an_interrupted_run_only_what_is_done_now_is_a_pace(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    show, budget = Lines(every_seconds=0.0), Budget(None, 10.0)  # whose share is that of the work
-    first, second, third = (replace(task(tmp_path, seed), budget=budget) for seed in range(3))
-    show.start_training(9, 9)
-    show.trained(first, 0.8)
-    clock[0] = 60.0
-    show.trained(first, 0.9)
-    assert "left" not in capsys.readouterr().out, "a tenth of a group was trained, the rest before"
-    show.trained(second, 0.75)
-    clock[0] = 120.0
-    show.trained(first, 1.0)
-    show.trained(second, 0.95)
-    clock[0] = 150.0
-    show.trained(third, 0.0)
-    assert "left" not in capsys.readouterr().out
-    clock[0] = 270.0
-    show.trained(third, 0.3)
-    # by then 0.7 of a group took a worker 300 s, and 0.7 of this one is left
-    assert capsys.readouterr().out.splitlines()[-1].endswith(", 3.5 to 7 min left")
-
-
-def test_the_last_group_is_one_workers(clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show, budget = Lines(every_seconds=0.0), Budget(None, 10.0)
-    groups = [replace(task(tmp_path, seed), budget=budget) for seed in range(3)]
-    show.start_training(9, 9)
-    for group in groups[:2]:
-        show.trained(group, 0.0)
-    clock[0] = 600.0
-    for group in groups[:2]:
-        show.trained(group, 0.5)
-    # in the mean 20 min, but the third group begins in 10 and takes 20
-    assert capsys.readouterr().out.splitlines()[-1].endswith(", 20 to 40 min left")
-    clock[0] = 1200.0
-    for group in groups[:2]:
-        show.trained(group, 1.0)
-    show.trained(groups[2], 0.0)
-    assert capsys.readouterr().out.splitlines()[-1].endswith(", 14 to 30 min left")
-
-
-def test_bars_say_the_same(clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show, group = Bars(), task(tmp_path)
-    show.start_training(3, 3)
-    show.rendered(Rendered("lego", 1, 4), 1)
-    for share in (0.01, 0.5):
-        clock[0] += 20.0
-        show.trained(group, share)
-        show.part("frames", round(100 * share), 100)
-        show.rendered(Rendered("lego", 1 + round(4 * share), 4, share=share), 1)
-    show.close()
-    said = capsys.readouterr().out
-    assert said.count(" left") == 3
-    assert "left of it" in said

@@ -5,12 +5,14 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from baselines.catalog import CATALOG
 from baselines.repaired import CANDIDATES
 from harness.evidence.trainings import SEARCHED, TRAININGS
+from harness.plan import EXPLAINING
 from harness.repair_search import (
     HISTORY,
     PUBLISHED,
@@ -31,6 +33,7 @@ from tests.harness import tiny
 from tests.harness.ball import write_ball
 
 NAMES = list(CANDIDATES)
+BEST_FAITH = ("qnerf_theorem", "qnerf_repaired")
 CELLS = [(scene, seed) for scene in SEARCHED for seed in SEEDS]
 
 
@@ -153,7 +156,11 @@ def test_what_is_published_is_the_whole_search_and_what_the_catalogue_has() -> N
     assert all(row.seconds == pytest.approx(SECONDS, rel=0.1) for row in found.rows), "equal time"
     assert (found.history, found.clock) == (list(HISTORY), "processor seconds")
     assert "nine scores had been seen" in found.history[0]
-    assert data["provenance"]["note"], "the search itself did not record where it ran"
+    assert data["provenance"]["commit"]
+    known_as = {"qnerf_theorem": "qnerf_theorem", "qnerf_repaired": found.chosen}
+    mean = {name: np.mean([row.psnr_val for row in found.rows if row.method == known_as[name]]) for name in BEST_FAITH}
+    assert max(BEST_FAITH, key=lambda name: mean[name]) in EXPLAINING, "chosen on validation views"
+    assert len(set(BEST_FAITH) & set(EXPLAINING)) == 1
 
 
 def test_a_search_that_does_not_say_what_was_changed_is_refused(tmp_path: Path) -> None:

@@ -84,21 +84,6 @@ def test_a_run_leaves_whole_records(finished: Path) -> None:
     assert str(Path.home()) not in text
 
 
-def test_results_are_not_overwritten_without_resume(
-    ball_folder: Path, finished: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    before = all_files(finished)
-    said = refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", finished)
-    assert "holds results already" in said
-    said = refused(
-        capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", finished, "--resume", "--budget-steps", "35"
-    )
-    assert "another plan" in said
-    assert "'steps': 34" in said
-    assert "'steps': 35" in said
-    assert all_files(finished) == before
-
-
 def test_resuming_a_finished_run_trains_nothing(ball_folder: Path, finished: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     shutil.copytree(finished, out)

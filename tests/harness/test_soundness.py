@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from harness.json_record import DamagedRecord, digest_of, load_record, write_rec
 from harness.pictures_record import Truth, truth_pictures, write_truth
 from harness.plan import Plan, planned
 from harness.records import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons
+from harness.scratch import scratch_folder
 from harness.soundness import DAMAGED, mend, sweep
 from harness.unfinished import Unfinished, unfinished_path, write_unfinished
 from scenes.errors import InputError
@@ -120,10 +123,32 @@ def test_what_writers_left_half_written_is_removed(out: Path) -> None:
     for part in (".run.json.12.part", "records/cells/.a.json.12.part", "checkpoints/.b.safetensors.7.part"):
         (out / part).write_text("half")
     before = len(files(out))
-    (out / ".serving-abc" / "records").mkdir(parents=True)
+    (out / ".scratch-abc" / "records").mkdir(parents=True)
     assert sweep(out) == 4
-    assert not (out / ".serving-abc").exists()
+    assert not (out / ".scratch-abc").exists()
     assert len(files(out)) == before - 3
+
+
+def test_a_scratch_folder_stays_as_long_as_its_owner_works_in_it(out: Path) -> None:
+    with scratch_folder(out) as ours:
+        (ours / "image").write_text("half")
+        left = subprocess.run(
+            [sys.executable, "-c", KILLED, str(out)], cwd=Path(__file__).parents[2], capture_output=True, text=True
+        ).stdout.strip()
+        assert Path(left).is_dir()
+        assert sweep(out) == 1
+        assert not Path(left).exists()
+        assert (ours / "image").read_text() == "half"
+    assert not list(out.glob(".scratch-*"))
+
+
+KILLED = """
+import os, pathlib, sys
+from harness.scratch import scratch_folder
+with scratch_folder(pathlib.Path(sys.argv[1])) as folder:
+    print(folder, flush=True)
+    os.kill(os.getpid(), 9)
+"""
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.9])

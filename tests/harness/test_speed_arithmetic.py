@@ -1,8 +1,7 @@
 """`nox -s speed`: the arithmetic behind its figures. Nothing is timed here, clocks are made up."""
 
 import math
-from dataclasses import replace
-from itertools import count, pairwise
+from itertools import count
 
 import pytest
 import torch
@@ -12,14 +11,14 @@ from baselines.contract import Box, NetworkSize
 from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
-from harness.speed.crossing import Curve, Target, evaluation_times, even_times, reached, targets_of
+from harness.speed.crossing import Curve, Target, reached, targets_of
 from harness.speed.encodings import largest_error
 from harness.speed.growth import exponent
-from harness.speed.matrix_rate import best_rate, products, step_flops
+from harness.speed.matrix_rate import products, step_flops
 from harness.speed.memory import family_of, proportional_bytes
 from harness.speed.memory_worker import memory_of
 from harness.speed.quadrature import by_autograd, by_product
-from harness.speed.timing import interleaved, measured, not_measured, quotients
+from harness.speed.timing import interleaved
 from tests.harness.tiny import rays_and_colours
 
 # products
@@ -55,10 +54,6 @@ def test_flops_against_those_that_torch_counts() -> None:
     wasted = 2 * position * 24 * points  # gradient into the encoded position at the skip
     wasted += 6 * direction * 12 * points - 4 * direction * 12 * 16
     assert counter.get_total_flops() == step_flops(size, points, 16) + wasted
-
-
-def test_the_fastest_chunk_is_the_one_with_the_best_median() -> None:
-    assert best_rate({1024: [1.0, 9.0, 2.0], 2048: [3.0, 3.0, 3.5]}) == (2048, [3.0, 3.0, 3.5])
 
 
 # time to a target
@@ -104,14 +99,6 @@ def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
     ]
 
 
-def test_evaluations_are_spread_over_a_budget_and_over_log_seconds() -> None:
-    assert even_times(420.0, 12) == pytest.approx([35.0 * (i + 1) for i in range(12)])
-    times = evaluation_times(0.5, 1.06)
-    first = [next(times) for _ in range(50)]
-    assert first[0] == 0.5
-    assert all(b / a == pytest.approx(1.06) for a, b in pairwise(first))
-
-
 # figures
 
 
@@ -126,13 +113,6 @@ def test_sides_are_taken_in_turn_and_fast_ones_are_repeated() -> None:
     called.clear()
     interleaved({"a": lambda: called.append("a")}, 2, least_seconds=4.0, clock=lambda: float(next(ticks)))
     assert len(called) == 2 + 2 * 4
-
-
-def test_a_figure_has_its_spread() -> None:
-    one = measured("a.ratio", 1, "A", quotients([4.0, 6.0, 30.0], [2.0, 2.0, 3.0]), "×", target=2.5)
-    assert (one.value, one.low, one.high, one.repeats, one.met) == (3.0, 2.0, 10.0, 3, True)
-    assert replace(one, sense="at_most").met is False
-    assert not_measured("a.ratio", 1, "A", "×", "no GPU", target=3.0).met is None
 
 
 def test_growth_is_the_slope_of_logarithms() -> None:

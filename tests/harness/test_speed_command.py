@@ -10,7 +10,6 @@ import pytest
 from harness.__main__ import main
 from harness.chart_record import Series, Table
 from harness.speed import runner
-from harness.speed.situation import Situation
 from harness.speed.timing import measured
 from harness.speed_record import QUESTIONS, Measurement, read_speed
 from tests.harness import shell
@@ -36,14 +35,6 @@ def test_bad_options_are_said_in_one_line(
     monkeypatch.chdir(tmp_path)
     assert said in refused(capsys, "--quiet", *options.split())
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("options", ["--items", "--items one", "--device tpu", "--profile smoke"])
-def test_bad_usage_is_exit_code_2(options: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["speed", *options.split()])
-    assert caught.value.code == 2
-    assert "error: " in capsys.readouterr().err
 
 
 def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -133,36 +124,6 @@ def test_other_options_are_not_gone_on_with(
     assert ids(tmp_path / "a") == ["q1.ratio"]
 
 
-def test_the_default_folder_is_a_fresh_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scripted(monkeypatch)
-    monkeypatch.chdir(tmp_path)
-    assert main(["speed", "--quick", "--quiet", "--items", "1"]) == 0
-    (folder,) = (tmp_path / "out").iterdir()
-    assert folder.name.startswith("speed-")
-    assert ids(folder) == ["q1.ratio"]
-
-
-def test_the_plan_is_told_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted(monkeypatch)
-    assert main(["speed", "--quick", "--items", "3", "8", "--out", str(tmp_path / "a")]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert "about" in said[0]
-    assert [line.split(".")[0].strip() for line in said[1:3]] == ["3", "8"]
-    assert said[3] == f"3. {QUESTIONS[3]}"
-
-
-def test_the_whole_run_stays_within_its_time(tmp_path: Path) -> None:
-    import torch
-
-    from harness.progress import Quiet
-
-    usual = Situation(torch.device("cpu"), 2, False, 420.0, tmp_path, tmp_path, Quiet())
-    assert sum(runner.estimated_seconds(item, usual) for item in QUESTIONS) < 45 * 60
-    assert list(runner.MEASURES) == list(QUESTIONS)
-
-
 def answers(out: Path, *items: int) -> dict[str, Measurement]:
     options = ["speed", "--quick", "--quiet", "--items", *map(str, items), "--out", str(out)]
     assert main(options) == 0
@@ -202,26 +163,6 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     assert [one.id for one in record.tables] == ["machine.products", "accelerations.profile"]
     shares = [row[1] for row in record.tables[1].rows]
     assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_ground_truth_and_memory_are_measured_in_processes_of_their_own(tmp_path: Path) -> None:
-    found = answers(tmp_path / "speed", 7, 8)
-    assert found["render.lego.scalar_rgb.seconds"].value
-    for id in ("memory.worker.nerf.peak", "memory.run.peak"):
-        value = found[id].value
-        assert value is None or 0.1 < value < 8.0
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_growth_and_processes_are_measured(tmp_path: Path) -> None:
-    found = answers(tmp_path / "speed", 9, 10)
-    assert {id for id in found if id.startswith("growth")} == {
-        f"growth.{name}.exponent" for name in ("rays", "samples", "width", "resolution", "seeds")
-    }
-    assert "processes.ratio" in found
 
 
 def test_help_imports_nothing_heavy() -> None:

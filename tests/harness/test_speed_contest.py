@@ -1,7 +1,5 @@
 """Question 3 of `nox -s speed`: contestants with a made-up clock; what is late is censored and said."""
 
-import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,7 +15,6 @@ from harness.speed.situation import Situation
 from harness.speed.time_to_target import Examination, Plain, examination_of, follow
 from harness.speed_record import Measurement
 from harness.trainer import Diverged
-from scenes.pixels import over_white
 from scenes.view_set import ViewSet
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours
 
@@ -96,26 +93,6 @@ def test_what_is_shown_without_training_is_no_target(here: Situation) -> None:
     assert ratio(here, [Curve([1.0, 2.0], [20.0, 21.0], before=19.9)]).value == 60.0
 
 
-def test_a_target_below_the_floor_is_called_so(here: Situation) -> None:
-    made = [Curve([1.0, 2.0], [20.0, 21.0])]
-    assert "means little" in ratio(here, made, floor=20.5).detail
-    assert "means little" not in ratio(here, made, floor=19.5).detail
-
-
-def test_the_examination_is_of_pixels_of_all_test_views(ball: ViewSet) -> None:
-    views = 3 * 24 * 24
-    whole = examination_of(ball, CPU, pixels=10**6)
-    assert whole.colours.shape == (views, 3)
-    expected = torch.cat([torch.as_tensor(over_white(rgba)).reshape(-1, 3) for rgba in ball.test.rgba])
-    torch.testing.assert_close(whole.colours, expected.float())
-    few = examination_of(ball, CPU, pixels=100)
-    assert len(few.rays) == 100
-    # every pixel's ray is the one whose colour it is
-    rows = [int(torch.nonzero((whole.rays.directions == d).all(-1))[0]) for d in few.rays.directions[:20]]
-    assert torch.equal(whole.colours[rows], few.colours[:20])
-    assert whole.psnr(whole.colours + 0.1) == pytest.approx(20.0, abs=1e-3)
-
-
 def test_the_plain_contestant_learns_on_its_own_clock(ball: ViewSet) -> None:
     plain = Plain(TRAIN, ball, where.batches_of(ball, CPU), CPU)
     assert plain.seconds == 0.0
@@ -127,25 +104,3 @@ def test_the_plain_contestant_learns_on_its_own_clock(ball: ViewSet) -> None:
     assert after_looking == 0.0
     assert plain.seconds > 0.0
     assert examination.psnr(plain.colours(examination.rays)) > before + 1.0
-
-
-def test_the_headline_waits_for_every_scene(here: Situation, monkeypatch: pytest.MonkeyPatch) -> None:
-    ratios = {"lego": (10.0, 120.0), "hotdog": (None, 80.0), "drums": (12.0, 100.0)}
-
-    def scene(_: Situation, name: str, found: dict[str, dict[str, float | None]]) -> Iterator[Measurement]:
-        found["same"][name], found["reduced"][name] = ratios[name]
-        yield from ()
-
-    monkeypatch.setattr(contest, "_scene", scene)
-    same, reduced = contest.measure(here)
-    assert isinstance(same, Measurement)
-    assert isinstance(reduced, Measurement)
-    assert (same.id, same.value) == ("target.same.ratio", None)
-    assert "hotdog" in same.detail
-    assert (reduced.value, reduced.low, reduced.high) == (100.0, 80.0, 120.0)
-
-
-def test_settings_are_json(here: Situation) -> None:
-    from harness.speed.runner import settings_of
-
-    assert json.loads(json.dumps(settings_of(here), allow_nan=False))["publishable"] is False

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import nct
 
-from harness.moderation import moderated
+from harness.nested import moderated
 from harness.statistics import (
     PairedDifference,
     critical,
@@ -245,7 +245,7 @@ def test_a_scene_with_one_difference_borrows_and_one_without_any_is_no_part() ->
     assert result.units == 7
     assert result.mean == pytest.approx(np.mean([np.nanmean(row) for scene, row in table.items() if scene != "5"]))
     for wrong in (lambda: on_one_scene(table, "5"), lambda: on_these_scenes({"5": table["5"]})):
-        with pytest.raises(ValueError, match="no.* difference"):
+        with pytest.raises(ValueError, match=r"no.* difference"):
             wrong()
 
 

@@ -17,6 +17,7 @@ from harness.records import (
     CellRecord,
     Checkpoint,
     Comparison,
+    Estimate,
     LeftOut,
     RunRecord,
     SceneRecord,
@@ -164,9 +165,21 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
                     verdict = "equivalent"
                 aside = len(pairs) - len(both)
                 verdict = "inconclusive" if aside else verdict
+                known = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
                 found.append(
                     Comparison(
-                        scene, method, against, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), aside
+                        scene,
+                        method,
+                        against,
+                        "psnr",
+                        budget,
+                        mean,
+                        (low, high),
+                        verdict,
+                        0.4,
+                        len(both),
+                        aside,
+                        on_these_scenes=known,
                     )
                 )
     return found

@@ -5,13 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from reports import comparer
 from reports.kept_pictures import kept
 from reports.load import read_records
 from reports.page import write_page
-from scenes.pixels import decode_srgb, encode_srgb
+from scenes.pixels import decode_srgb
 from tests.reports.comparer_page import Packed, ball, data_of, rendered, write_comparer_page
-from tests.reports.comparer_view import SIDE, asked, bytes_of, cells, ready, settle, shown
+from tests.reports.comparer_view import SIDE, bytes_of, cells, ready, settle, shown
 
 pytestmark = pytest.mark.slow
 
@@ -72,55 +71,6 @@ def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(b
     assert "all channels" not in view.inner_text('[data-panel="nerf-signed"] .said')
 
 
-def test_exposure_scales_linear_light_and_the_truth_may_be_brighter_than_white(browser, address):
-    view, _ = ready(browser, address, "at=pictures&scene=mic")
-    assert view.locator("[data-hdr]").count() == 1
-    slider = view.get_by_role("slider", name="Exposure")
-    slider.focus()
-    for _ in range(6):
-        view.keyboard.press("Shift+E")
-    settle(view)
-    assert view.inner_text("[data-hdr] output") == "−3.0 EV"
-    truth = ball(SIDE, SIDE, 3, hdr=True)
-    test = np.round(255 * rendered(truth, 0, 0, 1600)["display"]) / 255
-    for column, row in ((16, 17), (30, 30), (0, 0)):
-        expected = 255 * encode_srgb(truth["linear"][row, column] / 8)
-        assert shown(view, "truth-colour", column, row) == pytest.approx(expected, abs=0.6)
-        expected = 255 * encode_srgb(decode_srgb(test[row, column]) / 8)
-        assert shown(view, "nerf-colour", column, row) == pytest.approx(expected, abs=0.6)
-    assert truth["linear"][17, 16].max() / 8 > 0.5
-    view.keyboard.press("r")
-    settle(view)
-    assert asked(view, "compare.ev") is None
-    assert shown(view, "nerf-colour", 30, 30) == [int(value) for value in np.round(255 * test[30, 30])]
-
-
-def test_what_is_missing_or_damaged_says_why(browser, tmp_path):
-    packed = Packed()
-    data = data_of(packed, 16)
-    broken = next(
-        one for one in data["scenes"][0]["renders"] if (one["method"], one["seed"], one["view"]) == ("nerf", 1, 1)
-    )
-    packed.texts[broken["colour"]["id"]] = "eJwDAAAAAAE="
-    address = write_comparer_page(tmp_path / "page.html", data, packed).as_uri()
-    view, noise = ready(browser, address, "at=pictures&seed=1&view=r_12&compare.map=depth_error+colour")
-    reasons = view.locator(".why:visible").all_inner_texts()
-    assert "diverged: not finite at step 412: head.weight" in reasons
-    assert "No depth was kept of the ground truth." in reasons
-    assert any(reason.startswith("This picture cannot be shown: ") for reason in reasons)
-    assert noise == []
-
-
-def test_a_run_that_ended_early_says_why_and_what_was_kept_of_it(browser, tmp_path):
-    packed = Packed()
-    data = data_of(packed, 8)
-    (scene, _) = data["scenes"]
-    scene["renders"] = [one for one in scene["renders"] if (one["method"], one["step"]) != ("nerf", 1600)]
-    scene["missing"].append({"method": "nerf", "seed": 0, "status": "error", "reason": "disk full"})
-    view, _ = ready(browser, write_comparer_page(tmp_path / "page.html", data, packed).as_uri())
-    assert view.locator(".why:visible").all_inner_texts() == ["error: disk full. Kept: step 100, 400."]
-
-
 def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tmp_path):
     packed = Packed()
     data = data_of(packed, 16)
@@ -144,23 +94,6 @@ def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tm
     assert reasons[0].endswith("the file report_pictures/mic.js beside the page cannot be read.")
 
 
-def test_a_panel_is_saved_as_it_is_shown(browser, address, tmp_path):
-    view, _ = ready(browser, address, "at=pictures&compare.pixel=20,20")
-    panel = view.locator('[data-panel="nerf-colour"]')
-    panel.hover()
-    with view.expect_download() as download:
-        panel.get_by_role("button", name="PNG").click()
-    download.value.save_as(tmp_path / "panel.png")
-    assert download.value.suggested_filename == "lego-r_5-nerf-seed0-step1600-colour.png"
-    import matplotlib.image
-
-    saved = matplotlib.image.imread(tmp_path / "panel.png")[..., :3]
-    times = len(saved) // SIDE
-    assert times * SIDE == len(saved) >= 512
-    made = rendered(ball(SIDE, SIDE, 0), 0, 0, 1600)["display"]
-    assert saved[times // 2 :: times, times // 2 :: times] == pytest.approx(np.round(255 * made) / 255, abs=1e-6)
-
-
 def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
     records = read_records(pictured)
     write_page(records, tmp_path / "report.html")
@@ -180,10 +113,3 @@ def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
     settle(view)
     assert view.locator("#comparer .pane").count() == 1
     assert noise == []
-
-
-def test_every_script_of_the_comparer_is_named():
-    from reports.script import HERE
-
-    own = {path.name for path in HERE.glob("compare*.js")}
-    assert own <= set(comparer.SCRIPTS)

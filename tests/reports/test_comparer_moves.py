@@ -4,7 +4,7 @@ import pytest
 
 from tests.reports.browsing import address_of, until
 from tests.reports.comparer_page import Packed, ball, data_of, rendered, write_comparer_page
-from tests.reports.comparer_view import SIDE, asked, bytes_of, ready, settle, shown
+from tests.reports.comparer_view import SIDE, asked, bytes_of, ready, settle
 
 pytestmark = pytest.mark.slow
 
@@ -14,56 +14,6 @@ def address(tmp_path_factory) -> str:
     packed = Packed()
     path = tmp_path_factory.mktemp("comparer") / "page.html"
     return write_comparer_page(path, data_of(packed, SIDE), packed).as_uri()
-
-
-def test_wipe_by_mouse_and_by_keys(browser, address):
-    view, noise = ready(browser, address, "at=pictures&compare.mode=wipe&compare.a=nerf&compare.b=qnerf")
-    truth = ball(SIDE, SIDE, 0)
-    left, right = (bytes_of(rendered(truth, number, 0, 1600)["display"], 20, 30) for number in (0, 2))
-    assert left != right
-    assert shown(view, "wipe-colour", 20, 30) == left
-    handle = view.get_by_role("slider", name="Where A ends")
-    frame = view.locator(".frame").bounding_box()
-    view.mouse.move(frame["x"] + frame["width"] / 2, frame["y"] + 60)
-    view.mouse.down()
-    view.mouse.move(frame["x"] + frame["width"] * 0.25, frame["y"] + 60, steps=4)
-    view.mouse.up()
-    settle(view)
-    assert abs(int(handle.get_attribute("aria-valuenow")) - 25) <= 1
-    assert shown(view, "wipe-colour", 20, 30) == right
-    handle.focus()
-    for _ in range(3):
-        view.keyboard.press("Shift+ArrowRight")
-    settle(view)
-    assert abs(int(handle.get_attribute("aria-valuenow")) - 55) <= 1
-    assert shown(view, "wipe-colour", 20, 30) == left
-    until(view, "location.hash.includes('compare.wipe=')")
-    assert noise == []
-
-
-def test_keys_flip_and_pick_pictures_in_place(browser, address):
-    view, noise = ready(browser, address, "at=pictures&compare.a=nerf")
-    view.locator(".stage").focus()
-    truth = ball(SIDE, SIDE, 0)
-    pixel = {n: bytes_of(rendered(truth, n, 0, 1600)["display"], 11, 25) for n in range(3)}
-    seen = []
-    for key in ("f", "f", "f", "3", "Shift+2", "1"):
-        view.keyboard.press(key)
-        settle(view)
-        seen.append((view.inner_text("figcaption .who"), shown(view, "flip-colour", 11, 25)))
-    assert seen == [
-        ("nerf", pixel[0]),
-        ("qnerf", pixel[2]),
-        ("nerf", pixel[0]),
-        ("nerf_matched", pixel[1]),
-        ("nerf_matched", pixel[1]),
-        ("ground truth", bytes_of(truth["display"], 11, 25)),
-    ]
-    assert asked(view, "compare.a") == "truth"
-    view.keyboard.press("s")
-    settle(view)
-    assert view.locator(".pane").count() == 4
-    assert noise == []
 
 
 def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
@@ -110,39 +60,6 @@ def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
     until(view, "!location.hash.includes('compare.zoom')")
 
 
-def test_the_pixel_and_the_view_move_by_keys_and_are_told(browser, address):
-    view, _ = ready(browser, address, "at=pictures&compare.zoom=4&compare.pixel=20,20")
-    view.locator(".stage").focus()
-    for _ in range(2):
-        view.keyboard.press("Control+ArrowRight")
-    view.keyboard.press("ArrowDown")
-    settle(view)
-    assert view.inner_text(".probe thead th:first-child") == "pixel 40, 21"
-    assert view.inner_text("[aria-live]").startswith("Pixel 40, 21: ground truth ")
-    until(view, "location.hash.includes('compare.pixel=40%2C21')")
-    before = float(asked(view, "compare.x"))
-    assert before > 0.5
-    view.keyboard.press("Shift+ArrowLeft")
-    until(view, f"+new URLSearchParams(location.hash.slice(1)).get('compare.x') < {before}")
-    assert view.inner_text(".probe thead th:first-child") == "pixel 40, 21"
-
-
-def test_checkpoints_are_gone_through(browser, address):
-    view, _ = ready(browser, address)
-    slider = view.get_by_role("slider", name="Checkpoint")
-    assert slider.get_attribute("aria-valuetext") == "step 1600 · 32.0–38.4 s"
-    slider.focus()
-    view.keyboard.press("ArrowLeft")
-    settle(view)
-    made = rendered(ball(SIDE, SIDE, 0), 2, 0, 400)["display"]
-    assert shown(view, "qnerf-colour", 20, 30) == bytes_of(made, 20, 30)
-    until(view, "location.hash.includes('step=400')")
-    assert "record" not in view.inner_text('[data-panel="qnerf-colour"] .said')
-    view.get_by_role("button", name="Play the checkpoints").click()
-    until(view, "location.hash.includes('step=1600')")
-    assert view.get_by_role("button", name="Play the checkpoints").get_attribute("aria-pressed") == "false"
-
-
 def test_an_address_restores_everything(browser, address):
     view, _ = ready(browser, address)
     view.get_by_role("combobox", name="Scene").select_option("mic")
@@ -167,41 +84,3 @@ def test_an_address_restores_everything(browser, address):
         assert again.evaluate(what) == view.evaluate(what)
     assert again.evaluate(pictures)[0] != again.evaluate(pictures)[1]
     assert again.inner_text(".probe thead").count("A against B") == 2
-
-
-def test_what_others_choose_is_followed_and_the_nearest_shown(browser, address):
-    view, noise = ready(browser, address, "at=pictures&compare.mode=wipe")
-    view.evaluate("location.hash = 'at=pictures&compare.mode=wipe&scene=mic&method=nerf_matched&seed=9&step=500'")
-    settle(view)
-    notes = view.inner_text(".notes")
-    assert "No picture of seed 9 was kept of mic; shown is seed 1." in notes
-    assert "No picture of step 500 was kept; shown is the nearest, step 1600." in notes
-    assert view.locator("figcaption .who").all_inner_texts() == ["ground truth", "nerf_matched"]
-    assert asked(view, "seed") == "9"
-    view.evaluate(
-        "location.hash = 'at=pictures&scene=nowhere&seed=0&step=300&compare.zoom=NaN&compare.a=x&compare.ev=1e999'"
-    )
-    settle(view)
-    notes = view.inner_text(".notes")
-    assert "There are no pictures of nowhere; shown is lego." in notes
-    assert "step 400" in notes
-    assert noise == []
-
-
-def test_a_further_row_of_maps_needs_no_key(browser, address):
-    view, _ = ready(browser, address, has_touch=True)
-    rows = view.locator(".maprow")
-    more = view.get_by_role("button", name="Add a row of maps")
-    more.tap()
-    assert more.get_attribute("aria-pressed") == "true"
-    for name, many in (("Signed error", 2), ("FLIP", 3), ("FLIP", 2)):
-        view.get_by_role("button", name=name, exact=True).tap()
-        settle(view)
-        assert rows.count() == many, name
-    more.tap()
-    view.get_by_role("button", name="Depth", exact=True).tap()
-    settle(view)
-    assert rows.count() == 1
-    view.locator(".stage").focus()
-    view.keyboard.press("?")
-    assert "+ row" in view.inner_text("dialog")

@@ -9,11 +9,10 @@ from reports.beside import Beside
 from reports.effects_plot import forests
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import opened, unfold, unseen_buttons, weakest_contrast
+from tests.reports.browsing import opened
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_evidence import INTEREST, fake_evidence
 from tests.reports.fake_run import write_fake_run
-from tests.reports.menus import saveable
 
 pytestmark = pytest.mark.slow
 
@@ -42,39 +41,6 @@ def test_one_pair_of_error_and_cost_is_seen_and_the_reader_chooses_which(browser
     view.keyboard.press("ArrowLeft")
     assert shown(view) == ["choice dssim-seconds"], "by keyboard as well"
     assert noise == []
-
-
-@pytest.mark.parametrize("width", [360, 768, 1300])
-def test_the_page_is_never_wider_than_its_window(browser, address, width):
-    view, _ = opened(browser, address, viewport={"width": width, "height": 800})
-    unfold(view)
-    assert view.evaluate("document.documentElement.scrollWidth") == width
-    assert unseen_buttons(view) == []
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_stands_out_from_its_ground(browser, address, scheme):
-    view, _ = opened(browser, address, color_scheme=scheme)
-    ratio, text = weakest_contrast(
-        view, "#evidence td, #evidence th, #evidence p, .tabs label, .tabs legend, .axis span"
-    )
-    assert ratio >= 4.5, text
-
-
-def test_bars_of_a_forest_lie_within_its_column(browser, address):
-    view, _ = opened(browser, address)
-    outside = """[...document.querySelectorAll('.forest .drawn i')].filter(one => {
-        const bar = one.getBoundingClientRect(), cell = one.closest('td').getBoundingClientRect();
-        return cell.width && (bar.left < cell.left - 1 || bar.right > cell.right + 1);
-    }).length"""
-    assert view.evaluate(outside) == 0
-    assert view.evaluate("document.querySelectorAll('.forest .dot').length") > 40
-
-
-def test_all_that_is_shown_can_be_saved(browser, address):
-    view, _ = opened(browser, address)
-    many = saveable(view)
-    assert {kind for kind in many if many[kind]} == {"table", "drawn table", "chart"}
 
 
 def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):

@@ -9,8 +9,6 @@ import pytest
 from markupsafe import Markup
 
 from harness.records import cell_path
-from harness.survival import targets
-from reports import attributes, shell
 from reports.attributes import of_entry, of_row, value_of
 from reports.figure import Panel, Trace, svg
 from reports.grid import Entry
@@ -20,7 +18,7 @@ from reports.psnr_table import scores_grid
 from reports.runs_data import density_data, runs_data
 from reports.selection import Selection
 from reports.trace_data import rounded
-from reports.wording import count, duration, number, signed, significant, with_unit
+from reports.wording import count, number, signed, significant, with_unit
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
@@ -45,11 +43,6 @@ def test_what_is_worded_is_read_back(value):
     for text in (significant(value, 6), number(value, 9), signed(value, 9), with_unit(value, "dB")):
         assert value_of(text) == pytest.approx(value, rel=6e-3, abs=1e-9), text
     assert value_of(count(round(value))) == round(value)
-
-
-@pytest.mark.parametrize("seconds", [0.8, 42.0, 200.0, 7500.0])
-def test_durations_are_seconds(seconds):
-    assert value_of(duration(seconds)) == pytest.approx(seconds)
 
 
 def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
@@ -151,33 +144,6 @@ def test_every_run_is_there_with_what_sets_it_apart(tmp_path):
     json.dumps(found, allow_nan=False)
 
 
-def test_when_each_run_reached_the_target_stands_beside_it(records):
-    assert "reached" not in runs_data(replace(records, targets=None))
-    record = targets(records.cells, records.methods)
-    found = runs_data(replace(records, targets=record))
-    assert found["target"] == record.target
-    one = record.reaches[0]
-    assert found["reached"][one.scene][one.method][str(one.seed)][one.axis] == [*rounded([one.time]), one.known]
-
-
-def test_until_when_two_methods_are_compared_stands_there_where_any_pair_is(records):
-    failed = [
-        replace(cell, status="error") if (cell.scene, cell.method) == ("drums", "nerf") else cell
-        for cell in records.cells
-    ]
-    record = targets(failed, records.methods)
-    found = runs_data(replace(records, cells=failed, targets=record))["horizons"]
-    compared = record.comparison("chair", "qnerf", "nerf", "seconds")
-    ends = [
-        cell.curve[-1].seconds
-        for cell in failed
-        if (cell.scene, cell.status) == ("chair", "done") and cell.method in ("qnerf", "nerf")
-    ]
-    assert found["chair"]["qnerf"]["nerf"]["seconds"] == compared.horizon == min(ends)
-    assert set(found) == {"chair", "drums"}
-    assert found["drums"] == {"qnerf": {"nerf_matched": found["drums"]["qnerf"]["nerf_matched"]}}, "nothing with nerf"
-
-
 def test_runs_of_a_group_that_is_not_whole_say_so(tmp_path):
     out = write_fake_run(tmp_path / "run", pictures=False)
     assert not any("whole" in cell for cell in runs_data(read_records(out))["cells"])
@@ -201,12 +167,3 @@ def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(tmp_
     assert one["edges"] == [0, 0.5, 1]
     assert one["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
                           "after_outside": [0.5, 0.5], "points": [3.0, 5.0]}]  # fmt: skip
-
-
-def test_the_palette_is_dark_on_screens_alone_and_as_the_reader_wants_it():
-    text = shell.variables()
-    assert text.startswith(":root{color-scheme:light;")
-    assert ":root:not([data-theme=light])" in text
-    assert ":root[data-theme=dark]" in text
-    assert text.count("@media screen") == text.count("@media") == 2
-    assert attributes.as_json({"a": "ä"}) == '{"a":"ä"}'

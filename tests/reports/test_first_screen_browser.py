@@ -6,7 +6,7 @@ import pytest
 
 from reports.load import read_records
 from reports.page import write_page
-from tests.reports.browsing import address_of, opened, unfold
+from tests.reports.browsing import opened, unfold
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_run import write_fake_run
 
@@ -29,39 +29,6 @@ def whole(tmp_path_factory) -> str:
 def lengthy(tmp_path_factory) -> str:
     """A scene with a long name that stands in alerts, notes, figures and pictures."""
     return written(tmp_path_factory.mktemp("lengthy"), "chair", LONG)
-
-
-def bottoms(view, selector) -> list[float]:
-    return view.evaluate(
-        "one => [...document.querySelectorAll(one)].map(one => one.getBoundingClientRect().bottom)", selector
-    )
-
-
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
-def test_question_answer_sure_scale_and_what_was_not_tested_are_in_sight(browser, whole, lengthy, width, height):
-    for address in (whole, lengthy):
-        view, _ = opened(browser, address, viewport={"width": width, "height": height})
-        found = bottoms(view, ".question, h1, .in-short > div")
-        assert len(found) == 5
-        assert max(found) < height
-        view.context.close()
-
-
-def test_a_line_a_claim_is_in_sight(browser, whole):
-    view, _ = opened(browser, whole, viewport={"width": 1280, "height": 900})
-    found = bottoms(view, ".principal tbody th")
-    assert len(found) == 7
-    assert max(found) < 900
-
-
-def test_what_was_not_tested_is_a_click_away(browser, whole):
-    view, _ = opened(browser, whole, viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
-    for link in (".in-short a", "nav a >> nth=0"):
-        view.evaluate("scrollTo(0, 0)")
-        view.locator(link).click()
-        assert address_of(view).endswith("not-tested")
-        top = view.evaluate("document.getElementById('not-tested').getBoundingClientRect().top")
-        assert 0 <= top < 900
 
 
 def test_the_claims_are_saved_a_row_each_with_numbers_that_parse(browser, whole):

@@ -16,8 +16,7 @@ from reports import packing
 from reports.kept_pictures import kept
 from reports.load import read_records
 from reports.page import page, write_page
-from reports.picture_data import FOLDER, IMPORTANCE, picture_data, remove_others, write_files
-from reports.script import content_policy
+from reports.picture_data import FOLDER, IMPORTANCE, picture_data
 from tests.reports.fake_run import write_fake_run
 
 
@@ -165,12 +164,6 @@ def test_pictures_of_a_large_run_lie_in_files(out: Path) -> None:
     assert max(map(len, small.files.values())) < 14_000
 
 
-def test_only_a_page_with_files_beside_it_may_load_any() -> None:
-    assert "'self'" not in content_policy("1")
-    assert "'self'" not in content_policy("", files=True)
-    assert re.search(r"script-src 'sha256-[^']+' 'self';", content_policy("1", files=True))
-
-
 @pytest.mark.slow
 def test_a_page_says_where_its_pictures_are(out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     records = read_records(out)
@@ -188,26 +181,6 @@ def test_a_page_says_where_its_pictures_are(out: Path, tmp_path: Path, monkeypat
     monkeypatch.setattr("reports.page.picture_data", lambda records: None)
     write_page(records, tmp_path / "report.html")
     assert not (tmp_path / FOLDER).exists()
-
-
-def test_what_an_earlier_page_had_beside_it_goes(tmp_path: Path) -> None:
-    write_files({f"{FOLDER}/chair.js": "1", f"{FOLDER}/drums.js": "2"}, tmp_path)
-    remove_others({f"{FOLDER}/chair.js": "1"}, tmp_path)
-    assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["chair.js"]
-    (tmp_path / FOLDER / "own.txt").write_text("a reader's", encoding="ascii")
-    remove_others({}, tmp_path)
-    assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["own.txt"]
-    (tmp_path / FOLDER / "own.txt").unlink()
-    remove_others({}, tmp_path)
-    remove_others({}, tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_names_that_no_file_may_have_make_files_of_their_own(tmp_path: Path) -> None:
-    out = write_fake_run(tmp_path / "run", ("a b", "a_b", "a.b"), seeds=1, size=4, with_diverged=False)
-    found = picture_data(read_records(out), budget=0)
-    assert found is not None
-    assert sorted(found.files) == [f"{FOLDER}/a_b.js", f"{FOLDER}/a_b_2.js", f"{FOLDER}/a_b_3.js"]
 
 
 def test_cells_whose_pictures_are_missing_are_named(out: Path, tmp_path: Path) -> None:

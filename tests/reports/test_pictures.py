@@ -8,11 +8,11 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from reports.error_maps import delta_e, smaller
-from reports.inline_png import data_uri, read, side_for
+from reports.error_maps import delta_e
+from reports.inline_png import read
 from reports.kept_pictures import kept
 from reports.load import read_records
-from reports.pictures import BUDGET_BYTES, seed_shown, views
+from reports.pictures import seed_shown, views
 from tests.reports.fake_run import write_fake_run
 
 BLACK, WHITE = np.zeros((2, 3, 3)), np.ones((2, 3, 3))
@@ -28,18 +28,6 @@ def test_equal_pictures_have_no_error():
 
 def test_black_to_white_is_a_hundred_in_ciede2000():
     assert delta_e(BLACK, WHITE) == pytest.approx(np.full((2, 3), 100.0), abs=0.01)
-
-
-def test_smaller_averages_whole_blocks():
-    picture = np.arange(16, dtype=float).reshape(4, 4, 1).repeat(3, -1)
-    assert smaller(picture, 2)[..., 0].tolist() == [[2.5, 4.5], [10.5, 12.5]]
-    assert smaller(picture, 4) is not picture
-    assert np.array_equal(smaller(picture, 9), picture)
-
-
-def test_a_data_uri_holds_the_picture():
-    picture = np.linspace(0, 1, 24).reshape(2, 4, 3)
-    assert pixels(data_uri(picture))[..., :3] == pytest.approx(picture, abs=0.5 / 255)
 
 
 def test_views_of_a_run(pictured):
@@ -89,12 +77,6 @@ def test_pictures_outside_of_the_records_are_not_read(tmp_path, path):
 def test_a_run_without_pictures_has_no_views(records):
     assert views(records) == []
     assert seed_shown(records, "chair") is None
-
-
-def test_many_pictures_are_made_smaller():
-    assert side_for(3, BUDGET_BYTES) == 400
-    assert side_for(8 * 4, BUDGET_BYTES) == 128
-    assert side_for(10**9, BUDGET_BYTES) == 64
 
 
 @pytest.mark.parametrize("path", ["../../secret.png", "/etc/passwd", "images"])

@@ -5,11 +5,9 @@ import math
 import pytest
 
 from harness.chart_record import Series
-from reports import palette
-from reports.figure import Panel, draw, power, svg
-from reports.pens import COLOURS, key, pens_of
-from reports.series_charts import MARKED, WIDE, charts, panel, pens_in, points
-from reports.wording import of_any_size
+from reports.figure import Panel, draw, svg
+from reports.pens import COLOURS, pens_of
+from reports.series_charts import charts, panel, pens_in, points
 
 
 def line(y, x=None, name="a", **more) -> Series:
@@ -37,14 +35,6 @@ def test_a_zero_on_a_logarithmic_axis_stands_at_its_foot_and_its_tick_says_zero(
     assert list(labels.values()).count("0") == 1
     assert min(labels) == made.zero_at
     assert charts([line([1e-3, 0.0])], 1, "t")[0].notes == ["▽ exactly 0, drawn at the foot of the axis"]
-
-
-def test_sixteen_decades_are_labelled_in_powers_of_ten():
-    axes = draw(drawn(line([10.0**-k for k in range(17)]))).axes[0]
-    labels = [axes.yaxis.get_major_formatter()(at) for at in axes.yaxis.get_majorticklocs()]
-    assert len(labels) > 5
-    assert all(label == "1" or label.startswith("10") for label in labels)
-    assert power(1e5) == "10⁵"
 
 
 @pytest.mark.parametrize("values", [[5e-324, 1.0, 3.0], [1e-320, 1e308], [-1.7e308, 0.0, 1.7e308], [1.7e308]])
@@ -85,20 +75,6 @@ def test_a_band_is_drawn_where_both_edges_are_known():
     assert band.y_high == (2.0, 4.0)
 
 
-def test_dense_lines_are_marked_here_and_there_and_sparse_ones_everywhere():
-    dense = drawn(line([1.0 + k for k in range(200)], [1.0 + k for k in range(200)]))
-    assert MARKED // 2 <= len(of_kind(dense, "mark")[0][0]) <= MARKED + 1
-    assert len(of_kind(dense, "line")[0][0]) == 200
-    assert len(of_kind(drawn(line([1.0] * 12)), "mark")[0][0]) == 12
-
-
-def test_many_lines_get_a_wide_chart():
-    many = [line([1.0, 2.0], name=str(n)) for n in range(8)]
-    assert drawn(*many).size == WIDE
-    assert drawn(*many[:3]).size != WIDE
-    assert [chart.wide for chart in charts(many, 1, "t")] == [True]
-
-
 def test_no_two_lines_of_a_chart_look_alike():
     pens = pens_of([str(n) for n in range(30)])
     assert len({(pen.colour, pen.marker, pen.hollow, pen.dash) for pen in pens.values()}) == 30
@@ -107,32 +83,6 @@ def test_no_two_lines_of_a_chart_look_alike():
     assert len({(pen.marker, pen.hollow) for pen in list(eight.values())[:7]}) == 7
 
 
-def test_with_more_names_than_colours_a_colour_comes_twice_only_in_different_charts():
-    panels = [[f"{panel}-{n}" for n in range(6)] + ["everywhere", "qnerf"] for panel in range(5)]
-    pens = pens_of(*panels)
-    assert len(pens) == 32
-    for names in panels:
-        assert len({pens[name].colour for name in names}) == len(names)
-    assert pens["qnerf"].colour == palette.KNOWN["qnerf"]
-    assert not any(pen.colour == palette.KNOWN["qnerf"] for name, pen in pens.items() if name != "qnerf")
-
-
-def test_the_key_shows_the_pen():
-    pens = pens_of(list("abcd"))
-    assert 'stroke-dasharray="10 4"' in key(pens["c"])
-    assert 'fill="var(--paper)"' in key(pens["b"])
-    assert "var(--nerf)" in key(pens["a"])
-
-
 def test_points_come_by_x_with_their_edges():
     found = points(line([3.0, 1.0], [2.0, 1.0], low=[2.5, 0.5], high=[3.5, None]))
     assert [(p.x, p.y, p.low, p.high) for p in found] == [(1.0, 1.0, 0.5, None), (2.0, 3.0, 2.5, 3.5)]
-
-
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [(1e30, "10³⁰"), (2.5e7, "2.50·10⁷"), (33424.0, "33\u202f424"), (8.0, "8"), (8.25, "8.25"), (0.05, "0.0500"),
-     (2.1e-7, "2.10·10⁻⁷"), (0.0, "0"), (None, "–"), (math.nan, "–"), (-2.5e9, "−2.50·10⁹"), (-2.0, "−2")],
-)  # fmt: skip
-def test_figures_of_any_size(value, said):
-    assert of_any_size(value) == said

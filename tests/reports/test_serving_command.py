@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from harness.serving_record import SERVING_FILE, read_serving
-from reports import serving_publish
 from reports.__main__ import main
 from reports.serving_load import find_serving
 from tests.reports.fake_run import write_fake_run
@@ -26,10 +25,6 @@ def run(tmp_path_factory):
 def out(run, tmp_path):
     """A run with everything beside it, to be changed."""
     return write_fake_serving(shutil.copytree(run, tmp_path / "run"))
-
-
-def test_without_it_there_is_none(tmp_path):
-    assert find_serving(tmp_path) is None
 
 
 def test_what_was_written_is_read(out):
@@ -166,11 +161,6 @@ def test_publishing_writes_the_record_without_pictures_and_curves_and_a_plot(out
     assert 5_000 < len(plot) < 300_000
     summary = json.loads((docs / "summary.json").read_text(encoding="utf-8"))
     assert summary["cache"]["width"] == 40
-
-
-def test_what_there_is_not_is_not_drawn(tmp_path):
-    nothing = fake_serving(cache=None, attention=None, first_frame=None)
-    assert serving_publish.write_published_serving(nothing, ["nerf"], tmp_path) == [tmp_path / SERVING_FILE]
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,8 @@ import json
 
 import pytest
 
-from harness.chart_record import Series
 from harness.speed_record import read_speed
 from reports.__main__ import main
-from reports.speed_publish import short
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_speed import fake_speed, write_fake_speed
 from tests.reports.test_command import BUILD, HEAVY, fresh
@@ -101,20 +99,6 @@ def test_publishing_a_run_with_speed_writes_all(tmp_path, out):
                                          "work_precision.png"]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("changes", "files"),
-    [
-        ({"series": []}, ["speed.json", "speed.png"]),
-        ({"series": [], "measurements": []}, ["speed.json"]),
-        ({"series": [Series("one", 3, "<b>$x$", "s", "dB", [2.0], [3.0])]}, ["speed.json", "speed.png"]),
-    ],
-)
-def test_what_there_is_to_draw_is_drawn(tmp_path, changes, files):
-    out = write_fake_speed(tmp_path / "speed", **changes)
-    assert main([str(out), "--publish", str(tmp_path / "docs")]) == 0
-    assert names(tmp_path / "docs") == files
-
-
 def test_a_quick_run_is_not_published(tmp_path, capsys):
     out = write_fake_speed(tmp_path / "speed", settings={"quick": True})
     assert main([str(out), "--publish", str(tmp_path / "docs")]) == 2
@@ -123,12 +107,6 @@ def test_a_quick_run_is_not_published(tmp_path, capsys):
     assert len(caught.err.splitlines()) == 1
     assert not (tmp_path / "docs").exists()
     assert main([str(out)]) == 0
-
-
-def test_titles_lose_what_all_share():
-    assert short(["PSNR against seconds, chair", "PSNR against seconds, lego"]) == ["chair", "lego"]
-    assert short(["one two"]) == ["one two"]
-    assert short(["a", "a"]) == ["a", "a"]
 
 
 @pytest.mark.thorough

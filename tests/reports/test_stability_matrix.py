@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from harness.json_record import DamagedRecord
-from harness.stability_record import STABILITY_FILE, Outcome, StabilityRecord, judged
+from harness.stability_record import STABILITY_FILE, Outcome, judged
 from reports.stability_load import find_stability
-from reports.stability_matrix import anchor, cell, groups
-from reports.stability_wording import headline, round_figure, sentences, shown, strain, told, tone_of, verdict, wanted
+from reports.stability_matrix import cell, groups
+from reports.stability_wording import headline, sentences, strain, tone_of, verdict
 from tests.reports.fake_stability import case, fake_stability, write_fake_stability
 
 
@@ -55,85 +55,12 @@ def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
     assert strain(lost) == math.inf
 
 
-def test_how_far_from_its_bar_a_figure_is():
-    assert strain(one(figure=2.0, bar=1.0)) == 2.0
-    assert strain(one(figure=0.5, bar=1.0, sense="at_least")) == 2.0
-    assert strain(one(figure=3.0, bar=0.0)) == 1.0
-    assert strain(one(figure=0.0, bar=0.0)) == 0.0
-    assert strain(one(figure=None, bar=None)) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (one(), "10⁻⁷"),
-        (one(figure=2.04e-7), "2.0·10⁻⁷"),
-        (one(figure=0.0), "0"),
-        (one(figure=33424.0, unit="steps"), "33\u202f424\u202fsteps"),
-        (one(figure=2.5e9), "2.5·10⁹"),
-        (one(figure=1e30), "10³⁰"),
-        (one(figure=-53.6), "−54"),
-        (one("fail", figure=1.002e-6), "1.002·10⁻⁶"),
-        (one("fail", figure=0.99897, bar=0.999, sense="at_least"), "0.99897"),
-        (one(figure=None), "pass"),
-        (one("fail", figure=None), "fails"),
-        (one("not_available", figure=None), "not here"),
-        (one("not_applicable", figure=None), "n/a"),
-    ],
-)
-def test_a_cell_says_the_figure_or_else_a_word(given, said):
-    assert shown(given) == said
-
-
-@pytest.mark.parametrize(
-    ("value", "said"),
-    [(1e-6, "10⁻⁶"), (1.2e-4, "1.2·10⁻⁴"), (0.999, "0.999"), (200.0, "200"), (0.0, "0"), (1e8, "10⁸"), (-3.5, "−3.5"),
-     (0.15, "0.15"), (-2e-5, "−2·10⁻⁵")],
-)  # fmt: skip
-def test_bars_have_no_digits_that_nobody_asked_for(value, said):
-    assert round_figure(value) == said
-
-
-def test_the_sense_of_a_bar():
-    assert wanted(one()) == "≤ 10⁻⁶"
-    assert wanted(one(sense="at_least", bar=0.999)) == "≥ 0.999"
-    assert wanted(one(bar=None)) == ""
-    assert told(one(what="error", why="x")) == "a (ours): passes, 10⁻⁷ (wanted ≤ 10⁻⁶), error; x"
-
-
-def test_columns_are_what_recurs_ours_first_and_the_rest_stands_beside():
-    q = next(group for group in groups(fake_stability()) if group.title == "Quadrature and sampling")
-    assert [subject for subject, _ in q.subjects] == ["midpoint", "linear_in_tau", "harness", "listing4", "log_space"]
-    assert dict(q.subjects)["listing4"] == "paper"
-    row = q.rows[0]
-    assert [found.tone if found else None for found in row.cells] == ["passes", "passes", "passes", "property",
-                                                                      "property"]  # fmt: skip
-    assert [found.subject for found in row.others] == ["running_product"]
-    assert q.rows[3].cells[0] is None
-
-
 def test_no_outcome_is_lost_in_the_matrix():
     record = fake_stability()
     for case_of, row in zip(record.cases, [row for group in groups(record) for row in group.rows], strict=True):
         told_of = [found.title for found in [*row.cells, *row.others] if found]
         assert sum(len(title.split("\n")) for title in told_of) == len(case_of.outcomes)
         assert row.failed == (case_of.info.id == "A2")
-
-
-def test_too_many_subjects_do_not_become_columns():
-    many = [Outcome(name, f"s{n}", "ours", "pass", 1.0) for name in ("Q1", "Q2") for n in range(20)]
-    cases = [case(name, name, "", *[o for o in many if o.case == name]) for name in ("Q1", "Q2")]
-    group = groups(StabilityRecord({}, {}, cases))[0]
-    assert len(group.subjects) == 9
-    assert [len(row.others) for row in group.rows] == [11, 11]
-
-
-def test_anchors_are_readable_and_unique():
-    names = ["Q1", "Q 1", "Q-1", "<b>", "é"]
-    found = [anchor(case(name, "", "")) for name in names]
-    assert found[0] == "case-Q1"
-    assert len(set(found)) == 5
-    assert all(name.isascii() and " " not in name and "<" not in name for name in found)
 
 
 def test_the_headline_counts_ours_alone():

@@ -7,14 +7,11 @@ import pytest
 from harness.records import Comparison, LeftOut
 from reports.grid import Entry
 from reports.load import Records, read_records
-from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.metrics_table import metrics_grid
 from reports.properties import (
     failures_grid,
     left_out_grid,
-    parameters_grid,
     properties_grid,
-    warning_kinds,
-    warnings_grid,
 )
 from reports.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
 from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
@@ -34,31 +31,6 @@ def test_an_average_stands_on_scenes_that_every_method_finished(tmp_path):
     frame = cells_frame(read_records(out))
     assert shared_scenes(frame, "psnr") == ["chair"]
     assert average_of(frame, "qnerf", "psnr", ["chair"]).sd is None
-
-
-def test_psnr_table(records: Records):
-    grid = scores_grid(records)
-    assert [column.label for column in grid.columns] == [
-        "scene",
-        "floor",
-        "nerf",
-        "nerf_matched",
-        "qnerf",
-        "ceiling",
-        "NeRF",
-        "Q-NeRF",
-    ]
-    assert grid.rows[1] == [
-        Entry("drums"),
-        Entry("15.4", tone="muted"),
-        Entry("23.82 ± 0.03", "train 24.92"),
-        Entry("24.60 ± 0.10", "train 25.70"),
-        Entry("24.62 ± 0.04", "train 25.72\n1 of 3 diverged", "failed"),
-        Entry("38.5", tone="muted"),
-        Entry("25.0", tone="muted"),
-        Entry("26.2", tone="muted"),
-    ]
-    assert [entry.text for entry in grid.totals[0]][:3] == ["mean", "15.2", "23.35 ± 0.01"]
 
 
 def test_a_method_that_never_finished_has_no_number(tmp_path):
@@ -114,18 +86,6 @@ def test_a_score_that_no_cell_has_is_no_column(tmp_path):
     assert labels == ["scene", "method", "PSNR ↑", "SSIM ↑", "FLIP ↓", "ΔE₀₀ ↓", "linear RMSE ↓", "opacity IoU ↑"]
 
 
-def test_weights_beside_table_1(records: Records):
-    grid = parameters_grid(records)
-    assert [entry.text for entry in grid.rows[0]] == [
-        "density MLP",
-        *["21\u202f000"] * 3,
-        "1\u202f300\u202f000",
-        "493\u202f056",
-    ]
-    assert grid.totals[0][0].text == "total"
-    assert grid.totals[0][3].text == "24\u202f967"
-
-
 def test_properties_show_mean_and_range(tmp_path):
     def other_chunks(cell):
         value = 0.01 * (1 + cell.seed) if cell.method == "qnerf" else 0.0
@@ -141,26 +101,6 @@ def test_properties_show_mean_and_range(tmp_path):
     assert grid.rows[1][1] == Entry("per call")
 
 
-def test_warnings_of_the_same_words_share_a_row(tmp_path):
-    out = write_fake_run(
-        tmp_path / "run",
-        ("chair",),
-        pictures=False,
-        change_cell=lambda cell: replace(cell, warnings=["empty collapse"]),
-    )
-    rows = warnings_grid(read_records(out)).rows
-    assert [entry.text for entry in rows[0]] == ["chair", "nerf", "0, 1 and 2", "empty collapse"]
-    assert len(rows) == 3
-
-
-def test_kinds_of_warnings_are_counted_by_cells(tmp_path):
-    def warned(cell):
-        return replace(cell, warnings=["billboard: 20 dB", "billboard: 21 dB", "empty collapse"][: cell.seed + 1])
-
-    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, change_cell=warned)
-    assert warning_kinds(read_records(out)) == [("billboard", 9), ("empty collapse", 3)]
-
-
 def test_columns_that_no_scene_fills_are_left_out(tmp_path):
     def unmeasured(run):
         scenes = [replace(one, left_out=[LeftOut("volumetric integrator", "no medium")]) for one in run.scenes]
@@ -169,18 +109,6 @@ def test_columns_that_no_scene_fills_are_left_out(tmp_path):
     out = write_fake_run(tmp_path / "run", pictures=False, change=unmeasured)
     grid = left_out_grid(read_records(out))
     assert [column.label for column in grid.columns] == ["scene", "left out", "because"]
-
-
-def test_left_out_says_what_it_saved_and_changed(records: Records):
-    (row,) = left_out_grid(records).rows
-    assert [entry.text for entry in row] == [
-        "drums",
-        "view-direction branch",
-        "every surface is Lambertian",
-        "1.2 s",
-        "−0.010",
-    ]
-    assert row[4].small == "[−0.080, +0.060]"
 
 
 def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
@@ -205,10 +133,6 @@ def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
     assert texts[1][1][0] == "6.40·10⁻⁵ of a colour"
     assert texts[1][3] == ("within its bound", "", "equivalent")
     assert [text for text, _, _ in texts[2]] == ["–", "–", "–", "–"]
-
-
-def test_every_comparison_is_listed(records: Records):
-    assert len(comparisons_grid(records).rows) == len(records.comparisons) == 18
 
 
 @pytest.mark.parametrize(("mean", "ceiling", "limited"), [(37.5, 38.0, True), (36.9, 38.0, False), (37.5, None, False)])

@@ -8,10 +8,10 @@ import pytest
 from harness.records import Checkpoint
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
-from reports.figure import Panel, Trace, draw, svg, tick, with_common_limits
-from reports.histograms import FOOT, amplifier_over_time, axis_of, density_histograms
+from reports.figure import Panel, Trace, svg
+from reports.histograms import density_histograms
 from reports.load import Records, read_records
-from reports.palette import KNOWN, MUTED
+from reports.palette import KNOWN
 from tests.reports.fake_run import write_fake_run
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
@@ -60,12 +60,6 @@ def test_all_scenes_come_first_where_there_are_several(records: Records):
     assert [panel.title for panel in convergence(records, "step")] == ["all scenes (mean)", "chair", "drums"]
 
 
-def test_levels_are_drawn_where_they_are_near_alone(tmp_path):
-    (panel,) = convergence(simple(tmp_path), "step")
-    assert [trace.label for trace in panel.traces if trace.kind == "floor"] == ["floor"]
-    assert panel.traces[-1] == Trace("floor", MUTED.light, "floor", (10.0, 20.0), (15.0, 15.0))
-
-
 def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path):
     out = write_fake_run(
         tmp_path / "run",
@@ -76,33 +70,6 @@ def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path)
     )
     (panel,) = convergence(read_records(out), "step")
     assert {trace.label.split()[0] for trace in panel.traces} == {"nerf", "nerf_matched"}
-
-
-def test_scores_that_are_missing_are_skipped(tmp_path):
-    def holes(cell):
-        return replace(cell, curve=[replace(point, psnr=None) for point in cell.curve[:1]] + cell.curve[1:])
-
-    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False, change_cell=holes)
-    (panel,) = convergence(read_records(out), "step")
-    assert panel.traces[0].x[0] == 100.0
-
-
-def test_histograms_of_methods_with_an_amplifier(tmp_path):
-    def small_bins(cell):
-        density = {"edges": [0.0, 0.5, 1.0], "before": [0.75, 0.25], "after": [1.0, 0.0]}
-        shown = density if cell.method == "qnerf" else {**density, "after": density["before"]}
-        return replace(cell, curve=[replace(cell.curve[0], density=shown)])
-
-    out = write_fake_run(tmp_path / "run", ("chair",), pictures=False, with_diverged=False, change_cell=small_bins)
-    (panel,) = density_histograms(read_records(out))
-    assert panel.title == "chair: step 50, 3 seeds"
-    assert panel.x_scale == "linear"
-    assert panel.traces == (
-        Trace("before the amplifier", MUTED.light, "bins", (0.0, 0.5), (0.75, 0.25), (0.5, 1.0)),
-        Trace("after the amplifier", ORANGE, "bins", (0.0, 0.5), (1.0, 0.0), (0.5, 1.0)),
-    )
-    assert panel.alt.endswith("Mean about 0.375 before and 0.25 after.")
-    assert [list(one.get_data().values) for one in draw(panel).axes[0].patches] == [[0.75, 0.25], [1.0, FOOT]]
 
 
 def test_a_mean_histogram_is_of_finished_runs_at_one_step(tmp_path):
@@ -129,20 +96,6 @@ def test_a_mean_histogram_of_unfinished_runs_says_so(tmp_path):
     assert panel.title == "chair: step 400, 1 unfinished seed"
 
 
-def test_axes_of_histograms():
-    assert axis_of([0.0, 1.0, 2.0]) == ("linear", 1.0)
-    assert axis_of([0.01, 0.1, 1.0]) == ("log", 1.0)
-    assert axis_of([0.0, 0.01, 1.0]) == ("symlog", 0.01)
-
-
-def test_amplifier_over_time(records: Records):
-    alpha, beta = amplifier_over_time(records)
-    assert alpha.title == "α over training"
-    assert alpha.traces[0].x == (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
-    assert alpha.traces[0].y[-1] == 0.778
-    assert beta.traces[-1].y == (1.0, 1.0)
-
-
 def test_differences_with_intervals_and_printed_values(whole: Records):
     first, *others = difference_panels(whole)
     assert first.title == "qnerf − nerf at equal steps"
@@ -152,20 +105,6 @@ def test_differences_with_intervals_and_printed_values(whole: Records):
     assert dots.x == tuple(whole.comparison(scene, "qnerf", "nerf").difference for scene in first.rows)
     assert [round(value, 1) for value in printed.x] == [1.4, 1.2, 1.3]
     assert len(others) == 3
-
-
-def test_common_limits_hold_every_panel():
-    panels = [
-        Panel(t, "x", "y", (Trace("", BLUE, "line", (1.0, high), (0.0, 1.0)),), "")
-        for t, high in (("a", 2.0), ("b", 5.0))
-    ]
-    assert [panel.x_limits for panel in with_common_limits(panels)] == [(0.8, 5.2)] * 2
-
-
-def test_ticks():
-    assert [tick(v) for v in (0.05, 20.0, 5000.0, 2e6, 3e12, -0.6, 1e-5, 0.001, 0.0)] == [
-        "0.05", "20", "5k", "2M", "3T", "−0.6", "10⁻⁵", "0.001", "0",
-    ]  # fmt: skip
 
 
 def test_svg_is_fit_for_a_page_with_others():

@@ -1,31 +1,25 @@
 """Work–precision diagrams: every seed, geometric means, a band both ways, what ended early, a choice without script."""
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from harness import flops
 from harness.records import Checkpoint
-from reports.figure import Panel, Trace, draw
 from reports.load import Records, read_records
 from reports.palette import INK, KNOWN
 from reports.work_precision import (
     FORWARD_AND_BACKWARD,
-    Middle,
     Point,
     diagrams,
     hull,
     middle_of,
     noise_floors,
-    outline,
     over_scenes,
     traces_of,
 )
-from reports.work_view import work
 from tests.reports.fake_run import write_fake_run
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
@@ -61,15 +55,6 @@ def test_every_error_is_drawn_against_every_cost(tmp_path):
         for cost in ("seconds", "rays", "evaluations", "flops")
     ]
     assert {(panel.x_scale, panel.y_scale) for one in found for panel in one.panels} == {("log", "log")}
-
-
-def test_what_older_runs_did_not_record_is_left_out(tmp_path):
-    def old(cell):
-        curve = [replace(point, flip=None, depth_rmse=None) for point in full(cell).curve]
-        return replace(cell, curve=curve)
-
-    found = [(one.measure.name, one.cost.name) for one in diagrams(simple(tmp_path, old))]
-    assert found == [(measure, cost) for measure in ("rmse", "dssim") for cost in ("seconds", "evaluations")]
 
 
 @pytest.mark.parametrize(
@@ -156,16 +141,6 @@ def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
     assert diagrams(simple(tmp_path, perfect)) == []
 
 
-def test_a_method_without_evaluations_is_named(tmp_path):
-    def voxels(cell):
-        return replace(full(cell), curve=[replace(point, network_evaluations=0) for point in full(cell).curve]) \
-            if cell.method == "qnerf" else full(cell)  # fmt: skip
-
-    assert diagram(simple(tmp_path, voxels, with_diverged=False), "rmse", "evaluations").notes == [
-        ["not known of qnerf"]
-    ]
-
-
 def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floors = noise_floors(records)
     assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
@@ -177,15 +152,6 @@ def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     )
     assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
     assert not any(one.kind == "floor" for one in diagram(records, "dssim", "seconds").panels[1].traces)
-
-
-def test_a_floor_far_below_is_said_instead_of_drawn(tmp_path):
-    def clean(cell):
-        return replace(full(cell), scores=cell.scores | {"psnr_ceiling": 80.0})
-
-    made = diagram(simple(tmp_path, clean, with_diverged=False), "rmse", "seconds")
-    assert not any(one.kind == "floor" for one in made.panels[0].traces)
-    assert made.notes[0][0].startswith("noise of the ground truth: ")
 
 
 def test_hulls_against_slow_reference():
@@ -200,52 +166,3 @@ def test_hulls_against_slow_reference():
     area = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, found[1:] + found[:1], strict=True)) / 2
     assert area > 0, "anticlockwise"
     assert hull([(0.0, 0.0)] * 4) == [(0.0, 0.0)]
-
-
-def test_a_band_holds_every_rectangle_between_two_checkpoints():
-    x, y = outline([Middle(1.0, 1.0, 2.0, 3.0), Middle(10.0, 0.1, 2.0, 3.0)])
-    assert (min(x), max(x)) == (pytest.approx(0.5), pytest.approx(20.0))
-    assert (min(y), max(y)) == (pytest.approx(0.1 / 3), pytest.approx(3.0))
-    x, _ = outline([Middle(1.0, 1.0, 2.0, 3.0), Middle(10.0, 0.1, 2.0, 3.0), Middle(100.0, 0.1, 2.0, 3.0)])
-    assert sum(map(math.isnan, x)) == 1, "two polygons"
-    assert len(outline([Middle(1.0, 1.0, 2.0, 3.0)])[0]) == 4
-
-
-def test_overlapping_parts_of_a_band_are_filled_once():
-    area = Trace("spread", BLUE, "area", (0.0, 2.0, 2.0, 0.0, math.nan, 1.0, 3.0, 3.0, 1.0),
-                 (0.0, 0.0, 1.0, 1.0, math.nan, 0.0, 0.0, 1.0, 1.0))  # fmt: skip
-    figure = draw(Panel("t", "x", "y", (area,), "", x_limits=(-1.0, 4.0), y_limits=(-1.0, 2.0)))
-    figure.patch.set_visible(True)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    picture = np.asarray(canvas.buffer_rgba())[::-1]
-    places = figure.axes[0].transData.transform([(0.3, 0.3), (1.6, 0.3), (2.7, 0.3), (3.6, 0.3)]).astype(int)
-    first, both, second, beside = (tuple(map(int, picture[y, x])) for x, y in places)
-    assert first == both == second != beside
-
-
-def test_the_reader_chooses_without_a_script(tmp_path):
-    shown = work(simple(tmp_path))
-    assert shown is not None
-    assert [one.name for one in shown.measures] == ["rmse", "dssim", "flip", "depth"]
-    assert len(shown.choices) == 16
-    rules = re.findall(
-        r'value="(\w+)"\]:checked\):has\(\[name=cost\]\[value="(\w+)"\]:checked\) \.([\w-]+)', str(shown.rules)
-    )
-    assert [name for *_, name in rules] == [f"{measure}-{cost}" for measure, cost, _ in rules]
-
-
-def test_a_choice_that_was_not_recorded_says_so(tmp_path):
-    def partly(cell):
-        """Depth where the number of rays is not known."""
-        known = full(cell)
-        without = [replace(point, depth_rmse=None) for point in known.curve]
-        return replace(known, curve=without) if cell.method == "nerf" else replace(known, properties=cell.properties)
-
-    shown = work(simple(tmp_path, partly))
-    assert shown is not None
-    assert '[value="depth"]:checked):has([name=cost][value="rays"]:checked) .unknown' in str(shown.rules)
-
-
-def test_a_run_without_curves_has_no_diagrams(tmp_path):
-    assert work(simple(tmp_path, lambda cell: replace(cell, curve=[]))) is None

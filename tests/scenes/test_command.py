@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from scenes.__main__ import main
-from scenes.images import read_image
 
 
 @pytest.mark.parametrize(
@@ -37,27 +36,6 @@ def test_bad_usage_is_exit_code_2(arguments: list[str], capsys: pytest.CaptureFi
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
-
-
-def test_a_sheet_is_drawn(tmp_path: Path) -> None:
-    out = tmp_path / "sheet.png"
-    arguments = [
-        "sheet",
-        str(out),
-        "materials",
-        "hotdog",
-        "--resolution",
-        "32",
-        "--spp",
-        "4",
-        "--variant",
-        "scalar_rgb",
-    ]
-    assert main(arguments) == 0
-    pixels = read_image(out)[..., :3]
-    assert pixels.shape == (62, 64, 3)
-    assert pixels.min() < 0.3
-    assert pixels[0, 0].tolist() == [1, 1, 1]
 
 
 def test_ctrl_c_is_one_line_and_exit_code_130(

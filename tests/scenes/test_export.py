@@ -13,9 +13,8 @@ from scenes.export import export
 from scenes.images import read_image, write_png
 from scenes.nerfstudio import write_nerfstudio
 from scenes.source import Region
-from scenes.transforms import write_transforms
 from scenes.view_set import read_view_set
-from scenes.viewpoints import FOV_X_RADIANS, all_poses
+from scenes.viewpoints import all_poses
 from tests.harness.ball import write_ball
 from tests.scenes.captures import as_load_blender, capture
 
@@ -163,10 +162,3 @@ def test_instant_ngp_s_box_holds_everything(tmp_path: Path) -> None:
         region = Region((-reach, -1, -1, 1, 1, 1), 1.0, 2.0)
         write_nerfstudio(tmp_path / "t.json", {"train": (["a"], np.eye(4)[None])}, (4, 4), 3.0, region)
         assert json.loads((tmp_path / "t.json").read_text())["aabb_scale"] == scale
-
-
-def test_a_blender_folder_keeps_the_habit_of_the_field(tmp_path: Path, ball: Path) -> None:
-    (ball / "transforms.json").write_text("{}")  # anything: the Blender files come first
-    assert read_view_set(ball).bounds.tolist() == [[-1.5] * 3, [1.5] * 3]
-    write_transforms(ball / "transforms_test.json", FOV_X_RADIANS, ["./test/r_0"], all_poses("test")[:1])
-    assert read_view_set(ball).near == 2.0

@@ -44,17 +44,6 @@ def test_what_is_read_can_be_changed_without_changing_the_file(tmp_path: Path) -
     assert np.array_equal(stack[2], images()[2])
 
 
-def test_an_array_that_is_laid_out_otherwise(tmp_path: Path) -> None:
-    turned = images().transpose(0, 2, 1, 3)[:, ::-1]
-    assert np.array_equal(np.stack(list(ImageStack.of(turned, tmp_path))), turned)
-
-
-def test_an_empty_stack_needs_no_file() -> None:
-    stack = ImageStack((6, 7, 4), Path("/nowhere"))
-    assert stack.shape == (0, 6, 7, 4)
-    assert list(stack) == []
-
-
 def test_an_image_of_another_size_is_refused(tmp_path: Path) -> None:
     stack = ImageStack.of(images(), tmp_path)
     with pytest.raises(ValueError, match="among"):

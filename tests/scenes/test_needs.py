@@ -1,10 +1,9 @@
 import json
-import math
 
 import numpy as np
 import pytest
 
-from scenes.needs import PARTS, as_rows, forced, left_out, needs, needs_from_rows, useful_bands
+from scenes.needs import as_rows, needs, needs_from_rows
 from scenes.scene import Description
 
 DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
@@ -97,14 +96,6 @@ def test_a_medium_that_fills_the_box_leaves_no_space_empty() -> None:
     assert not needs(scene_of(DIFFUSE), BOX)["empty_space"].needed
 
 
-@pytest.mark.parametrize(("size", "needed"), [(1.0, False), (0.02, False), (90.0, False), (1e-3, True), (1e4, True)])
-def test_scale(size: float, needed: bool) -> None:
-    assert needs(scene_of(DIFFUSE), size * BOX)["scale_checks"].needed == needed
-    assert needs(scene_of(DIFFUSE), BOX + 1e3)["scale_checks"].needed
-    # rendered at unit scale, described at another
-    assert needs(scene_of(DIFFUSE), BOX, described=size * BOX)["scale_checks"].needed == needed
-
-
 @pytest.mark.parametrize(
     ("lights", "needed"),
     [
@@ -126,47 +117,8 @@ def test_bright_over_median_light(lights: list[Description], needed: bool) -> No
     assert needs(description)["hdr_metrics"].needed == needed
 
 
-@pytest.mark.parametrize(("cycles", "base", "bands"), [(50.0, 2.0, 6), (64.0, 2.0, 6), (65.0, 2.0, 7), (0.2, 2.0, 1)])
-def test_useful_bands(cycles: float, base: float, bands: int) -> None:
-    """The last band of L = ceil(log_b(cycles)) reaches at least half of the cycles, and one less would not."""
-    assert useful_bands(cycles, base) == bands
-    assert useful_bands(76.0, (1 + math.sqrt(5)) / 2) == 9
-
-
-def test_bands_are_named_but_kept_as_they_are_what_is_compared() -> None:
-    found = needs(scene_of(DIFFUSE), BOX, pixel=0.02)
-    assert "50 cycles" in found["high_bands"].reason
-    assert not found["high_bands"].needed
-    assert "high_bands" not in {row["name"] for row in left_out(found)}
-    assert "high_bands" not in needs(scene_of(DIFFUSE), BOX)
-
-
-def test_left_out_names_what_and_why_and_within_what() -> None:
-    rows = left_out(needs(scene_of(DIFFUSE), BOX, 0.02))
-    assert {row["what"] for row in rows} == {
-        "samples outside the box", "samples in empty space", "view-direction branch", "volumetric integrator",
-        "background model", "samples behind opaque matter", "normalising the scale",
-    }  # fmt: skip
-    assert all(row["reason"] for row in rows)
-    assert all(row["bound"] >= 0 and row["unit"] in ("dB", "colour") for row in rows)
-    shiny = left_out(needs(scene_of({"type": "conductor"}), BOX))
-    assert "view-direction branch" not in {row["what"] for row in shiny}
-
-
 def test_a_manifest_keeps_them() -> None:
     found = needs(fog(50.0), BOX, 0.02)
     assert needs_from_rows(json.loads(json.dumps(as_rows(found)))) == found
     assert needs_from_rows({"view_direction": True}) == {}
     assert needs_from_rows(None) == {}
-
-
-def test_a_user_has_the_last_word() -> None:
-    found = needs(scene_of(DIFFUSE), BOX)
-    changed = forced(found, ("view_direction",), ("fine_pass", "high_bands"))
-    assert changed["view_direction"].needed
-    assert "--need" in changed["view_direction"].reason
-    assert not changed["fine_pass"].needed
-    assert "--no-need" in changed["fine_pass"].reason
-    assert changed["outside_box"] == found["outside_box"]
-    assert list(changed) == list(PARTS)
-    assert forced({}, ("view_direction",), ())["view_direction"].needed

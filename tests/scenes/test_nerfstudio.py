@@ -136,13 +136,6 @@ def test_a_region_that_is_none(region: tuple[Any, Any, Any]) -> None:
         Region(*region)
 
 
-def test_instant_ngp_writes_an_angle_and_no_names(tmp_path: Path) -> None:
-    folder = capture(tmp_path / "fox", 10, all_poses("train")[:10], aabb_scale=4, scale=0.33, offset=[0.5, 0.5, 0.5])
-    edit(folder, lambda data: [data.pop(key) for key in ("fl_x", "fl_y", "camera_model")])
-    edit(folder, lambda data: data.update(camera_angle_x=2 * math.atan(16 / 40)))
-    assert read_view_set(folder).focal == pytest.approx(20.0, rel=1e-12)
-
-
 def test_intrinsics_a_frame_and_val_for_test(tmp_path: Path) -> None:
     def move(data: dict[str, Any]) -> None:
         names = sorted(frame["file_path"] for frame in data["frames"])
@@ -198,11 +191,3 @@ def test_what_cannot_be_trusted_is_refused(studio: Path, change: Edit, said: str
         read_view_set(edit(studio, change))
     assert str(studio) in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_another_lens_in_one_frame(tmp_path: Path) -> None:
-    folder = capture(tmp_path / "a", 10, all_poses("train")[:10])
-    edit(folder, lambda data: [frame.update(fl_x=20.0, fl_y=20.0) for frame in data["frames"]])
-    edit(folder, lambda data: (data.pop("fl_x"), data.pop("fl_y"), data["frames"][3].update(fl_x=20.1, fl_y=20.1)))
-    with pytest.raises(InputError, match="frame 3 has another focal length"):
-        read_view_set(folder)

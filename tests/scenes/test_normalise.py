@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import render
 from scenes.errors import InputError
 from scenes.normalise import Similarity, box_of, centred, check_scale, normalised, to_unit
 from scenes.render import LoadedScene
@@ -15,7 +14,6 @@ from scenes.scene import Description, Scene
 from scenes.stress import fog
 from scenes.stress.scales import TINY, described, unit
 from scenes.variant import Variant
-from scenes.viewpoints import poses_on_sphere
 
 TURN = np.array([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -107,16 +105,3 @@ def test_rendering_as_it_is_is_refused(scalar: Variant) -> None:
         with pytest.raises(InputError, match=r"units long.*normalise"):
             LoadedScene(described(change), scalar, 4, 4, 4)
     check_scale(np.array([[-1.0] * 3, [1.0] * 3]))
-
-
-def test_rendered_as_it_is_a_tiny_scene_is_too_bright(scalar: Variant, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The reason for normalising: Mitsuba's shadow rays start too far away to meet what is close by."""
-    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))[0]
-    near = pose.copy()
-    near[:3, 3] *= TINY.scale
-    sound = LoadedScene(unit(), scalar, 6, 12, 12)
-    raw = LoadedScene(described(TINY), scalar, 6, 12, 12, any_scale=True)
-    right = [sound.colour(pose, 64, seed)[..., :3].mean() for seed in range(3)]
-    monkeypatch.setattr(render, "NEAR_CLIP", render.NEAR_CLIP * TINY.scale)
-    bright = [raw.colour(near, 64, seed)[..., :3].mean() for seed in range(3)]
-    assert np.mean(bright) / np.mean(right) > 1.02

@@ -11,15 +11,12 @@ import pytest
 from scenes.__main__ import main
 from scenes.catalog import CATALOG
 from scenes.errors import InputError
-from scenes.mitsuba_xml import cautious, notes, xml_scene
-from scenes.needs import needs
 from scenes.order import Order
 from scenes.placement import VISIBLE_RADIUS, upright
 from scenes.scene_file import mistakes_in, name_of_file, scene_from_file
 from scenes.store import checked_order, ensure_view_set
 from scenes.view_set import read_view_set
-from scenes.viewpoints import FOV_X_RADIANS, RADIUS, all_poses
-from tests.harness.ball import write_ball
+from scenes.viewpoints import FOV_X_RADIANS, all_poses
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 BALL = """<scene version="3.0.0">
@@ -48,18 +45,6 @@ def test_names_are_fit_for_records_and_never_of_the_catalogue() -> None:
     assert all(name_of_file(Path(f"{name}.py")) not in CATALOG for name in CATALOG)
 
 
-def test_the_trust_that_is_given_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "Python code: it runs with your rights" in " ".join(notes(scene_from_file(EXAMPLES / "my_scene.py")))
-    said = " ".join(notes(scene_from_file(EXAMPLES / "my_scene.xml")))
-    assert "reads every file that it names" in said
-    assert "y up" in said
-    from harness.__main__ import parser
-
-    with pytest.raises(SystemExit):
-        parser().parse_args(["run", "--help"])
-    assert "rights" in capsys.readouterr().out
-
-
 # --- what is known of an XML file without Mitsuba
 
 
@@ -80,25 +65,6 @@ def test_the_digest_follows_the_file_and_what_it_names(tmp_path: Path) -> None:
     digests.append(order_of(file).digest("scalar_rgb"))
     assert len(set(digests)) == 4
     assert "part" in " ".join(scene_from_file(file).build()["file"])
-
-
-def test_needs_follow_the_kinds_of_parts_and_are_cautious(tmp_path: Path) -> None:
-    bounds = np.array([[-1.0] * 3, [1.0] * 3])
-
-    def found(text: str) -> dict[str, bool]:
-        description = xml_scene(written(tmp_path, text), "mine").build()
-        return {name: need.needed for name, need in cautious(needs(description, bounds, 0.01)).items()}
-
-    plain = found(BALL)
-    assert not plain["view_direction"]
-    assert not plain["participating_media"]
-    assert plain["hdr_metrics"]
-    assert plain["depth_metric"]
-    assert found(BALL.replace('"diffuse"', '"plastic"'))["view_direction"]
-    assert found(BALL.replace('"diffuse"', '"of-tomorrow"'))["view_direction"]
-    foggy = found(BALL.replace("<bsdf", '<medium type="homogeneous" name="interior"/><bsdf'))
-    for name in ("participating_media", "view_direction", "empty_space", "behind_opaque", "fine_pass"):
-        assert foggy[name], name
 
 
 @pytest.mark.parametrize(
@@ -286,43 +252,3 @@ def test_what_mitsuba_refuses_is_one_line(name: str, tmp_path: Path, capfd: pyte
     assert str(file) in err
     assert "\n" not in err
     assert list((tmp_path / "cache").iterdir()) == []
-
-
-def harness_plan(*arguments: str) -> None:
-    from harness.__main__ import _planned, parser
-
-    _planned(parser().parse_args(["run", "--device", "cpu", *arguments]))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--scene-file", "none.xml"], "no such file"),
-        (["--scene-file", "none.blend"], "Mitsuba scene"),
-        (["--scene-file", str(EXAMPLES / "my_scene.py"), "--scenes", "lego"], "excludes"),
-        (["--scene-file", str(EXAMPLES / "my_scene.py"), "--view-set", "x"], "excludes"),
-        (["--near", "1"], "only for --view-set"),
-        (["--view-set", "x", "--near", "3", "--far", "2"], "near 3.0 and far 2.0"),
-        (["--view-set", "x", "--bounds", "0", "0", "0", "1", "1", "nan"], "bounds"),
-    ],
-)
-def test_options_that_do_not_go_together(arguments: list[str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        harness_plan(*arguments)
-
-
-def test_a_plan_says_what_it_depends_on(tmp_path: Path) -> None:
-    from harness.plan import planned
-    from scenes.source import Region
-
-    plain = planned("smoke").settings()
-    assert "scene_file" not in plain
-    assert "region" not in plain["views"]
-    own = planned("smoke", scene_file=EXAMPLES / "my_scene.xml")
-    assert own.scenes == ("my_scene",)
-    assert own.scene_file_digest is not None
-    assert own.settings()["scene_file_digest"] == own.scene_file_digest
-    region = Region((0, 0, 0, 1, 1, 1), 0.5, 9.0)
-    far = planned("smoke", view_set=write_ball(tmp_path / "ball"), region=region).settings()["views"]["region"]
-    assert far == {"bounds": (0, 0, 0, 1, 1, 1), "near": 0.5, "far": 9.0}
-    assert RADIUS > VISIBLE_RADIUS + 2.0

@@ -87,22 +87,6 @@ runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)
     assert said.startswith(LATE)
 
 
-def test_the_second_signal_ends_it_at_once() -> None:
-    with python(f"s.stop_on_signals(); SAID = 'ready'\n{LONG}", in_order=1e6) as (process, _):
-        process.send_signal(signal.SIGINT)
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=60)
-    assert process.returncode == STOPPED
-
-
-def test_what_ends_in_time_ends_in_its_own_words() -> None:
-    stop = "try:\n print('ready', flush=True)\n time.sleep(1000)\nexcept KeyboardInterrupt:\n print('mine')"
-    with python(f"import time; s.stop_on_signals()\n{stop}", in_order=1e6) as (process, _):
-        process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60) == ("mine\n", "")
-    assert process.returncode == 0
-
-
 @pytest.mark.skipif(not Path(f"/proc/self/task/{os.getpid()}/children").exists(), reason="children are not told here")
 def test_what_was_started_does_not_outlive_it() -> None:
     sleeper = "import subprocess; s.stop_on_signals(); SAID = subprocess.Popen(['sleep', '1000']).pid"

@@ -145,11 +145,6 @@ def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: 
     assert not (tmp_path / "cache").exists()
 
 
-def test_unknown_scenes_are_listed() -> None:
-    with pytest.raises(InputError, match=r"'teapot'.*lego"):
-        checked_order("teapot", 8, {}, {})
-
-
 @pytest.mark.parametrize(
     ("number", "said"),
     [

@@ -21,13 +21,6 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         answer.cache_clear()
 
 
-def libraries(folder: Path, *names: str) -> tuple[str, ...]:
-    for name in names:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"")
-    return tuple(sorted({str((folder / name).parent) for name in names}))
-
-
 @pytest.mark.parametrize(
     ("path", "version"),
     [
@@ -46,39 +39,6 @@ def test_the_version_is_read_from_the_path(path: str, version: int | None) -> No
     assert variant.llvm_version(Path("/somewhere") / path) == version
 
 
-def test_a_link_is_followed_for_the_version(tmp_path: Path) -> None:
-    libraries(tmp_path, "libLLVM-14.so.1")
-    (tmp_path / "libLLVM.so").symlink_to("libLLVM-14.so.1")
-    assert variant.llvm_version(tmp_path / "libLLVM.so") == 14
-    assert variant.llvm_libraries((str(tmp_path),)) == []
-
-
-def test_newest_first_and_nothing_below_16(tmp_path: Path) -> None:
-    folders = libraries(
-        tmp_path, "libLLVM-14.so.1", "libLLVM-15.so.1", "libLLVM-17.so.1", "libLLVM.so.19.1", "libLLVM-16.so.1",
-        "llvm-18/lib/libLLVM.so", "libLLVM-19.a", "libLLVMCore.so",
-    )  # fmt: skip
-    found = [path.relative_to(tmp_path).as_posix() for path in variant.llvm_libraries((*folders, "/no/such/folder"))]
-    assert found == ["libLLVM.so.19.1", "llvm-18/lib/libLLVM.so", "libLLVM-17.so.1", "libLLVM-16.so.1"]
-
-
-def test_the_users_library_comes_first_unless_it_is_too_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    libraries(tmp_path, "a/libLLVM.so.19.1", "b/libLLVM-16.so.1", "b/libLLVM-15.so.1")
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "b/libLLVM-16.so.1"))
-    assert [path.name for path in variant.llvm_libraries((str(tmp_path / "a"),))] == [
-        "libLLVM-16.so.1",
-        "libLLVM.so.19.1",
-    ]
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(tmp_path / "b/libLLVM-15.so.1"))
-    assert [path.name for path in variant.llvm_libraries((str(tmp_path / "a"),))] == ["libLLVM.so.19.1"]
-
-
-def test_the_next_library_is_tried_where_one_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(variant, "_libraries_for", lambda name: ["/bad", "/good"] if name == "llvm_ad_rgb" else [])
-    monkeypatch.setattr(variant, "probe", lambda name, library: None if library == "/good" else "it died")
-    assert variant._choose.__wrapped__(None).libllvm == "/good"
-
-
 def test_scalar_is_the_fallback_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(variant, "_libraries_for", lambda name: ["/bad"] if name == "llvm_ad_rgb" else [])
     monkeypatch.setattr(variant, "probe", lambda name, library: "it died")
@@ -94,14 +54,6 @@ def test_a_forced_variant_that_fails_is_bad_input(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(InputError, match="libLLVM of version 16"):
         variant.choose_variant()
     assert variant.choose_variant("scalar_rgb").name == "scalar_rgb"
-
-
-def test_unknown_variants_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match=r"'fast'.*llvm_ad_rgb"):
-        variant.choose_variant("fast")
-    monkeypatch.setenv(variant.FORCE, "faster")
-    with pytest.raises(InputError, match="'faster'"):
-        variant.choose_variant()
 
 
 def test_an_abort_kills_the_probe_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,25 +47,6 @@ def test_midpoint_is_equation_6_as_a_loop() -> None:
     torch.testing.assert_close(T_end, expected_T, rtol=0.0, atol=1e-14)
 
 
-def test_weights_and_transmittance_sum_to_one() -> None:
-    sigma, t, t_edges = random_rays(200, 64)
-    for scale in MAGNITUDES:
-        w, T_end = midpoint(sigma * scale, t, t_edges)
-        torch.testing.assert_close(w.sum(-1) + T_end, torch.ones(200, dtype=torch.float64), rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("pieces", [2, 7])
-def test_splitting_bins_of_constant_density_changes_nothing(pieces: int) -> None:
-    sigma, t, t_edges = random_rays(20, 16)
-    w, T_end = midpoint(sigma, t, t_edges)
-    shares = torch.arange(pieces, dtype=torch.float64) / pieces
-    inner = (t_edges[:, :-1, None] + shares * torch.diff(t_edges, dim=-1)[..., None]).flatten(1)
-    finer = torch.cat([inner, t_edges[:, -1:]], dim=-1)
-    fine_w, fine_T = midpoint(sigma.repeat_interleave(pieces, dim=-1), finer[:, :-1], finer)
-    torch.testing.assert_close(fine_w.reshape(20, 16, pieces).sum(-1), w, rtol=0.0, atol=1e-12)
-    torch.testing.assert_close(fine_T, T_end, rtol=0.0, atol=1e-12)
-
-
 @pytest.mark.parametrize("bins", [1, 64, 4096])
 @pytest.mark.parametrize("exponent", range(-8, 9))
 def test_homogeneous_ray_in_float32_against_mpmath(bins: int, exponent: int) -> None:

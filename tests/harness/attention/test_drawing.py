@@ -48,17 +48,6 @@ def test_images_of_one_colour_are_drawn_from_alike_every_pixel_and_not_every_reg
     assert chisquare(np.bincount(drawn, minlength=2 * HEIGHT * WIDTH)).pvalue > 1e-3
 
 
-def test_images_need_be_there_one_at_a_time() -> None:
-    found = AttendedPixels.by_gradients(image for image in images())
-    np.testing.assert_array_equal(found.until, AttendedPixels.by_gradients(images()).until)
-    assert found.until[-1] == 1.0
-
-
-def test_no_image_is_refused() -> None:
-    with pytest.raises(ValueError, match="no image"):
-        AttendedPixels.by_gradients([])
-
-
 @pytest.mark.parametrize("count", [1, 2, 7, 64])
 def test_half_of_a_batch_is_by_attention_and_the_rest_from_everywhere(count: int) -> None:
     attended = AttendedPixels.by_gradients(images())

@@ -9,9 +9,6 @@ import pytest
 from harness.attention import maps
 from harness.attention.priorities import BadAttention, region_order
 from harness.attention.regions import Regions
-from harness.serving.attention_maps import KINDS
-from harness.viewer.attended import ATTENTIONS
-from reports.serving_wording import MAPS as LABELS
 
 REGIONS = Regions(12, 20, 4)
 PIXELS = Regions(9, 15, 1)
@@ -52,15 +49,6 @@ def test_the_fovea_is_the_formula_at_the_angle_between_two_rays() -> None:
     assert maps.foveal(PIXELS, 4.5, 7.5, focal).max() == 1.0
 
 
-def test_acuity_is_half_at_the_half_eccentricity_of_the_lens() -> None:
-    """Five pixels beside the centre at 7.5 px focal length is an angle of atan(5 / 7.5)."""
-    half_at = math.degrees(math.atan(5 / 7.5))
-    found = maps.foveal(PIXELS, 4.5, 7.5, 7.5, half_at).reshape(9, 15)
-    assert found[4, 12] == found[4, 2] == pytest.approx(0.5, rel=1e-12)
-    longer = maps.foveal(PIXELS, 4.5, 7.5, 75.0, half_at).reshape(9, 15)
-    assert 0.89 < longer[4, 12] < 0.91  # ten times the focal length, about a tenth of the angle
-
-
 def test_gradients_of_a_slope_are_the_slope() -> None:
     row, column = np.mgrid[0:12, 0:20]
     np.testing.assert_allclose(maps.from_gradients(REGIONS, 3.0 * row + 4.0 * column), 5.0, rtol=1e-12)
@@ -93,13 +81,6 @@ def test_a_pixel_that_is_no_attention_is_named_even_where_the_mean_would_hide_it
     values[5, 17] = value
     with pytest.raises(BadAttention, match=rf"region 9 has {value:g} at row 5, column 17"):
         BY_PIXEL[name](REGIONS, values)
-
-
-@pytest.mark.parametrize("name", ["mask", "error", "gradients"])
-@pytest.mark.parametrize("shape", [(20, 12), (12, 20, 3, 1), (240,), (0,)])
-def test_values_of_another_shape_are_refused(name: str, shape: tuple[int, ...]) -> None:
-    with pytest.raises(BadAttention, match=r"the picture is \[12, 20\]"):
-        BY_PIXEL[name](REGIONS, np.ones(shape))
 
 
 def test_an_image_that_is_not_finite_is_refused() -> None:
@@ -138,8 +119,3 @@ def test_a_map_renders_only_what_it_looks_at() -> None:
     assert seen == {"point": [], "mask": ["mask"], "gradients": ["image"], "error": ["error"], "foveal": []}
     with pytest.raises(BadAttention, match="nothing of that kind"):
         maps.MAPS["mask"](maps.Sight(REGIONS, 6.0, 10.0, 4.0, 20.0))
-
-
-def test_whoever_names_maps_names_those_that_there_are() -> None:
-    assert set(KINDS) == set(LABELS) == set(maps.MAPS)
-    assert set(ATTENTIONS) - {"none"} <= set(maps.MAPS)

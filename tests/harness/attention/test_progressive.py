@@ -1,6 +1,5 @@
 """However a view is rendered in parts, it is the view; and what is not, says so."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import torch
 
 from baselines.contract import Rays, Rendering
 from harness.attention import maps, progressive
-from harness.attention.cost import evaluations_by_region
 from harness.attention.priorities import BadAttention, allocated_bins, region_order
 from harness.attention.progressive import (
     Canvas,
@@ -141,16 +139,6 @@ class Watched:
         return getattr(self.inner, name)
 
 
-def test_small_regions_share_calls_and_large_ones_are_cut_to_the_chunk(nerf: Learner) -> None:
-    watched = Watched(nerf)
-    list(refine(watched, CAMERA, REGIONS, ATTENTION, CHUNK, "raster", 60))
-    rays = [count for count, _, _ in watched.calls]
-    assert rays == [75, 60, 75, 60, 60, 60, 6]
-    watched.calls.clear()
-    list(refine(watched, CAMERA, Regions(18, 22, 100), np.ones(1), 40, "raster"))
-    assert watched.calls == [(396, 40, None)]
-
-
 def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> None:
     whole = nerf.render(CAMERA.rays(CPU), 10_000).network_evaluations
     for rays_a_call in (1, 100):
@@ -205,24 +193,6 @@ def test_a_stride_below_one_is_refused(nerf: Learner) -> None:
         coarse(nerf, CAMERA, 0, CHUNK)
 
 
-def test_coarse_frames_of_a_method_that_is_not_pointwise_are_spread_over_the_calls(qnerf: Learner) -> None:
-    """In the fixed random order: a call of the first rows would hold another mean."""
-    found = coarse(qnerf, CAMERA, 1, CHUNK).view
-    assert same_bits(found, plain(qnerf))
-
-
-def test_a_canvas_starts_from_a_copy(nerf: Learner) -> None:
-    start = coarse(nerf, CAMERA, 4, CHUNK).view
-    before = start.colour.copy()
-    canvas = Canvas(18, 22, start)
-    done = next(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK))
-    canvas.put(done)
-    assert np.array_equal(start.colour, before)
-    assert np.array_equal(canvas.view.colour.reshape(-1, 3)[done.pixels], done.colour)
-    elsewhere = np.setdiff1d(np.arange(18 * 22), done.pixels)
-    assert np.array_equal(canvas.view.colour.reshape(-1, 3)[elsewhere], before.reshape(-1, 3)[elsewhere])
-
-
 def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
     """Every region by itself."""
     canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)
@@ -252,25 +222,11 @@ def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learn
         assert same_bits(same, plain(learner))
 
 
-def test_no_call_has_more_samples_than_a_plain_one(nerf: Learner) -> None:
-    watched = Watched(nerf)
-    bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 1)
-    render_allocated(watched, CAMERA, REGIONS, bins, 20)
-    assert max(min(rays, chunk) * number for rays, chunk, number in watched.calls if number) <= 20 * BINS
-    assert len(watched.calls) == len(set(bins.tolist()))
-
-
 def test_a_method_that_is_not_pointwise_gets_the_mean_number_everywhere(qnerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
     found = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
     mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
     assert same_bits(found, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK))
-
-
-@pytest.mark.parametrize("bins", [np.zeros(20, int), np.ones(19, int), np.ones((4, 5), int)])
-def test_bins_that_are_not_one_number_a_region_are_refused(nerf: Learner, bins: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="each of 20 regions"):
-        render_allocated(nerf, CAMERA, REGIONS, bins, CHUNK)
 
 
 def test_what_regions_would_change_is_rounding_for_one_method_and_more_for_the_other(
@@ -292,30 +248,3 @@ def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counte
     assert found.error.max() > 0.0
     assert watched.calls == [(48, CHUNK, BINS // 2)]
     assert (found.rays, found.network_evaluations) == (rays, evaluations) == (48, evaluations)
-
-
-def test_the_cost_of_regions_adds_up_to_that_of_the_picture(nerf: Learner) -> None:
-    whole = nerf.render(CAMERA.rays(CPU), 10_000, BINS).network_evaluations
-    exact = evaluations_by_region(nerf, CAMERA, REGIONS, 1, CHUNK, BINS)
-    assert exact.rays == 18 * 22
-    assert exact.network_evaluations == pytest.approx(whole, rel=0.01)
-    assert abs(int(exact.by_region.sum()) - exact.network_evaluations) <= REGIONS.count
-    estimate = evaluations_by_region(nerf, CAMERA, REGIONS, 2, CHUNK, BINS)
-    assert estimate.rays == 99
-    assert estimate.by_region.sum() == pytest.approx(whole, rel=0.15)
-    assert (evaluations_by_region(nerf, CAMERA, REGIONS, 9, CHUNK, BINS).by_region >= 1).all()
-
-
-@pytest.mark.parametrize("stride", [2, 5, 9])
-def test_the_cost_of_regions_comes_with_the_coarse_frame_that_it_was_found_by(nerf: Learner, stride: int) -> None:
-    wanted = coarse(nerf, CAMERA, stride, CHUNK, BINS)
-    found = evaluations_by_region(nerf, CAMERA, REGIONS, stride, CHUNK, BINS)
-    assert largest_difference(found.view, wanted.view) < ROUNDING
-    assert (found.rays, found.network_evaluations) == (wanted.rays, wanted.network_evaluations)
-
-
-def test_parts_come_as_they_are_asked_for(nerf: Learner) -> None:
-    watched = Watched(nerf)
-    parts: Iterator[Done] = refine(watched, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", 1)
-    next(parts)
-    assert len(watched.calls) == 1

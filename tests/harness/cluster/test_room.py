@@ -4,9 +4,8 @@ from typing import Any
 
 import pytest
 
-from harness.cluster.connection import crowded
 from harness.cluster.head import LONGEST_SILENCE_SECONDS, SILENCE_SAID_SECONDS, Head
-from harness.cluster.room import IDLE_SECONDS, LONGEST_WAIT_SECONDS, Room, fits, needs_of
+from harness.cluster.room import LONGEST_WAIT_SECONDS, Room, fits, needs_of
 from scenes.errors import InputError
 
 
@@ -56,21 +55,6 @@ def test_a_node_that_joins_in_time_ends_the_wait() -> None:
     assert room.look([], {}, 0), "lost again: said again, and waited for as long as before"
 
 
-def test_a_busy_cluster_is_told_of_once_where_nothing_of_ours_runs() -> None:
-    clock = Clock()
-    room = Room(needs_of(1, "cpu"), clock)
-    nodes = [node(CPU=2), node(CPU=1)]
-    assert room.look(nodes, {"CPU": 0}, 0) is None
-    clock.now = IDLE_SECONDS - 1
-    assert room.look(nodes, {"CPU": 0}, 1) is None, "a group is in training"
-    assert room.look(nodes, {}, 0) is None
-    clock.now += IDLE_SECONDS
-    said = room.look(nodes, {}, 0)
-    assert said == "Ray: no group is in training yet; of the cluster's 3 cores are free: 0 cores"
-    clock.now += 10 * IDLE_SECONDS
-    assert room.look(nodes, {}, 0) is None
-
-
 def test_a_silent_head_is_waited_for_and_then_given_up() -> None:
     clock = Clock()
     head: Head[None] = Head(lambda: None, clock)
@@ -104,13 +88,3 @@ def test_a_head_that_answers_again_is_no_loss(monkeypatch: pytest.MonkeyPatch) -
             pass
         clock.now += SILENCE_SAID_SECONDS
         assert head.listen() is None
-
-
-def test_machines_that_offer_a_core_twice_are_named() -> None:
-    one = {"machine": "a", "cores": [(0, 2), (1, 3)]}
-    other = {"machine": "b", "cores": [(0,), (1,)]}
-    assert crowded({"a": 2, "b": 2}, [one, other]) == ()
-    (said,) = crowded({"a": 4, "b": 2}, [one, other])
-    assert said.startswith("4 cores are offered to Ray where there are 2;")
-    containers = [{"machine": "a", "cores": [(0, 2)]}, {"machine": "a", "cores": [(1, 3)]}]
-    assert crowded({"a": 2}, containers) == (), "two containers of a machine, each with a core of its own"

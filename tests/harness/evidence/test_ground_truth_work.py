@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from harness.chart_record import Series, Table
+from harness.chart_record import Table
 from harness.evidence.ground_truth_work import TEST_SPP, Noise, charts, noise_of, room, sentences, tabled
 from harness.evidence_record import Check
 from harness.plan import PROFILES
@@ -131,15 +131,3 @@ def test_an_error_that_is_not_finite_is_refused(bad: float) -> None:
     printed[2]["mse"]["linear"][1] = bad
     with pytest.raises(ValueError, match="lego with 16 samples a pixel: an error is not finite"):
         noise_of("lego", printed)
-
-
-def test_charts_have_every_scene_and_the_noise_of_the_reference() -> None:
-    found = [noise_of(name, rows(name)) for name in FLOOR]
-    drawn = list(charts(found, FLOOR))
-    assert all(isinstance(one, Series) for one in drawn)
-    for panel in ("Noise against time", "Noise against samples"):
-        lines = [one for one in drawn if one.panel == panel]
-        assert [one.name for one in lines] == ["lego", "mic", "largest noise of a reference"]
-        assert lines[-1].y == [2e-4, 2e-4]
-    table = tabled(found, FLOOR)
-    assert all(len(row) == len(table.columns) for row in table.rows)

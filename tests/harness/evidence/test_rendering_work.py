@@ -12,10 +12,10 @@ from torch import Tensor
 from baselines.contract import Box, Rays
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
-from harness.chart_record import Series, Table
+from harness.chart_record import Table
 from harness.evidence import rendering_work as study
 from harness.evidence.frame_work import SAMPLERS, EmptyOutside, Frame, Line, Sampler, measured_lines
-from harness.evidence.rendering_work import charts, fastest, sentences, tabled
+from harness.evidence.rendering_work import fastest, sentences, tabled
 from harness.evidence.situation import Situation
 from harness.evidence.trained_field import TrainedField, restored
 from harness.evidence_record import Check
@@ -159,26 +159,6 @@ def test_the_first_to_reach_an_error() -> None:
     assert fastest(LINES, 1e-4) is None
 
 
-def test_sentences_say_who_is_first_and_where_that_changes() -> None:
-    first, changes, evaluations, paper, grid = sentences(LINES, "4 × 5 rays", 20)
-    assert "midpoint (box) reaches an error of 0.01 first (2 s, 4 evaluations a ray)" in first
-    assert "linear (box) reaches an error of 0.001 first (2.5 s, 8.05 evaluations a ray)" in first
-    assert "from 0.03 to 0.001 changes 2 times" in changes
-    assert "at 0.01 midpoint (box) overtakes midpoint (box, grid)" in changes
-    assert "at 0.003 linear (box) overtakes midpoint (box)" in changes
-    assert "midpoint (box) is first at 0.01 (4 a ray) and linear (box) is first at 0.001 (8.05 a ray)" in evaluations
-    assert "listing4, the paper's rule as printed, never comes below 0.4" in paper
-    assert "no number of samples takes away" in grid
-    for least, said in (
-        (1e-3, "evenly spread points leave 2.0e-03 at best and random ones 1.0e-03, as"),
-        (2e-3, "2.0e-03."),
-    ):
-        random = a_line("midpoint", "box, random", [2e-2, 9e-3, least], [4.0, 5.0, 6.0], [400, 800, 1600])
-        assert any(said in sentence for sentence in sentences([*LINES, random], "4 × 5 rays", 20))
-    nobody = next(iter(sentences(LINES[3:], "4 × 5 rays", 20)))
-    assert "none reaches an error of 0.01 and none reaches an error of 0.001" in nobody
-
-
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 @pytest.mark.parametrize("place", [0, 2])
 def test_an_error_that_is_not_finite_is_no_least_one(bad: float, place: int) -> None:
@@ -190,21 +170,6 @@ def test_an_error_that_is_not_finite_is_no_least_one(bad: float, place: int) -> 
         list(sentences(lines, "4 × 5 rays", 20))
     with pytest.raises(ValueError, match=r"listing4 \(box\): an error is not finite"):
         tabled(lines, {"colour": 1e-5, "opacity": 2e-5}, 20)
-
-
-def test_charts_and_table_have_everything() -> None:
-    own = {"colour": 1e-5, "opacity": 2e-5}
-    drawn = list(charts(LINES, own, 20, "a frame"))
-    assert all(isinstance(one, Series) and len(one.x) == len(one.y) for one in drawn)
-    rules = [one for one in drawn if one.panel == "Rules, sampler: box; colour against evaluations"]
-    assert [one.name for one in rules] == ["midpoint", "linear", "listing4 (the paper's)", "own error of the reference"]
-    assert rules[0].x == [2.0, 4.0, 8.0]
-    samplers = [one for one in drawn if one.panel == "Samplers, rule: midpoint; opacity against seconds"]
-    assert [one.name for one in samplers] == ["box", "box, grid", "own error of the reference"]
-    table = tabled(LINES, own, 20)
-    assert [row[:2] for row in table.rows] == [[line.rule, line.sampler] for line in LINES]
-    assert table.rows[1][-4:] == [2.5, 8.05, 2.5, 8.05]
-    assert table.rows[3][-4:] == [None] * 4
 
 
 def test_a_checkpoint_renders_as_what_was_saved(ball: ViewSet, tmp_path: Path) -> None:

@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from harness.filming.panels import GREY, HEADER, LARGEST, MARGIN, enlargement, side_by_side, size_of, write_animation
+from harness.filming.panels import GREY, HEADER, MARGIN, side_by_side, size_of, write_animation
 
 
 def picture(seed: int, height: int = 9, width: int = 120) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, size=(height, width, 3), dtype=np.uint8)
-
-
-@pytest.mark.parametrize(("width", "scale"), [(16, 13), (100, 2), (199, 2), (200, 1), (800, 1), (1, 200)])
-def test_small_pictures_are_enlarged_by_a_whole_number(width: int, scale: int) -> None:
-    assert enlargement(width) == scale
 
 
 def test_every_pixel_is_where_it_belongs() -> None:
@@ -38,14 +33,6 @@ def test_every_pixel_is_where_it_belongs() -> None:
     assert (sheet[-MARGIN:] == GREY).all()
 
 
-def test_a_name_is_above_its_own_picture_and_stays_there() -> None:
-    one, other = (side_by_side({name: picture(0), "b": picture(1)}) for name in ("a", "W" * 80))
-    left, right = slice(0, MARGIN + 240), slice(MARGIN + 240 + MARGIN, None)
-    assert not np.array_equal(one[:HEADER, left], other[:HEADER, left])
-    np.testing.assert_array_equal(one[:HEADER, right], other[:HEADER, right])
-    assert (other[:HEADER, MARGIN + 240 : MARGIN + 240 + MARGIN] == GREY).all(), "shortened to fit"
-
-
 def test_an_animation_is_its_pictures_bit_for_bit_and_loops(tmp_path: Path) -> None:
     pictures = [side_by_side({"a": picture(seed)}) for seed in range(4)]
     size = write_animation(tmp_path / "film.webp", pictures, 20)
@@ -58,15 +45,6 @@ def test_an_animation_is_its_pictures_bit_for_bit_and_loops(tmp_path: Path) -> N
             film.load()
             assert film.info["duration"] == 50
             np.testing.assert_array_equal(np.asarray(film.convert("RGB")), expected)
-
-
-def test_one_picture_is_an_animation_as_well_and_the_largest_can_be_written(tmp_path: Path) -> None:
-    write_animation(tmp_path / "one.webp", [picture(0)], 20)
-    write_animation(tmp_path / "wide.webp", [picture(0, 1, LARGEST)], 20)
-    with Image.open(tmp_path / "one.webp") as film:
-        assert film.size == (120, 9)
-    with Image.open(tmp_path / "wide.webp") as film:
-        assert film.size == (LARGEST, 1)
 
 
 def test_a_failed_write_names_the_file_and_leaves_what_was_there(

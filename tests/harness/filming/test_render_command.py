@@ -115,11 +115,6 @@ def test_a_second_run_is_from_the_cache_and_bit_for_bit_the_same(out: Path, rend
     assert contents(first) == contents(third)
 
 
-def test_without_a_cache_none_is_filled(out: Path, render: Said) -> None:
-    render(out, "--frames", "2", "--no-cache", "--methods", "nerf")
-    assert not (out / "view_cache").exists()
-
-
 def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
     out: Path, render: Said, counted: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,15 +191,6 @@ def test_an_interrupted_film_keeps_its_frames_and_goes_on(
     assert {file.name for file in (folder / "nerf").glob("*.png")} == {"0000.png", "0001.png"}
     assert "6: 2 there, 0 in the view cache, 4 to render" in render(out, "--frames", "3", "--no-cache")
     assert (folder / "orbit.webp").exists()
-
-
-def test_elevation_resolution_and_quiet(out: Path, render: Said) -> None:
-    ask = ("--frames", "2", "--methods", "nerf", "--elevation", "90", "--resolution", "5", "--quiet")
-    assert render(out, *ask) == ""
-    folder = out / "films" / "orbit-2-frames-5-px-90-degrees" / "ball" / "nerf"
-    assert read_image(folder / "0001.png").shape == (5, 5, 3)
-    above = plainly(out, "nerf", orbit(2, DISTANCE, np.pi / 2), width=5)[0]
-    np.testing.assert_array_equal(as_levels(read_image(folder / "0000.png")), as_levels(above.colour))
 
 
 def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Said) -> None:

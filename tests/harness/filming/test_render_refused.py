@@ -1,6 +1,5 @@
 """`python -m harness render`: what is wrong is said in one line, and what was finished is kept."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,15 +47,6 @@ def test_an_unknown_path_is_bad_usage(trained: Path, capsys: pytest.CaptureFixtu
         main(["render", str(trained), "--path", "figure-of-eight"])
     assert caught.value.code == 2
     assert "invalid choice" in capsys.readouterr().err
-
-
-def test_pictures_too_wide_for_the_animation_are_refused(
-    trained: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("harness.filming.takes.LARGEST", 600)
-    assert "fewer --methods" in refused(
-        capsys, trained, "--methods", "nerf", "nerf_matched", "qnerf", "--no-cache", command="render"
-    )
 
 
 def test_a_run_that_is_not_there_or_not_whole_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,16 +110,3 @@ def test_a_full_disk_is_said_and_what_is_finished_is_kept(
     assert "No space left on device; mend that and give the same command again" in said
     assert not list((out / "films").rglob("*.part*"))
     assert "2: 1 there" in render(*ask)
-
-
-def test_a_cache_that_cannot_be_written_costs_nothing_but_time(
-    out: Path, render: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from harness.view_cache.store import ViewStore
-
-    render(out, "--frames", "2", "--methods", "nerf", "--to", out / "first")
-    shutil.rmtree(out / "view_cache")
-    monkeypatch.setattr(ViewStore, "store", lambda self, key, value, level=1: None)
-    said = render(out, "--frames", "2", "--methods", "nerf", "--to", out / "second")
-    assert "2 rendered" in said
-    assert contents(out / "first") == contents(out / "second")

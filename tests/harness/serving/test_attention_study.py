@@ -24,9 +24,8 @@ from harness.serving.anytime import (
     reaching,
     reachings,
     refined,
-    runs_of,
 )
-from harness.serving.attention_maps import KINDS, Looked, attention_of, middle
+from harness.serving.attention_maps import KINDS, Looked, attention_of
 from harness.serving.attention_study import STRIDE, measured_attention, tile_of
 from harness.serving.situation import Situation, plain
 from harness.serving_record import Anytime
@@ -58,13 +57,6 @@ def test_errors_fall_part_by_part() -> None:
 def test_an_error_that_is_not_finite_is_refused() -> None:
     with pytest.raises(ValueError, match="not finite"):
         list(errors_along(BY_HAND, flat(float("nan"))))
-
-
-@pytest.mark.parametrize(("limit", "colours"), [(0.5, [0, 0, 0, 0]), (2.0, [1, 1, 0, 0]), (9.0, [1, 1, 1, 1])])
-def test_a_frame_shows_what_was_done_in_time(limit: float, colours: list[int]) -> None:
-    picture = Measured(BY_HAND, np.array([BY_HAND.seconds])).after(limit).colour[..., 0].reshape(-1)
-    assert (2 * picture).tolist() == colours
-    assert BY_HAND.first.colour.max() == 0.0, "the coarse frame is left as it was"
 
 
 def curve_of(errors: list[float], *repeats: float) -> Curve:
@@ -108,19 +100,6 @@ def test_the_hardest_quarter_is_where_the_coarse_frame_is_most_wrong() -> None:
     assert found.sum() == 4
 
 
-def test_the_attended_quarter_is_that_of_the_most_attended_regions() -> None:
-    regions = Regions(4, 4, 2)
-    found = attended_pixels(regions, np.array([0.1, 0.0, 3.0, 0.2])).reshape(4, 4)
-    assert found[2:, :2].all()
-    assert found.sum() == 4
-
-
-def test_the_mask_is_a_quarter_of_the_picture() -> None:
-    found = middle(8, 12)
-    assert found.sum() == 8 * 12 / 4
-    assert found[2:6, 3:9].all()
-
-
 @pytest.fixture
 def view(situation: Situation, cell: TrainedCell) -> Looked:
     camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
@@ -138,32 +117,12 @@ def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order
     assert max(last) < 1e-5
 
 
-def in_calls_of(chunk: int, view: Looked) -> Looked:
-    one = view.cell.cell
-    settings = {**one.settings, "score": {**one.settings["score"], "chunk": chunk}}
-    return replace(view, cell=replace(view.cell, cell=replace(one, settings=settings)))
-
-
-def test_plain_begins_with_white_and_has_the_calls_and_the_bits_of_a_plain_picture(view: Looked, ticks: Ticks) -> None:
-    small = in_calls_of(100, view)
-    found = refined(small, "plain", None, ticks)
-    assert (found.seconds[0], found.first.colour.min()) == (0.0, 1.0)
-    assert [len(part.pixels) for part in found.parts[:-1]] == [100] * (SIZE * SIZE // 100 - (SIZE * SIZE % 100 == 0))
-    assert np.array_equal(found.at(len(found.parts)).colour, plain(view.cell.learner, view.camera, 100).colour)
-
-
 def test_by_attention_the_attended_quarter_is_done_first(view: Looked) -> None:
     found = refined(view, "attention", "point")
     first = plain(view.cell.learner, view.camera, view.cell.chunk)
     attended = attended_pixels(view.regions, attention_of("point", view, first)[0])
     early = np.concatenate([part.pixels for part in found.parts[: view.regions.count // 4]])
     assert set(early.tolist()) == set(np.flatnonzero(attended).tolist())
-
-
-def test_a_map_that_attends_to_all_alike_has_no_run_of_its_own() -> None:
-    assert runs_of({"point": np.array([1.0, 2.0]), "mask": np.ones(2), "error": np.zeros(2)}) == [
-        ("attention", "point"), ("raster", None), ("spread", None), ("plain", None)
-    ]  # fmt: skip
 
 
 def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -239,13 +198,6 @@ def test_all_evaluations_of_a_picture_are_counted(view: Looked, way: Any, kind: 
         assert found.bins < 16.0, "what it took to find out is taken off"
     else:
         assert 0.95 * 16.0 < found.bins <= 16.0
-
-
-def test_no_call_has_more_samples_than_a_plain_one(view: Looked) -> None:
-    small = in_calls_of(96, view)
-    assert [allocations.calls_for(small, bins) for bins in (4, 16, 17, 64, 99_999)] == [96, 96, 90, 24, 1]
-    fine = allocations.rendered(small, "even", None, 64).colour
-    np.testing.assert_allclose(fine, allocations.rendered(view, "even", None, 64).colour, atol=1e-5)
 
 
 def test_ways_are_compared_with_the_even_picture(view: Looked, ticks: Ticks) -> None:

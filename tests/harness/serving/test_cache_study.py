@@ -1,6 +1,5 @@
 """Latencies, paths and confusions of the view cache, on paths whose answer is known by hand and with faults planted."""
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +13,9 @@ from harness.camera_paths import walk
 from harness.evaluate import View
 from harness.finished import TrainedCell
 from harness.metrics import mse
-from harness.serving import cache_latency, cache_study
-from harness.serving.cache_confusions import Variant, confusions, copied, of_size, one_ulp_away, pose_hash, variants
-from harness.serving.cache_latency import ROOM, WrongHit, bytes_a_view, latencies, same
+from harness.serving import cache_study
+from harness.serving.cache_confusions import Variant, confusions, copied, pose_hash, variants
+from harness.serving.cache_latency import ROOM, WrongHit, latencies
 from harness.serving.cache_paths import Route, followed, hit_rate, routes
 from harness.serving.situation import Situation, plain
 from harness.trainer import Trainer
@@ -49,14 +48,6 @@ def test_a_hit_that_is_another_picture_is_no_hit(
 
     monkeypatch.setattr(CachedMethod, "render", darker)
     with pytest.raises(WrongHit, match="not the picture"):
-        latencies(situation, cell, ticks)
-
-
-def test_a_hit_of_another_level_is_not_timed(
-    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cache_latency, "ROOM", 0)  # nothing fits
-    with pytest.raises(WrongHit, match="came from render, where level 1 is timed"):
         latencies(situation, cell, ticks)
 
 
@@ -99,27 +90,6 @@ def test_weights_are_hashed_at_the_calls_that_say_so(
     latencies(situation, cell, clock)
     inside = [count for count in hashed if count % 2]
     assert len(inside) == situation.sizes.rounds * situation.sizes.hits, "of level 0 hashed alone"
-
-
-def test_where_files_cannot_be_dropped_nothing_is_said_to_be_cold(
-    situation: Situation, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delattr(os, "posix_fadvise")
-    assert "level 2 cold" not in {one.source for one in latencies(situation, cell, ticks)}
-    assert any("cannot be dropped" in sentence for sentence in situation.left_out)
-
-
-def test_minus_zero_is_another_picture() -> None:
-    shapes = (2, 2, 3), (2, 2), (2, 2)
-    one, other = (View(*(np.full(shape, zero, np.float32) for shape in shapes)) for zero in (0.0, -0.0))
-    assert same(one, one)
-    assert not same(one, other)
-
-
-def test_bytes_are_those_of_pixels_and_of_files(situation: Situation, cell: TrainedCell) -> None:
-    memory, disk = bytes_a_view(situation, cell)
-    assert memory == VIEW_BYTES
-    assert disk >= VIEW_BYTES, "floats are kept whole, and not compressed"
 
 
 @pytest.mark.parametrize(
@@ -206,13 +176,6 @@ def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
     assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
 
 
-def test_a_picture_of_another_size_is_shown_by_its_nearest_pixels() -> None:
-    picture = np.arange(16.0).reshape(4, 4)
-    assert of_size(picture, 2, 2).tolist() == [[5.0, 7.0], [13.0, 15.0]]
-    assert of_size(picture, 8, 8)[::2, 1::2].tolist() == picture.tolist()
-    assert of_size(picture, 4, 4).tolist() == picture.tolist()
-
-
 def test_the_error_is_that_of_the_picture_that_would_have_come(situation: Situation, cell: TrainedCell) -> None:
     wider = Variant("focal", cell.learner, cell.chunk, lambda camera: replace(camera, focal=2.0 * camera.focal))
     found = confusions(situation, cell, [wider])[0]
@@ -243,15 +206,6 @@ def test_a_planted_key_that_forgets_something_is_found(
     assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
     assert sum(resized) == 1
     assert found[-1].missed == found[-1].views
-
-
-def test_one_unit_in_the_last_place_is_the_next_number(situation: Situation, cell: TrainedCell) -> None:
-    camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
-    moved = one_ulp_away(camera).camera_to_world
-    changed = moved != camera.camera_to_world
-    assert changed.sum() == 1
-    assert np.nextafter(moved[changed], -np.inf) == camera.camera_to_world[changed]
-    assert pose_hash(moved) != pose_hash(camera.camera_to_world)
 
 
 def test_methods_that_cannot_be_rendered_are_named(situation: Situation, monkeypatch: pytest.MonkeyPatch) -> None:

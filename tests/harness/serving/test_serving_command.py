@@ -1,6 +1,5 @@
 """python -m harness serving, and what `python -m harness run` does of it at its end."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +7,6 @@ import pytest
 
 from harness.__main__ import main
 from harness.finished import FinishedRun
-from harness.group import GroupTask
-from harness.local_executor import Event
 from harness.progress import Quiet
 from harness.records import read_cells
 from harness.serving import runner
@@ -90,24 +87,3 @@ def test_a_run_measures_it_at_its_end(
     assert asked == ([out] if measured else [])
     phases = FinishedRun.of(out).run.phases
     assert ("serve" in phases) == measured
-
-
-def test_ctrl_c_at_the_end_says_that_the_run_is_complete(
-    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def no_tasks(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        yield from ()
-
-    monkeypatch.setattr("harness.runner.run_locally", no_tasks)
-    monkeypatch.setattr(runner, "after_run", stopped)
-    monkeypatch.setattr("harness.device.available_cores", lambda: 1)
-    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
-    out = tmp_path / "run"
-    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out)]) == 130
-    said = capsys.readouterr().err
-    assert said == f"interrupted: the run is complete; `python -m reports {out}` makes its report\n"
-    assert FinishedRun.of(out).run.finished
-
-
-def stopped(*_: Any) -> None:
-    raise KeyboardInterrupt

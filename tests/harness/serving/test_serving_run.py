@@ -10,18 +10,16 @@ from typing import Any
 
 import pytest
 
-from harness.__main__ import main
 from harness.finished import FinishedRun
 from harness.json_record import DamagedRecord
 from harness.progress import Quiet
-from harness.serving import plan, runner
+from harness.serving import runner
 from harness.serving.runner import Asked, after_run
-from harness.serving.situation import Situation
 from harness.serving_record import SERVING_FILE, ServingRecord, read_serving, write_serving
-from harness.trainer import Diverged, Trainer
+from harness.trainer import Diverged
 from reports.load import first_mismatch
 from reports.serving_load import find_serving
-from tests.harness.serving.conftest import CPU, Ticks, fail_with, with_study
+from tests.harness.serving.conftest import CPU, fail_with, with_study
 from tests.harness.trained_runs import SIZE
 
 pytestmark = pytest.mark.slow
@@ -65,7 +63,7 @@ def test_the_record_is_whole(served: Path) -> None:
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["seed"]) == (["ball"], ["nerf", "qnerf"], 0)
     assert (settings["width"], settings["quick"], settings["complete"]) == (SIZE, True, True)
-    assert not list(served.glob(".serving-*")), "scratch files are gone"
+    assert not list(served.glob(".scratch-*")), "scratch files are gone"
 
 
 def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
@@ -154,12 +152,6 @@ def test_a_failing_study_costs_itself_alone_and_is_tried_again(
     assert (again.failed, again.settings["complete"]) == ([], True)
 
 
-def test_a_study_that_failed_is_exit_code_3(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_study(monkeypatch, "cache", fail_with(Diverged(3, "colour")))
-    with_study(monkeypatch, "attention", lambda situation: None)
-    assert main(["serving", str(out), "--quick", "--quiet"]) == 3
-
-
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("ours")])
 def test_a_full_disk_does_not_hide_what_stopped_it(
     out: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException
@@ -207,7 +199,7 @@ def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pyt
         after_run(copy, "cpu", copy, said)
     assert said.lines != ["serving: measured before"]
     assert everything_in(copy) == before
-    assert not list(copy.glob(".serving-*"))
+    assert not list(copy.glob(".scratch-*"))
 
 
 def test_what_is_left_of_a_stopped_run_replaces_other_weights(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -235,27 +227,6 @@ def test_once_the_time_is_over_nothing_is_begun(out: Path, monkeypatch: pytest.M
     ]  # fmt: skip
 
 
-def test_the_estimate_is_near_to_what_is_rendered(
-    situation: Situation, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    situation.methods = ["nerf"]
-    with monkeypatch.context() as patch:
-        patch.setattr(plan, "attention_cells", lambda situation: [])
-        seconds = plan.estimated_seconds(situation, ticks)
-    views: list[int] = []
-    render = Trainer.render
-
-    def counted(self: Trainer, rays: Any, *rest: Any) -> Any:
-        views.append(len(rays.origins))
-        return render(self, rays, *rest)
-
-    monkeypatch.setattr(Trainer, "render", counted)
-    for field in ("cache", "first_frame"):
-        assert runner.STUDIES[field][1](situation) is not None
-    rendered = sum(views) / (SIZE * SIZE)
-    assert seconds == pytest.approx(plan.LEAST_SECONDS + plan.BESIDE * rendered, rel=0.2)
-
-
 @pytest.mark.thorough
 def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_study(monkeypatch, "cache", lambda situation: None)
@@ -279,14 +250,6 @@ def test_ctrl_c_keeps_what_was_finished(served: Path, out: Path, monkeypatch: py
     assert record.cache == measured
     assert not record.settings["complete"]
     assert any("stopped by KeyboardInterrupt" in one for one in record.left_out)
-
-
-def test_what_would_take_too_long_is_left_to_its_own_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "estimated_seconds", lambda situation: 1e6)
-    after_run(out, "cpu", out, Quiet())
-    record = read_serving(out / SERVING_FILE)
-    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
-    assert "harness serving" in record.left_out[0]
 
 
 def test_a_cell_that_diverged_is_named(out: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from harness.__main__ import main
 from harness.chart_record import Series, Table
 from harness.json_record import DamagedRecord
-from harness.soundness import DAMAGED
+from harness.soundness import DAMAGED, mend
 from harness.stability import catalog, runner
 from harness.stability.catalog import CASES, Case, measure_of
 from harness.stability.situation import METHODS, Finding, Situation, whose
@@ -19,7 +19,6 @@ from harness.stability_record import (
     CHAPTERS,
     STABILITY_FILE,
     CaseInfo,
-    Outcome,
     Picture,
     broken,
     judged,
@@ -42,10 +41,6 @@ def test_every_case_of_the_catalogue_is_there_and_says_what_it_is() -> None:
         assert case.info.id == name
         assert all([case.info.title, case.info.input, case.info.danger, case.info.reference, case.info.bar])
         assert callable(measure_of(case))
-
-
-def test_the_whole_catalogue_is_a_matter_of_minutes() -> None:
-    assert sum(case.seconds for case in CASES.values()) <= 20 * 60
 
 
 def test_a_method_with_a_printed_part_is_the_papers() -> None:
@@ -136,12 +131,25 @@ def names_another(situation: Situation) -> Iterator[Finding]:
     yield from made_up("X1")
 
 
-MADE_UP = {"X1": passes, "X2": fails, "X3": is_a_property, "X4": stops, "X5": names_another}
+def trains_in_the_same_folder(situation: Situation) -> Iterator[Finding]:
+    mend(situation.out, situation.plan("smoke"), lambda line: None)
+    assert situation.scratch.is_dir()
+    yield from made_up("X6")
+
+
+MADE_UP = {
+    "X1": passes,
+    "X2": fails,
+    "X3": is_a_property,
+    "X4": stops,
+    "X5": names_another,
+    "X6": trains_in_the_same_folder,
+}
 
 
 @pytest.fixture
 def _made_up_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A catalogue of five cases that cost nothing."""
+    """A catalogue of cases that cost nothing."""
     asked.clear()
     cases = {name: Case(CaseInfo(name, "t", "i", "d", "r", "b"), "made:up", 1.0) for name in MADE_UP}
     monkeypatch.setattr(catalog, "CASES", cases)
@@ -167,6 +175,11 @@ def test_the_record_holds_what_the_cases_yield(tmp_path: Path) -> None:
     assert [one.status for one in record.outcomes()] == ["pass", "fail"]
     assert broken(record) == []
     assert list((tmp_path / "out").iterdir()) == [tmp_path / "out" / STABILITY_FILE]
+
+
+@pytest.mark.usefixtures("_made_up_cases")
+def test_a_training_that_tidies_the_folder_leaves_the_cases_scratch_alone(tmp_path: Path) -> None:
+    assert run(tmp_path / "out", "X6") == 0
 
 
 @pytest.mark.usefixtures("_made_up_cases")
@@ -231,11 +244,3 @@ def test_a_record_that_was_changed_is_refused(tmp_path: Path) -> None:
     file.write_text(json.dumps(data))
     with pytest.raises(DamagedRecord, match="status"):
         read_stability(file)
-
-
-def test_lines_for_the_terminal_tell_failures_from_properties() -> None:
-    ours = runner.line_of(judged("Q1", "midpoint", "ours", 2.0, 1.0, what="error"))
-    assert ours == "midpoint  FAIL  2 (at most 1): error"
-    paper = runner.line_of(judged("Q1", "listing4", "paper", 2.0, 1.0, what="error", unit="dB"))
-    assert paper == "listing4  fails, a property of it  2 dB (at most 1): error"
-    assert runner.line_of(Outcome("Q1", "x", "ours", "not_applicable", why="no")) == "x  not applicable: no"

@@ -10,7 +10,6 @@ from harness.records import CellRecord, RunRecord, records_folder
 from harness.stability.ladder_cases import (
     LEAST_RUNGS,
     Standing,
-    _breaks,
     _outcome,
     _row,
     rungs_climbed,
@@ -133,16 +132,3 @@ def test_the_control_must_be_climbed_whole() -> None:
     whole, broken = Standing(0.9, ""), Standing(0.1, "explains 10%")
     assert _outcome(scale, found, "nerf", [whole] * 5).status == "pass"
     assert _outcome(scale, found, "nerf", [*[whole] * 4, broken]).broke
-
-
-def test_the_breaking_rung_is_marked_on_its_line() -> None:
-    whole, broken, lost = Standing(0.9, ""), Standing(0.1, "explains 10%"), Standing(None, "diverged: x")
-    standings = {
-        "nerf": [whole, broken, broken, broken, broken],
-        "qnerf": [whole, Standing(0.4, "explains 40%"), whole, whole, whole],
-        "voxels_drjit": [whole] * 5,
-        "nerf_matched": [lost] * 5,
-    }
-    (marks,) = _breaks(FREQUENCY, standings)
-    assert (marks.name, marks.x) == ("first rung that breaks: 2", [FREQUENCY.values[1]] * 2)
-    assert marks.y == pytest.approx([0.9, 0.6])

@@ -9,7 +9,7 @@ from harness.plan import Plan
 from harness.progress import Quiet
 from harness.records import CellRecord, RunRecord, SceneRecord, write_cell, write_run
 from harness.stability.situation import Situation
-from harness.stability.trained_scenes import read_trained, scores_table, trained, unscored
+from harness.stability.trained_scenes import trained, unscored
 from tests.harness.cells import cell, checkpoint, diverged
 
 METHODS = ("nerf", "qnerf")
@@ -93,13 +93,3 @@ def test_a_cell_without_scores_is_told_from_a_whole_one() -> None:
     missing = unscored("S1", cell("a", "nerf", 0, [], status="not_available", reason="no LLVM"), "x")
     assert missing is not None
     assert (missing.status, missing.broke) == ("not_available", False)
-
-
-def test_the_table_has_training_beside_test_views_and_hides_no_cell(situation: Situation) -> None:
-    write(situation.plan("smoke", ["lego", "hotdog"]), situation.out)
-    table = scores_table("S1", "title", read_trained(situation.out, situation.view_sets), ["lego"], 10)
-    assert [row[:2] for row in table.rows] == [["lego", "nerf"]] * 2 + [["lego", "qnerf"]] * 2
-    assert all(len(row) == len(table.columns) for row in table.rows)
-    assert table.rows[0][2] == 20.0
-    assert table.rows[2][2] is None
-    assert "diverged" in str(table.rows[2][6])

@@ -235,12 +235,6 @@ def test_a_mean_of_the_call_is_seen_in_pixels_and_a_held_one_is_none(situation: 
     assert max(cured.values()) < 1e-5
 
 
-def test_pictures_stand_side_by_side() -> None:
-    picture = calls.side_by_side([torch.zeros(2, 3, 3).numpy(), torch.ones(2, 3, 3).numpy() * 0.5], 4, gap=2)
-    assert picture.shape == (8, 4 * 8, 3)
-    assert (picture[:, :12].max(), picture[:, 12:20].min(), picture[:, 20:].max()) == (0.0, 1.0, 0.5)
-
-
 # optimiser and half precision
 
 
@@ -285,9 +279,3 @@ def test_layers_are_those_of_the_field(method: str, situation: Situation) -> Non
         exact = half_precision.layers(field, position, torch.float64)
         again = half_precision.layers(field, position, torch.float64, fed=exact)
     assert all(torch.equal(one, two) for one, two in zip(exact, again, strict=True))
-
-
-def test_digits_in_closed_form() -> None:
-    truth = torch.linspace(1.0, 2.0, 11, dtype=torch.float64)
-    assert half_precision.digits(truth * 1.001, truth) == pytest.approx(3.0)
-    assert half_precision.digits(truth * (1.0 - 1e-5), truth) == pytest.approx(5.0)

@@ -1,6 +1,5 @@
 """A method behind the cache gives the pictures that it would give without."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -163,37 +162,6 @@ def test_a_method_that_is_trained_while_it_renders_is_not_kept(monkeypatch: pyte
     monkeypatch.setattr(cached, "render_view", trained_meanwhile)
     one.render(camera())
     assert one.store.get(before) is None
-    assert one.lookup(camera()) is None
-
-
-def test_a_view_of_the_callers_is_kept_under_its_own_calls() -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    view = plain(one.learner)  # type: ignore[arg-type]
-    one.keep(camera(), view, "region after region")
-    assert one.lookup(camera()) is None
-    found = one.lookup(camera(), "region after region")
-    assert found is not None
-    assert same(found[0], view)
-    one.keep(camera(), view)
-    assert one.lookup(camera()) is not None
-
-
-BAD: dict[str, tuple[Callable[[View], View], type[Exception]]] = {
-    "double": (lambda view: View(view.colour.astype(np.float64), view.opacity, view.depth), TypeError),
-    "not finite": (lambda view: View(view.colour, view.opacity, view.depth * np.float32(np.inf)), ValueError),
-    "another size": (lambda view: View(view.colour[:5], view.opacity[:5], view.depth[:5]), ValueError),
-    "unequal": (lambda view: View(view.colour, view.opacity[:5], view.depth), ValueError),
-    "flat": (lambda view: View(view.colour[0], view.opacity[0], view.depth[0]), ValueError),
-    "four colours": (lambda view: View(view.colour.repeat(2, axis=-1), view.opacity, view.depth), ValueError),
-}
-
-
-@pytest.mark.parametrize("bad", BAD)
-def test_what_is_no_view_of_the_camera_is_not_kept(bad: str) -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    change, error = BAD[bad]
-    with pytest.raises(error):
-        one.keep(camera(), change(plain(one.learner)))  # type: ignore[arg-type]
     assert one.lookup(camera()) is None
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from baselines.contract import Box
 from harness.checkpoints import load_checkpoint, save_checkpoint
@@ -66,81 +65,6 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(tmp_path: 
         assert found is not None
         assert same(found[0], expected)
         assert found[1] == level
-
-
-def one_more_step(one: Any) -> None:
-    one.train_on(*rays_and_colours(seed=9))
-
-
-def a_step_that_nobody_counted(one: Any) -> None:
-    step = one.step
-    one_more_step(one)
-    one.step = step
-
-
-def added_in_place(one: Any) -> None:
-    one.field.values["density"] += 1.0
-
-
-def added_in_place_over_and_over(one: Any) -> None:
-    """Dr.Jit gives numbers of variables that are gone to new ones."""
-    import drjit as dr
-
-    for _ in range(6):
-        one.field.values["density"] += 1.0
-        dr.eval(one.field.values)
-
-
-def scattered(one: Any) -> None:
-    import drjit as dr
-
-    dr.scatter(one.field.values["density"], 9.0, one.field.types.UInt32(0))
-
-
-def finer(one: Any) -> None:
-    one.field = one.field.refined(9)
-
-
-def restored(one: Any) -> None:
-    one.restore({name: values * 2.0 for name, values in one.field.state_dict().items()}, one.step)
-
-
-CHANGES: dict[str, Callable[[Any], None]] = {
-    "a training step": one_more_step,
-    "a training step that nobody counted": a_step_that_nobody_counted,
-    "added in place": added_in_place,
-    "added in place again and again": added_in_place_over_and_over,
-    "one voxel scattered to": scattered,
-    "a finer grid": finer,
-    "other weights restored": restored,
-}
-
-
-@pytest.mark.parametrize("frozen", [False, True])
-@pytest.mark.parametrize("change", CHANGES)
-def test_a_change_is_a_miss_and_what_is_rendered_then_is_the_changed_picture(change: str, frozen: bool) -> None:
-    cached = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen)
-    cached.render(camera())
-    assert cached.lookup(camera()) is not None
-    CHANGES[change](cached.learner)
-    assert cached.lookup(camera()) is None
-    assert same(cached.render(camera()), plain(cached.learner))
-
-
-def test_a_frozen_method_is_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[object] = []
-    cached = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
-    tensors = type(cached.learner.field).state_dict
-
-    def counted(self: object) -> dict[str, torch.Tensor]:
-        calls.append(self)
-        return tensors(self)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(type(cached.learner.field), "state_dict", counted)
-    for _ in range(3):
-        cached.render(camera())
-    cached.render(camera(), use_cache=False)
-    assert len(calls) == 1
 
 
 FACTS: dict[str, Callable[[Any], None]] = {

@@ -1,17 +1,13 @@
 """Where nothing more can be written the picture stays in memory, and the store says why it is not on disk."""
 
 import errno
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from harness.view_cache import keys, ledger
+from harness.view_cache import ledger
 from harness.view_cache.disk import DiskPictures
 from harness.view_cache.ledger import locked
 from harness.view_cache.store import ViewStore
@@ -58,91 +54,6 @@ def test_a_disk_that_is_full_costs_no_picture(tmp_path: Path, limit: int) -> Non
     assert same_bits(fresh.get("before"), drawn(1))
     assert fresh.get("3") is None
     assert fresh.statistics.damaged == fresh.statistics.leftovers == 0
-
-
-ON_A_SMALL_DISK = """
-import sys
-import numpy as np
-from pathlib import Path
-from harness.view_cache.store import ViewStore
-folder = Path(sys.argv[1])
-store = ViewStore(10**9, folder, 10**9)
-def noise(seed):
-    return np.random.default_rng(seed).random((100, 100, 5), dtype=np.float32)
-for seed in range(12):
-    store.store(f"{seed}", noise(seed), level=2)
-    assert np.array_equal(store.get(f"{seed}"), noise(seed)), seed
-statistics = store.statistics
-again = ViewStore(0, folder, 10**9)
-kept = [seed for seed in range(12) if again.get(f"{seed}") is not None]
-assert all(np.array_equal(again.get(f"{seed}"), noise(seed)) for seed in kept)
-assert not list((folder / "parts").iterdir())
-print(len(kept), statistics.failed_writes, again.statistics.damaged, statistics.last_failure)
-"""
-
-
-def test_a_real_disk_that_is_full(tmp_path: Path) -> None:
-    """One mebibyte in memory, mounted in a name space of its own: five pictures of 200 kB fit."""
-    unshare, mount = shutil.which("unshare"), shutil.which("mount")
-    if unshare is None or mount is None:
-        pytest.skip("needs unshare and mount")
-    small = f'{mount} -t tmpfs -o size=1m none "$1" && exec "$2" -c "$3" "$1"'
-    done = subprocess.run(
-        [unshare, "--user", "--map-root-user", "--mount", "sh", "-c", small, "sh", tmp_path, sys.executable,
-         ON_A_SMALL_DISK],
-        cwd=keys.ROOT, capture_output=True, text=True,
-    )  # fmt: skip
-    if done.returncode and ("unshare" in done.stderr or "mount:" in done.stderr):
-        pytest.skip(f"no file system can be mounted here: {done.stderr.strip()[:200]}")
-    assert done.stderr == ""
-    kept, failed, damaged, reason = done.stdout.strip().split(" ", 3)
-    assert int(kept) in (4, 5)
-    assert int(kept) + int(failed) == 12
-    assert int(damaged) == 0
-    assert reason
-
-
-READ_ONLY = """
-import os, sys
-from pathlib import Path
-from harness.view_cache.disk import DiskPictures
-from harness.view_cache.store import ViewStore
-from scenes.errors import InputError
-from tests.harness.view_cache.drawn import drawn, same_bits
-folder = Path(sys.argv[1])
-store = ViewStore(10**6, folder, 10**6)
-store.store("a", drawn(1), level=2)
-for name, _, _ in os.walk(folder):
-    os.chmod(name, 0o555)
-os.chmod(folder / "ledger", 0o444)
-if os.geteuid() == 0:
-    os.setgroups([]), os.setgid(65534), os.setuid(65534)
-assert same_bits(store.get("a"), drawn(1))
-store.store("b", drawn(2), level=2)
-assert store.where("b") == 1 and same_bits(store.get("b"), drawn(2))
-print(store.statistics.failed_writes, store.statistics.last_failure)
-try:
-    ViewStore(10**6, folder, 10**6)
-except InputError as error:
-    print(error)
-"""
-
-
-def test_a_folder_that_can_only_be_read_is_read(tmp_path: Path) -> None:
-    shared = Path("/dev/shm") if os.access("/dev/shm", os.W_OK) else tmp_path  # where another user can get to
-    folder = shared / f"views-{os.getpid()}-{id(tmp_path)}"
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", READ_ONLY, str(folder)], cwd=keys.ROOT, capture_output=True, text=True
-        )
-    finally:
-        for name, _, _ in os.walk(folder):
-            Path(name).chmod(0o755)
-        shutil.rmtree(folder, ignore_errors=True)
-    assert done.returncode == 0, done.stderr
-    first, second = done.stdout.splitlines()
-    assert first == "1 Permission denied"
-    assert second.startswith(f"{folder}: views cannot be kept there (Permission denied)")
 
 
 @pytest.mark.parametrize(

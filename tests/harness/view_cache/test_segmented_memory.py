@@ -83,17 +83,6 @@ def one() -> np.ndarray:
     return np.zeros((1, 1, 1), dtype=np.float32)
 
 
-def test_a_long_flight_does_not_push_out_what_was_used_again() -> None:
-    memory = SegmentedMemory(4 * 8)
-    memory.put("home", one(), 1)
-    assert memory.get("home") is not None
-    for step in range(1000):
-        memory.put(f"flight {step}", one(), 1)
-    assert memory.where("home") == 0
-    assert memory.keys(1) == [f"flight {step}" for step in range(993, 1000)]
-    assert memory.evicted == 993
-
-
 @pytest.mark.parametrize(("floats", "level", "others"), [(6, 0, 1), (7, 1, 0), (8, 1, None), (9, None, 0)])
 def test_what_level_0_cannot_hold_stays_in_1_and_what_memory_cannot_hold_is_not_kept(
     floats: int, level: int | None, others: int | None

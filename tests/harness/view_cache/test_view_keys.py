@@ -17,12 +17,12 @@ from harness.camera import Camera
 from harness.checkpoints import load_checkpoint, save_checkpoint, weights_digest
 from harness.learner import Learner
 from harness.trainer import Trainer
-from harness.view_cache import cached, keys
+from harness.view_cache import keys
 from harness.view_cache.cached import CachedMethod
 from harness.view_cache.keys import RENDERING, code_digest, plain_calls, view_key
 from harness.view_cache.store import ViewStore
 from tests.harness.ball import pose
-from tests.harness.tiny import BUDGET, CPU, TRAIN, box, rays_and_colours, trainer
+from tests.harness.tiny import TRAIN, rays_and_colours, trainer
 from tests.test_architecture import imported, modules
 
 CALLS = plain_calls(512)
@@ -175,21 +175,6 @@ def test_another_version_of_the_sources_or_of_torch_is_another_picture(monkeypat
     assert key(one) != before
 
 
-def test_of_attention_only_what_decides_calls_is_in_the_digest() -> None:
-    known = modules(keys.ROOT)
-    deciding = {name for name in known if name.startswith("harness.attention.") and known[name] in digested()}
-    calls = "harness.attention.progressive"
-    of_calls = {calls} | {
-        name for name in imported(calls, known[calls], set(known), top_level_only=False) if "attention" in name
-    }
-    assert deciding == of_calls
-    assert "harness.attention.drawing" not in deciding  # it draws pixels to train on
-
-
-def test_another_order_of_channels_is_another_picture() -> None:
-    assert Path(cached.__file__) in digested()
-
-
 def digested() -> set[Path]:
     return {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
 
@@ -269,7 +254,3 @@ def test_a_cached_method_has_these_keys() -> None:
         method = CachedMethod(one, ViewStore(0), 512, frozen)
         assert method.key(camera()) == key(one)
         assert method.key(camera(), "otherwise") == key(one, calls="otherwise")
-
-
-def test_the_budget_is_in_no_key() -> None:
-    assert key(Trainer("nerf", box(), TRAIN, replace(BUDGET, steps=99), 0, CPU)) == key(trainer())

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from harness.view_cache import disk
 from harness.view_cache.disk import DiskPictures
-from harness.view_cache.names import name_of
 from harness.view_cache.store import ViewStore
 from scenes.errors import InputError
 from tests.harness.view_cache.drawn import drawn, same_bits
@@ -45,19 +44,6 @@ def test_a_hit_goes_up_a_level(tmp_path: Path) -> None:
     assert (statistics.misses, statistics.stored) == (0, {0: 0, 1: 0, 2: 1})
     assert statistics.bytes[0] == ONE
     assert statistics.hit_rate == 1.0
-
-
-def test_asking_where_uses_nothing(tmp_path: Path) -> None:
-    store = ViewStore(10 * ONE, tmp_path, 10**6)
-    store.store("a", drawn(1), level=1)
-    store.store("b", drawn(2), level=2)
-    for _ in range(3):
-        assert (store.where("a"), store.where("b"), store.where("c")) == (1, 2, None)
-        assert "a" in store
-        assert "b" in store
-        assert "c" not in store
-    assert store.statistics.hits == {0: 0, 1: 0, 2: 0}
-    assert store.statistics.misses == 0
 
 
 def test_without_a_disk_level_2_is_level_1_and_without_memory_nothing_is_kept() -> None:
@@ -153,27 +139,6 @@ def test_a_picture_larger_than_the_folder_may_be_stays_in_memory(tmp_path: Path)
     assert files_in(tmp_path) == []
 
 
-def test_a_folder_that_is_too_full_for_a_smaller_bound_is_emptied_when_opened(tmp_path: Path) -> None:
-    store = ViewStore(0, tmp_path, 10**6)
-    for seed in range(20):
-        store.store(f"{seed}", drawn(seed), level=2)
-    smaller = ViewStore(0, tmp_path, 5 * ON_DISK)
-    assert 0 < smaller.statistics.bytes[2] <= 5 * ON_DISK
-    assert same_bits(smaller.get("19"), drawn(19))
-    assert smaller.get("0") is None
-
-
-def test_what_lies_beside_our_files_is_let_be(tmp_path: Path) -> None:
-    foreign = [tmp_path / name for name in ("notes.txt", "objects/ab/" + "1" * 62, "keys/readme", "objects/x.exr")]
-    for file in foreign:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text("mine")
-    store = ViewStore(0, tmp_path, 3 * ON_DISK)
-    for seed in range(20):
-        store.store(f"{seed}", drawn(seed), level=2)
-    assert [file.read_text() for file in foreign] == ["mine"] * 4
-
-
 @pytest.mark.parametrize("where", ["file", "file/below", "/proc/views"])
 def test_a_folder_that_cannot_be_one_is_an_error_that_names_it(tmp_path: Path, where: str) -> None:
     (tmp_path / "file").write_text("")
@@ -203,16 +168,6 @@ def test_two_stores_on_one_folder_only_ever_give_what_was_put(
         assert sum(map(size, files_in(folder))) <= pictures * ON_DISK
     for each in (one, other):
         assert (each.counts.damaged, each.counts.dangling, each.counts.failed) == (0, 0, 0)
-
-
-def test_the_time_of_use_is_told_apart_within_a_tick_of_the_system(tmp_path: Path) -> None:
-    disk = DiskPictures(tmp_path, 10**6)
-    for seed in range(3):
-        disk.put(f"{seed}", drawn(seed))
-    times = [file.stat().st_mtime_ns for file in (tmp_path / "objects").rglob("*.exr")]
-    assert len(set(times)) == 3
-    assert not list((tmp_path / "parts").iterdir())
-    assert (tmp_path / "keys" / name_of("0")[:2] / name_of("0")).is_file()
 
 
 def files_in(folder: Path) -> list[Path]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.attention.regions import Regions
-from harness.viewer.attended import LARGEST_MASK, Attention, attention_map, read_mask, spread
+from harness.viewer.attended import Attention, attention_map, read_mask, spread
 from scenes.errors import InputError
 from scenes.images import write_channels, write_png
 
@@ -36,12 +36,6 @@ def test_bright_pixels_are_read(tmp_path: Path) -> None:
     found = read_mask(tmp_path / "mask.png")
     assert (found[1, 2], found[2, 3]) == (1.0, pytest.approx(0.2, abs=1e-3))
     assert np.count_nonzero(found) == 2
-
-
-def test_a_large_mask_is_kept_small(tmp_path: Path) -> None:
-    write_channels(tmp_path / "mask.exr", {"Y": np.ones((8, 2 * LARGEST_MASK), np.float32)})
-    found = read_mask(tmp_path / "mask.exr")
-    np.testing.assert_allclose(found, np.ones((8, LARGEST_MASK)))
 
 
 def test_what_is_no_mask_is_refused(tmp_path: Path) -> None:

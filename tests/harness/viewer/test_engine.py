@@ -1,7 +1,5 @@
 """Coarse at once, every region once, the plain picture in the end; again out of the cache; no more than was taken."""
 
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +13,8 @@ from harness.finished import TrainedCell
 from harness.metrics import psnr
 from harness.trainer import Diverged
 from harness.view_cache.store import ViewStore
-from harness.viewer import engine
 from harness.viewer.attended import Attention
-from harness.viewer.engine import Frame, Pace, Seat, first_frame, frames, regions_of
+from harness.viewer.engine import Frame, Seat, frames
 from harness.viewer.orbit import Orbit
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
@@ -78,35 +75,12 @@ def test_the_last_picture_is_the_plain_one(seats: list[Seat], camera: Camera, at
                 np.testing.assert_allclose(getattr(last, name), expected, rtol=0, atol=2e-5)
 
 
-def test_regions_come_from_the_point_of_interest_outwards(seats: list[Seat], camera: Camera) -> None:
-    regions = regions_of(camera)
-    assert regions.count == 9
-    parts = [one for one in frames(seats[:1], camera, Attention("point", 0.05, 0.95)) if one.state == "refining"]
-    order = [int(regions.of_pixel.reshape(-1)[part.pixels[0]]) for part in parts]
-    assert sorted(order) == list(range(9))
-    assert (order[0], order[-1]) == (2, 6)
-
-
 def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Seat], camera: Camera) -> None:
     shown = list(frames(seats, camera, FOVEAL))
     assert [seat.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
     assert all("share a call" in frame.note for frame in of(shown, "qnerf"))
     assert all(frame.note == "" for frame in frames(seats, camera, PLAIN, use_cache=False))
-
-
-def test_methods_take_turns(seats: list[Seat], camera: Camera) -> None:
-    """Each has had its coarse frame before any is refined, and then it is the turn of who has had the least time."""
-    small = [replace(seat, chunk=200) for seat in seats]
-    shown = list(frames(small, camera, PLAIN, use_cache=False))
-    assert [frame.state for frame in shown[:2]] == ["coarse", "coarse"]
-    had: dict[str, float] = {frame.method: frame.work for frame in shown[:2]}
-    for frame in shown[2:]:
-        others = [work for method, work in had.items() if method != frame.method]
-        assert all(had[frame.method] <= work for work in others)
-        had[frame.method] = frame.work
-        if frame.state == "whole":
-            had[frame.method] = np.inf
 
 
 def test_the_second_time_it_is_out_of_the_cache(seats: list[Seat], camera: Camera) -> None:
@@ -154,14 +128,6 @@ def test_nothing_is_rendered_that_is_not_asked_for(
     assert all(seat.cached.lookup(camera, None) is None for seat in seats)
 
 
-def test_a_whole_picture_is_kept_even_if_nobody_waits_for_more(seats: list[Seat], camera: Camera) -> None:
-    shown = frames(seats[:1], camera, FOVEAL)
-    while next(shown).state != "whole":
-        pass
-    shown.close()
-    assert next(frames(seats[:1], camera, FOVEAL)).level == 1
-
-
 def test_psnr_is_that_of_the_whole_picture(seats: list[Seat], camera: Camera) -> None:
     truth = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
     shown = list(frames(seats[:1], camera, FOVEAL, truth))
@@ -184,41 +150,6 @@ def test_a_picture_that_is_not_finite_fails_alone(
     assert [frame.state for frame in of(shown, "nerf")] == ["failed"]
     assert "ray 7" in of(shown, "nerf")[0].note
     assert of(shown, "qnerf")[-1].state == "whole"
-
-
-def test_the_first_frame_is_timed_with_nothing_in_the_cache(cells: list[TrainedCell], camera: Camera) -> None:
-    for _ in range(2):
-        coarse, whole = engine.seconds_of(first_frame(cells, camera), 2)
-        assert 0.0 < coarse < whole
-
-
-def test_what_is_timed_is_the_last_method_s_first_frame() -> None:
-    none = np.zeros(0)
-
-    def frame(method: str, seconds: float, state: Any = "coarse", note: str = "") -> Frame:
-        return Frame(method, state, none, none, none, none, 0.0, seconds, 0.0, note=note)
-
-    def shown(*given: Frame) -> Iterator[Frame]:
-        return iter(given)
-
-    seen = [frame("a", 1.0), frame("b", 3.0), frame("a", 4.0), frame("b", 7.0), frame("a", 6.0)]
-    assert engine.seconds_of(shown(*seen), 2) == (3.0, 6.0)
-    with pytest.raises(Diverged, match="a: not finite"):
-        engine.seconds_of(shown(frame("a", 1.0, "failed", "not finite")), 1)
-    with pytest.raises(ValueError, match="2 methods"):
-        engine.seconds_of(shown(*seen[:1]), 2)
-
-
-def test_the_coarse_frame_takes_as_long_as_it_may() -> None:
-    assert Pace(25_000.0).stride(10_000) == 2
-    assert Pace(1e9).stride(10_000) == engine.FINEST_STRIDE
-    assert Pace(1.0).stride(10_000) == engine.COARSEST_STRIDE
-    assert Pace(10_000.0).stride(9_000) == 3
-    pace = Pace(100.0)
-    pace.learn(400, 1.0)
-    assert pace.rays_per_second == pytest.approx(200.0)
-    pace.learn(0, 1.0)
-    assert pace.rays_per_second == pytest.approx(200.0)
 
 
 @pytest.mark.parametrize(

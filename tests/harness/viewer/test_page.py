@@ -1,11 +1,9 @@
 """The page in a real browser that reaches nothing but this machine."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 
 from harness.viewer.shown_run import ShownRun
 from tests.harness.viewer.looking import Looking
@@ -106,47 +104,3 @@ def test_methods_are_loaded_when_they_are_chosen_and_one_that_cannot_be_shown_sa
     assert look.page.locator("figure[data-method=qnerf]").count() == 0
     assert look.data("nerf", "state") == "whole"
     assert look.noise == []
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_every_control_has_a_name(browser: Any, site: Site, scheme: str) -> None:
-    look = Looking(browser, site, viewport={"width": 390, "height": 800}, color_scheme=scheme)
-    widths = look.page.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
-    assert widths[0] <= widths[1]
-    named = look.page.evaluate(
-        "() => [...document.querySelectorAll('button, select, input, canvas[tabindex]')]"
-        ".map(one => one.ariaLabel || one.textContent.trim() || one.labels?.[0]?.textContent.trim() || one.outerHTML)"
-    )
-    assert len(named) > 15
-    assert not [name for name in named if name.startswith("<")]
-    buttons = look.page.evaluate("() => [...document.querySelectorAll('button')].map(one => one.ariaLabel)")
-    assert len(set(buttons)) == len(buttons) == 6
-    # the first picture is seen without scrolling; what can be chosen is behind a word
-    assert look.page.locator("figure canvas").first.bounding_box()["y"] < 400
-    assert not look.page.locator("#scene").is_visible()
-    look.page.locator("summary").click()
-    assert look.page.locator("#scene").is_visible()
-
-
-def test_without_its_view_set_the_page_works_and_says_so(browser: Any, out: Path, shown: ShownRun) -> None:
-    run = shown.run.run
-    moved = {**run.settings, "view_set": str(out / "gone")}
-    run.settings.update(moved)
-    with served(ShownRun(shown.run, out, 0, "ball", ("nerf",), torch.device("cpu"), shown.store)) as site:
-        look = Looking(browser, site)
-        assert look.data("nerf", "state") == "whole"
-        assert "is not there" in look.page.locator("figure.truth .over").inner_text()
-        assert look.figure("nerf", "psnr") == "– only at a view of the ground truth"  # the camera is at none
-        assert look.page.locator("#next").is_disabled()
-        before = look.picture("nerf")
-        look.after(lambda: look.page.keyboard.press("ArrowUp"))
-        assert look.picture("nerf") != before
-        assert look.noise == []
-
-
-def test_a_server_that_has_ended_is_said(browser: Any, shown: ShownRun) -> None:
-    with served(shown) as site:
-        look = Looking(browser, site)
-    look.page.keyboard.press("ArrowUp")
-    look.page.wait_for_selector("#alert:not([hidden])")
-    assert "does not answer" in look.page.locator("#alert").inner_text()

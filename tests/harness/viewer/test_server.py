@@ -3,7 +3,6 @@
 import json
 import socket
 import threading
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,9 @@ import pytest
 from harness.evaluate import LARGEST_PSNR
 from harness.metrics import psnr
 from harness.records import read_cells
-from harness.view_cache.store import ViewStore
 from harness.viewer import engine, server
 from harness.viewer.server import FILES
-from harness.viewer.shown_run import COUNTED_FOR, ShownRun
+from harness.viewer.shown_run import ShownRun
 from scenes.errors import InputError
 from scenes.images import read_image
 from scenes.pixels import over_white
@@ -164,13 +162,6 @@ def test_a_request_that_never_comes_is_not_waited_for(site: Site, monkeypatch: p
     assert site.messages()[-1][0]["kind"] == "end"
 
 
-def test_a_number_that_was_asked_for_is_not_rendered_again(site: Site) -> None:
-    body = wanted(methods=["nerf"])
-    assert site.ask("POST", "/render", body, content_type="application/json")[0] == 200
-    status, _, said = site.ask("POST", "/render", body, content_type="application/json")
-    assert (status, b"has asked for number" in said) == (409, True)
-
-
 def test_a_mask_is_attended_where_there_is_one(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {"methods": ["nerf"], "attention": {"kind": "mask", "row": 0, "column": 0}}
     assert "mask" not in [one["name"] for one in site.json("/run.json")["attentions"]]
@@ -183,30 +174,6 @@ def test_a_mask_is_attended_where_there_is_one(site: Site, monkeypatch: pytest.M
     parts = [body[: 4 * header["pixels"]] for header, body in told if header.get("state") == "refining"]
     row, column = divmod(int(np.frombuffer(parts[0], "<u4")[0]), SIZE)
     assert (row // 16, column // 16) == (1, 2)  # the region that most of the mark is in
-
-
-def test_ground_truths_are_kept_of_the_last_two_scenes(shown: ShownRun) -> None:
-    names = ["ball", "second", "third"]
-    scenes = [replace(shown.run.run.scenes[0], name=name) for name in names]
-    first = shown.truth(scenes[0])
-    assert len(first) == 3
-    assert shown.truth(scenes[1]) is not first
-    assert shown.truth(scenes[0]) is first
-    shown.truth(scenes[2])
-    assert list(shown.truths) == ["ball", "third"]
-
-
-def test_the_cache_s_files_are_counted_now_and_then(shown: ShownRun, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-    statistics = ViewStore.statistics.fget
-    assert statistics is not None
-    monkeypatch.setattr(ViewStore, "statistics", property(lambda store: (asked.append(1), statistics(store))[1]))
-    for _ in range(3):
-        assert shown.cache_listing()["disk_bytes"] >= 0
-    assert len(asked) == 1
-    shown.counted = (time.monotonic() - 2 * COUNTED_FOR, shown.store.statistics)
-    shown.cache_listing()
-    assert len(asked) == 3  # the one above, and a new one
 
 
 def test_a_test_view_is_scored_as_the_run_scored_it(site: Site, trained: Path) -> None:
@@ -260,14 +227,6 @@ def test_the_ground_truth_is_the_stored_image(site: Site, trained: Path) -> None
     colour = np.frombuffer(pixels[8 * count : 11 * count], "u1").reshape(SIZE, SIZE, 3)
     assert np.abs(colour / 255.0 - stored).max() <= 0.5 / 255 + 1e-6
     assert min(psnr(stored, stored), LARGEST_PSNR) == LARGEST_PSNR
-
-
-def test_another_size_is_rendered_and_not_scored(site: Site) -> None:
-    told = site.messages(place={"view": 0}, methods=["nerf"], width=64)
-    start = next(header for header, _ in told if header["kind"] == "start")
-    assert (start["width"], start["height"]) == (64, 64)
-    last = [header for header, _ in told if header["kind"] == "frame"][-1]
-    assert (last["state"], last["psnr"]) == ("whole", None)
 
 
 def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Site) -> None:

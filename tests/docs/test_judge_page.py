@@ -1,0 +1,123 @@
+"""docs/judge.md says what its tables say: every block, every row and every number of its two examples."""
+
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from harness.judge.judgement import judge
+from harness.judge.record import JudgementRecord, changed_pairs
+from harness.judge.table import read_table
+from harness.judge.wording import lines
+from tests.harness.shell import ROOT
+
+EXAMPLES = ROOT / "docs" / "examples"
+PAGE = (ROOT / "docs" / "judge.md").read_text(encoding="utf-8")
+PUBLIC, SEEDED = "nerfbaselines-blender.csv", "own-seeds.csv"
+REMEDY = "replace it in docs/judge.md by:\n"
+
+
+@cache
+def judged(name: str, baseline: str | None = None) -> JudgementRecord:
+    return judge(read_table([EXAMPLES / name]), None, baseline, {})
+
+
+def after(mark: str) -> str:
+    """The lines behind a mark, up to an empty one."""
+    return PAGE.split(f"<!-- {mark} -->\n")[1].split("\n\n")[0].strip()
+
+
+@pytest.mark.parametrize(
+    ("mark", "name", "baseline"),
+    [
+        (f"judgement of examples/{PUBLIC}", PUBLIC, None),
+        (f"judgement of examples/{SEEDED} against nerf", SEEDED, "nerf"),
+    ],
+)
+def test_the_tables_are_what_the_command_prints(mark: str, name: str, baseline: str | None) -> None:
+    block = "```\n" + "\n".join(lines(judged(name, baseline))) + "\n```"
+    assert after(mark) == block, REMEDY + block
+
+
+def test_the_differences_with_seeds_are_those_of_the_table() -> None:
+    rows = ["| method | dB | on scenes like these | on these scenes |", "|---|---|---|---|"]
+    for pair in judged(SEEDED, "nerf").given.pairs:
+        assert pair.difference is not None
+        told = []
+        for estimate in (pair.scenes_like_these, pair.on_these_scenes):
+            assert estimate
+            assert estimate.simultaneous
+            low, high = (f"{end:+.2f}".replace("-", "−") for end in estimate.simultaneous)
+            told.append(f"[{low}, {high}] {estimate.verdict}")
+        rows.append(f"| `{pair.method}` | {pair.difference:+.2f} | {' | '.join(told)} |".replace("| -", "| −"))
+    assert after(f"differences of examples/{SEEDED} against nerf") == "\n".join(rows), REMEDY + "\n".join(rows)
+
+
+def sentences() -> list[str]:
+    """What the page says of the leaderboard, made from the leaderboard."""
+    found = judged(PUBLIC)
+    places = [one.method for one in found.given.places]
+    assert places[-1] == "colmap"
+    trained = [pair for pair in found.given.neighbours if pair.against != "colmap"]
+    assert not any(pair.told_apart for pair in trained)
+    for pair in trained:
+        assert pair.scenes_like_these
+        assert pair.scenes_like_these.interval
+        assert pair.scenes_like_these.interval[0] < 0 < pair.scenes_like_these.interval[1]
+    best = places[0]
+    from_best = [f"`{pair.against}`" for pair in found.given.pairs if pair.method == best and pair.told_apart]
+    least = [pair.scenes_like_these.smallest_detectable or 0.0 for pair in trained if pair.scenes_like_these]
+    (suspect,) = found.suspects
+    assert found.without_suspects
+    rankings = found.given.places, found.without_suspects.places
+    (before, mean), (now, adjusted) = (
+        next((at, one.mean) for at, one in enumerate(of, 1) if one.method == suspect.method) for of in rankings
+    )
+    changes = len(changed_pairs(found))
+    printed = read_table([EXAMPLES / PUBLIC], "psnr_printed_by_its_paper")
+    paper = printed.values[printed.methods.index(suspect.method), printed.scenes.index(suspect.scene), 0]
+    return [
+        f"Test PSNR of {len(places)} methods on the {len(found.scenes)} scenes",
+        f"{len(places) - 1} of the methods were trained (`colmap` was not), and none of their {len(trained)} "
+        "neighbouring pairs is told apart: not with intervals for all pairs together, and not where each pair is "
+        "looked at alone.",
+        f"The best, `{best}`, is told apart from {', '.join(from_best[:-1])} and {from_best[-1]} alone.",
+        f"lies between {min(least):.2f} and {max(least):.2f} dB.",
+        f"The row of `{suspect.method}` is a single collapsed cell: {suspect.value:.2f} dB on {suspect.scene}, where "
+        f"{suspect.expected:.2f} dB is to be expected and its own paper prints {paper:.2f} dB.",
+        f"Without that cell its adjusted mean is {adjusted:.2f} instead of {mean:.2f} dB, and it moves from place "
+        f"{before} to place {now}; {f'{changes} verdicts change' if changes else 'no verdict changes'}.",
+        f"Our own published run, {judged(SEEDED).seeds} seeds per cell",
+    ]
+
+
+def test_every_number_of_the_examples_is_read_from_the_tables() -> None:
+    left = PAGE.split("## A public leaderboard")[1]
+    for sentence in sentences():
+        assert sentence in left
+        left = left.replace(sentence, "")
+    # what stands in blocks, tables and commands has tests of its own
+    prose = [
+        line
+        for line in re.sub(r"```.*?```", "", left, flags=re.S).splitlines()
+        if not line.startswith(("|", "    ", "<"))
+    ]
+    numbers = re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?!\w)", "\n".join(prose))
+    assert numbers == ["2025", "80"], numbers  # November 2025; in 80 % of such tables
+
+
+def test_the_table_with_seeds_is_that_of_the_published_run() -> None:
+    cells = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))["cells"]
+    table, run = (read_table([path]) for path in (EXAMPLES / SEEDED, ROOT / "docs" / "reduced" / "summary.json"))
+    assert len(cells) == len((EXAMPLES / SEEDED).read_text(encoding="utf-8").splitlines()) - 1
+    assert (table.methods, table.scenes, table.seeds) == (run.methods, run.scenes, run.seeds)
+    assert abs(table.values - run.values).max() < 6e-5
+
+
+def test_the_page_names_the_metrics_that_are_known(tmp_path: Path) -> None:
+    for name in re.findall(r"`(\w+)`", PAGE.split("better when lower (")[1].split(")")[0]):
+        rows = "".join(f"{scene},{method},1\n" for scene in "ab" for method in "xy")
+        (tmp_path / "t.csv").write_text(f"scene,method,{name}\n{rows}")
+        assert not read_table([tmp_path / "t.csv"]).higher_is_better

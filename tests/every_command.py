@@ -1,0 +1,136 @@
+"""Every nox session and every command, each in its shortest form: `nox -s commands`, which `.ci/run` runs.
+
+A new session or command is one more line of `TYPED`; `tests/docs/test_documentation.py` fails where one is missing.
+"""
+
+import os
+import re
+import resource
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+SECONDS = 300.0
+"""A command that takes longer hangs."""
+
+# Blocks run side by side, the lines of a block one after another. `→ 3`: this exit code is a result as well, as at
+# these sizes no figure means anything.
+TYPED = """
+nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --out {here}/run {sets}
+nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
+nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
+nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
+python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
+python -m harness tensorboard {here}/run
+python -m reports {here}/run {here}/run --page {here}/outputs.html
+python -m reports {here}/run --partial --publish {here}/published
+python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {sets}
+python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
+python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
+python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
+python -m harness run --profile smoke --view-set {here}/blender {tiny} --out {here}/foreign
+python -m harness run --profile smoke --view-set {here}/nerfstudio --dry-run
+python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
+python -m harness run --profile full --device cpu --dry-run {sets}
+python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
+python -m scenes integrators glass --resolution 8 --views 1 --spp 2
+python -m scenes noise --scenes lego --resolution 8 --spp 1 2 --reference-spp 4 --repeats 1
+python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
+python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
+
+nox -s stability -- --cases S1 Q1 --quick --out {here}/stability {other_sets} → 3
+nox -s speed -- --items 2 7 8 9 10 --quick --out {here}/speed {other_sets}
+nox -s conformance -- qnerf
+nox -s endurance -- --kills 1 --typed-kills 1 --no-damage --brief --scratch {here}/endurance
+nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
+nox -s tests_thorough -- --collect-only -q
+python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
+python -m harness gate --list
+python -m harness evidence --list
+python -m harness stability --list
+python -m harness conformance --list
+python -m harness sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {other_sets}
+python -m harness equivalence --profile smoke --scenes lego {tiny} --seeds 2 --out {here}/pairs.json {other_sets}
+python -m harness omissions --profile smoke --scenes lego {tiny} --seeds 2 --out {here}/left.json {other_sets} → 3
+python -m harness repair --quick --out {here}/repair.json {other_sets}
+python -m harness scaling
+python -m harness doctor
+python -m harness completion bash
+"""
+TINY = "--methods nerf qnerf --budget-steps 4 --resolution 16"
+
+
+def blocks(here: str) -> list[list[str]]:
+    """The lines of each block, with folders filled in."""
+    sets = f"--view-sets {here}/sets"
+    filled = TYPED.replace("{tiny}", TINY).replace("{other_sets}", f"{sets}-2").replace("{sets}", sets)
+    return [block.strip().replace("{here}", here).splitlines() for block in filled.split("\n\n")]
+
+
+def run(line: str, nox: str, here: Path) -> str:
+    """What went wrong, or nothing."""
+    typed, _, also = line.partition(" → ")
+    if "{set}" in typed:
+        typed = typed.replace("{set}", next(one.name for one in (here / "sets").glob("hotdog*")))
+    words = shlex.split(typed)
+    command = [nox, "-m", "nox", "--no-venv", "--no-install", *words[1:]] if words[0] == "nox" else words
+    command = [sys.executable, *command[1:]] if command[0] == "python" else command
+    began = time.monotonic()
+    with tempfile.TemporaryFile("w+", dir=here) as said:
+        process = subprocess.Popen(command, cwd=ROOT, stdout=said, stderr=said, start_new_session=True)
+        wrong = "" if "-s view" not in typed else looked_at(process, said.fileno())
+        try:
+            code = process.wait(SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            code, wrong = process.wait(), f"took more than {SECONDS:g} s"
+        said.seek(0)
+        text = said.read()
+    if code not in (0, int(also or 0)):
+        wrong = f"exit code {code}"
+    if "Traceback" in text:
+        wrong += " with a traceback"
+    sys.stdout.write(f"{time.monotonic() - began:5.1f} s  {typed}\n")
+    sys.stdout.flush()
+    return wrong and f"{typed}: {wrong}\n{text[-3000:]}"
+
+
+def looked_at(process: subprocess.Popen[bytes], said: int) -> str:
+    """Opens the page that a viewer announces, then presses Ctrl-C; what went wrong, or nothing."""
+    until, found = time.monotonic() + SECONDS, None
+    while found is None and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.2)
+        found = re.search(rb"http://\S+/", os.pread(said, 1 << 20, 0))
+    try:
+        if found is None:
+            return "announced no page"
+        with urllib.request.urlopen(found[0].decode(), timeout=60) as page:
+            return "" if b"<canvas" in page.read() else "is no viewer's page"
+    except OSError as error:
+        return f"its page cannot be opened: {error}"
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+
+
+def main(nox: str) -> int:
+    """`nox` is the Python that has nox; 1 where a command went wrong."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="commands-") as folder, ThreadPoolExecutor() as pool:
+        both = blocks(folder)
+        done = pool.map(lambda block: [run(line, nox, Path(folder)) for line in block], both)
+        wrong = [one for block in done for one in block if one]
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = f"{time.monotonic() - began:.0f} s, {used.ru_utime + used.ru_stime:.0f} of the processor"
+    sys.stdout.write("\n".join([*wrong, f"{len(wrong)} wrong; {seconds}\n"]))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
