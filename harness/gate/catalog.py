@@ -14,7 +14,7 @@ SCORES = {"psnr": "dB", "ssim": "", "depth_rmse": "half boxes"}
 STEPS = 150
 RESOLUTION = 40
 GATE_SEEDS = (1000, 1001, 1002, 1003)
-DRAWS = 3
+DRAWS = 2
 """Trainings of each cell at renewal that differ in the last bit of their first weights alone: the spread that rounding
 makes."""
 

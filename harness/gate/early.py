@@ -34,7 +34,7 @@ from harness.speed.drawn_views import write_disc
 from harness.trainer import Trainer
 from scenes.view_set import ViewSet, read_view_set
 
-STEPS = 40
+STEPS = 24
 PIXELS_APART = 37
 """Every so many pixels of a test view are compared."""
 STREAM = "early"
@@ -51,7 +51,7 @@ class Precision:
 
 
 PRECISIONS = {
-    "double": Precision(torch.float64, STEPS, (5, 10, 20, 40)),
+    "double": Precision(torch.float64, STEPS, (4, 12, 24)),
     "single": Precision(torch.float32, 5, (1, 3)),
 }
 
@@ -101,10 +101,11 @@ def settings_of(start: Start, fused: bool = True) -> TrainSettings:
         usual,
         precision="float32",
         rays=128,
-        warm_up_steps=10,
+        warm_up_steps=8,
         clip_norm=0.1,
+        bins=usual.bins // 2 if start.fine_bins else usual.bins,
         fine_bins=start.fine_bins,
-        grid=replace(usual.grid, cells=16, first_step=15, every=5),
+        grid=replace(usual.grid, cells=16, first_step=9, every=5),
         accelerations=usual.accelerations if fused else usual.accelerations.without(("fused",)),
     )
 

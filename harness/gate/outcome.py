@@ -53,7 +53,8 @@ def judged(gate: Gate, sample: Sample | None, limit: Limit | None, no_limit: str
     pictures = None if sample is None else sample.pictures
     limit = sample.limit if sample is not None and sample.limit is not None else limit
     if limit is None:
-        return Outcome(gate, "fail", figure, None, None, no_limit, pictures)
+        why = no_limit or (sample.why if sample is not None else "")
+        return Outcome(gate, "fail", figure, None, None, why, pictures)
     if sample is None or figure is None:
         why = sample.why if sample is not None else ""
         return Outcome(gate, "fail", None, limit, None, why or "no finite figure", pictures)

@@ -64,25 +64,25 @@ def outcome(name: str, new: Scores, stored: References) -> Outcome:
 def test_other_rounding_passes_and_two_tenths_of_a_decibel_fail() -> None:
     generator = np.random.default_rng(1)
     failed = {"rounded": 0, "worse": 0}
-    for _ in range(200):
+    for _ in range(60):
         stored, truth = stored_with(generator)
         rounded = truth + ROUNDING * generator.standard_normal(len(KEYS))
         failed["rounded"] += outcome("worse.all.psnr", scores_with(rounded), stored).status == "fail"
         failed["worse"] += outcome("worse.all.psnr", scores_with(rounded - 0.2), stored).status == "fail"
-    assert failed == {"rounded": 0, "worse": 200}
+    assert failed == {"rounded": 0, "worse": 60}
 
 
 def test_two_tenths_are_found_though_other_random_numbers_were_drawn() -> None:
     """A change that draws other numbers makes each cell another training: cells then differ as seeds do."""
     generator = np.random.default_rng(2)
     failed = {"redrawn": 0, "worse": 0}
-    for _ in range(300):
+    for _ in range(150):
         stored, _ = stored_with(generator)
         redrawn = 25.0 + 0.3 * generator.standard_normal(len(KEYS))
         failed["redrawn"] += outcome("worse.all.psnr", scores_with(redrawn), stored).status == "fail"
         failed["worse"] += outcome("worse.all.psnr", scores_with(redrawn - 0.2), stored).status == "fail"
-    assert failed["redrawn"] < 0.1 * 300
-    assert failed["worse"] > 0.9 * 300
+    assert failed["redrawn"] < 0.1 * 150
+    assert failed["worse"] > 0.9 * 150
 
 
 def test_rounding_gets_the_interval_that_it_makes() -> None:
@@ -208,7 +208,7 @@ def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:
     assert all(torch.equal(usual[key], again) for key, again in first_weights(0).items())
     weights = [key for key in usual if usual[key].ndim == 2]
     assert all(not torch.equal(usual[key], other[key]) for key in weights)
-    assert all(torch.allclose(usual[key], other[key], rtol=1.3e-7, atol=0.0) for key in weights)
+    assert all(torch.allclose(usual[key], other[key], rtol=2e-7, atol=0.0) for key in weights)
 
 
 @pytest.mark.parametrize("name", ["avx2", "avx512"])
