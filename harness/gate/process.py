@@ -26,6 +26,8 @@ FORCED: dict[str, dict[str, str]] = {
     },
 }
 """Class → environment that forces its instructions, from the oldest on."""
+OWN = {key: os.environ.get(key) for key in FORCED["default"]}
+"""The environment of this process's own class."""
 
 
 def class_here() -> str:
@@ -43,28 +45,33 @@ def classes_here() -> tuple[str, ...]:
     return tuple(FORCED)[: tuple(FORCED).index(own) + 1] if own in FORCED else (own,)
 
 
-def environment_of(name: str) -> Mapping[str, str]:
-    """What a process of class `name` needs; raises `InputError` where this processor cannot be one of it."""
+def environment_of(name: str) -> Mapping[str, str | None]:
+    """What a process of class `name` needs, None for what must not be set. Raises `InputError` where this processor
+    cannot be one of it.
+    """
     possible = classes_here()
     if name not in possible:
         raise InputError(f"--class {name}: this processor can be measured as {' or '.join(possible)}")
-    return {} if name == class_here() else FORCED[name]
+    return OWN if name == class_here() else FORCED[name]
 
 
 @contextmanager
 def forced(name: str) -> Iterator[None]:
     """Processes that start within are of class `name`."""
-    environment = environment_of(name)
-    before = {key: os.environ.get(key) for key in environment}
-    os.environ.update(environment)
+    before = {key: os.environ.get(key) for key in OWN}
+    _set(environment_of(name))
     try:
         yield
     finally:
-        for key, value in before.items():
-            if value is None:
-                del os.environ[key]
-            else:
-                os.environ[key] = value
+        _set(before)
+
+
+def _set(environment: Mapping[str, str | None]) -> None:
+    for key, value in environment.items():
+        if value is None:
+            os.environ.pop(key, None)
+        else:
+            os.environ[key] = value
 
 
 def in_child(function: Callable[..., Result], *given: Any) -> Result:

@@ -189,7 +189,9 @@ def loss_sample(method: str, score: str, new: Scores, stored: References) -> Sam
     fresh = np.array([new[key][score] for key in chosen], dtype=np.float64)
     sign = 1.0 if METRICS[score].higher_is_better else -1.0
     difference = sign * (fresh - np.array([np.mean(draws) for draws in chosen.values()]))
-    repeated = all(_rounded(float(value)) == _rounded(draws[0]) for value, draws in zip(fresh, chosen.values(), strict=True))
+    repeated = all(
+        _rounded(float(value)) == _rounded(draws[0]) for value, draws in zip(fresh, chosen.values(), strict=True)
+    )
     limit = loss_limit(method, score, stored)
     figure = 0.0 if repeated else float(difference.mean())
     error = rounding_error(list(chosen.values()))

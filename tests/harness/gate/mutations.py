@@ -21,8 +21,7 @@ from harness import evaluate, plan, trainer
 from harness.clipping import Clipping
 from harness.gate import early
 from harness.gate.catalog import STARTS
-from harness.gate.process import class_here
-from harness.gate.references import Courses, References, read_references
+from harness.gate.references import USUAL, Courses, References, read_references
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "gates" / "mutations.json"
@@ -219,7 +218,7 @@ def seen(usual: Courses, key: tuple[str, str, str], stored: References, names: t
 
 def main() -> None:
     torch.set_num_threads(1)
-    stored = read_references(ROOT / "gates" / "classes", class_here())
+    stored = read_references(ROOT / "gates" / "classes", USUAL)
     usual = early.courses()
     rows: list[Row] = []
     for key in MUTATIONS:
