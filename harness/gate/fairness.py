@@ -4,13 +4,12 @@ Two copies of a method under different names must end bit for bit alike; what me
 the comparer, given cells without a difference, must not see one.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,26 +17,22 @@ from baselines.catalog import CATALOG
 from baselines.contract import Rays
 from harness.cell_training import GroupSettings
 from harness.comparisons import compare
-from harness.gate.catalog import SCORES, TRAINED_METHODS, TRAINED_SCENES, Gate
-from harness.gate.limits import SIMULATED
+from harness.gate.catalog import TRAINED_METHODS, TRAINED_SCENES, Gate
 from harness.gate.outcome import Sample
 from harness.gate.situation import Situation
-from harness.gate.training import a_a, gate_plan
+from harness.gate.worse import gate_plan
 from harness.learner import Learner, learner_for
 from harness.lockstep import box_of, train_group
-from harness.records import CellRecord, Checkpoint
+from harness.records import CellRecord
 from harness.schedule import Budget
 from harness.scratch import scratch_folder
 from harness.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.speed.drawn_views import write_disc
-from harness.statistics import critical, shift_found
 from scenes.view_set import ViewSet, read_view_set
 
 COPY_STEPS = 40
 """Far enough for the occupancy grid to leave something out."""
-SIMULATED_SEEDS = 3
 CPU = torch.device("cpu")
-Spread = Mapping[str, float]
 
 
 def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
@@ -57,15 +52,6 @@ def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
                 found[copies] = _counted(differing)
         if "fairness.compared_copies" in names:
             found["fairness.compared_copies"] = _counted(seen_differences(cells["nerf"], "nerf", copy_of("nerf")))
-    scores = [score for score in SCORES if f"fairness.a_a.{score}" in names]
-    if scores:
-        for score, difference in a_a(situation, scores).items():
-            why = "" if difference is not None else "a cell of nerf did not end, or has no such score"
-            # one figure of all seeds, which the comparer has averaged
-            found[f"fairness.a_a.{score}"] = Sample([difference], why)
-    for name, planted in (("false_calls", False), ("found", True)):
-        if f"fairness.{name}" in names:
-            found[f"fairness.{name}"] = simulated(situation, planted)
     return {name: sample for name, sample in found.items() if name in names}
 
 
@@ -192,54 +178,3 @@ def seen_differences(cells: list[CellRecord], first: str, second: str) -> int | 
     if not rows:
         return None
     return sum(row.difference != 0 or row.unpaired > 0 or row.verdict in ("better", "worse") for row in rows)
-
-
-def simulated(situation: Situation, planted: bool) -> Sample:
-    """From the spreads of nerf's PSNR over the seeds of the last renewal."""
-    values = {scene: situation.limits.values.get(f"training.{scene}.nerf.psnr", []) for scene in TRAINED_SCENES}
-    if any(len(found) < 3 for found in values.values()):
-        return Sample([], "it draws from spreads of `--renew --only training`, which are missing")
-    spreads = {scene: float(np.std(found, ddof=1)) for scene, found in values.items()}
-    return Sample([share_called(spreads, planted)])
-
-
-def share_called(spreads: Spread, planted: bool, repeats: int = SIMULATED, seed: int = 20260311) -> float:
-    """Share of simulated comparisons, a scene each, in which a method that is NeRF is called better or worse.
-
-    `planted` gives it an effect that is found in 80 %, and counts `better` alone. Scenes take turns, so that the
-    comparisons are independent.
-    """
-    generator = np.random.default_rng(seed)
-    scenes = list(spreads)
-    called = 0
-    for number in range(repeats):
-        scene = scenes[number % len(scenes)]
-        spread = spreads[scene]
-        scores = 25.0 + spread * generator.standard_normal((2, SIMULATED_SEEDS))
-        if planted:
-            # equal seeds do not correlate here: the difference of two has √2 the spread
-            scores[1] += effect_found(SIMULATED_SEEDS) * spread * 2**0.5
-        cells = [
-            _cell(scene, method, index, float(score))
-            for method, row in zip(("nerf", "other"), scores, strict=True)
-            for index, score in enumerate(row)
-        ]
-        rows = compare(cells, ["nerf", "other"])
-        said = next(row.verdict for row in rows if (row.scene, row.metric, row.budget) == (scene, "psnr", "steps"))
-        called += said == "better" if planted else said in ("better", "worse")
-    return called / repeats
-
-
-def effect_found(units: int) -> float:
-    """The effect, in standard deviations of a difference, that a two-sided t test with `units` differences finds
-    upwards in 80 %."""
-    return shift_found(critical(units - 1), units - 1) / units**0.5
-
-
-def _cell(scene: str, method: str, seed: int, psnr: float) -> CellRecord:
-    point = Checkpoint(1, 1.0, 1, psnr, None, None)
-    empty: dict[str, Any] = {"reason": None, "views": [], "trace": {}, "parameters": {}, "properties": {},
-                             "warnings": [], "settings": {}, "provenance": {}}  # fmt: skip
-    return CellRecord(
-        scene, method, seed, "done", steps=1, train_seconds=1.0, scores={"psnr": psnr}, curve=[point], **empty
-    )

@@ -21,7 +21,7 @@ from harness.gate.catalog import (
 )
 from harness.gate.image_statistics import Reference
 from harness.gate.outcome import Pictures, Sample
-from harness.gate.situation import Renewal, Situation
+from harness.gate.situation import Situation
 from scenes.errors import InputError
 from scenes.images import read_channels, write_channels
 from scenes.pixels import display_from_linear, over_white
@@ -85,14 +85,14 @@ def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[floa
     return [image_statistics.mean_square(renders, reference)]
 
 
-def renew(situation: Situation, gates: tuple[Gate, ...]) -> Renewal:
+def renew(situation: Situation) -> dict[str, list[float]]:
     """Renders references anew, stores them, and measures further renders against them, which limits are made of.
 
     Always all scenes: an image and its limits belong together.
     """
     reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, situation.out)
     further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, situation.out)
-    found: Renewal = {}
+    found: dict[str, list[float]] = {}
     biases, references = {}, {}
     for scene in IMAGE_SCENES:
         # as it is read back, in single precision
@@ -105,7 +105,7 @@ def renew(situation: Situation, gates: tuple[Gate, ...]) -> Renewal:
         ]
     spreads = [float(biases[scene].std(ddof=1)) for scene in sorted(biases)]
     found["images.all.bias"] = image_statistics.pooled([biases[scene] for scene in sorted(biases)], spreads).tolist()
-    return {gate.name: found[gate.name] for gate in gates}
+    return found
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:

@@ -1,8 +1,8 @@
-"""What was measured → limits, and what they find: pure functions.
+"""What was measured of images → limits, and what they find: pure functions.
 
-A limit is a prediction interval: where nothing changed, the figure of a new run lies outside with the probability that
-one gate of the family may have. Spreads are taken to be normal, their own uncertainty included (Student). How far that
-holds in the outer tail is not known from a dozen seeds; nothing that was measured is ever left out.
+A limit is a prediction interval: what new renders of the same code give lies outside with a probability of `LEVEL`,
+where spreads are normal, their own uncertainty included (Student). How far that holds in the outer tail is not known
+from a few measurements; nothing that was measured is ever left out.
 """
 
 import math
@@ -11,17 +11,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.stats import norm
 from scipy.stats import t as student
 
-from harness.gate.catalog import FALSE_ALARM, SPEED_MARGIN, Gate
-from harness.statistics import CONFIDENCE, POWER, shift_found
+from harness.gate.catalog import Gate
+from harness.statistics import POWER, shift_found
 
-SIMULATED = 1000
-"""A/A comparisons, and as many with a planted effect."""
+LEVEL = 0.01 / 80
 EULER = 0.5772156649
-EXACT = ("none_differs", "false_calls", "found")
-"""Rules whose limits follow from what is meant, not from measurements."""
 
 
 @dataclass(frozen=True)
@@ -32,56 +29,46 @@ class Limit:
     high: float | None
     centre: float | None = None
     spread: float | None = None
-    """Standard deviation of one measurement, in the gate's unit; of the logarithm for `largest` and `slower`."""
+    """Standard deviation of one measurement, in the gate's unit; of the logarithm for `largest`."""
     measured: int = 0
     """Measurements that it is made of."""
     detects: float | None = None
     """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
-    `spread`; for `slower` the factor, for `largest` the deviation itself."""
+    `spread`; for `largest` the deviation itself."""
 
 
-def limit_from(gate: Gate, values: Sequence[float], family: int) -> Limit:
-    """Of one of `family` gates, from independent measurements that are not those of the gate.
+NONE_DIFFERS = Limit(None, 0.0, detects=1.0)
+
+
+def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
+    """From independent measurements that are not those of the gate.
 
     Raises `ValueError` for fewer than three, and for one that is not finite.
     """
-    level = FALSE_ALARM / family
-    if gate.rule in EXACT:
-        return exact_limit(gate, level)
     sample = np.asarray(values, dtype=np.float64)
     if sample.size < 3 or not np.isfinite(sample).all():
         raise ValueError(f"{gate.name}: three or more finite measurements are needed, got {values}")
-    if gate.rule in ("largest", "slower"):
+    if gate.rule == "largest":
         if sample.min() <= 0:
             raise ValueError(f"{gate.name}: measurements must be above 0, got {values}")
         sample = np.log(sample)
     centre, spread, many = float(sample.mean()), float(sample.std(ddof=1)), int(sample.size)
     if gate.rule == "largest":
-        return _largest(centre, spread, many, gate.new, level)
-    if gate.rule == "slower":
-        error = spread * math.sqrt(1 / gate.new + 1 / many)
-        beyond = _quantile(1 - level, many - 1)
-        high = centre + beyond * error + math.log(SPEED_MARGIN)
-        found = SPEED_MARGIN * math.exp(shift_found(beyond, many - 1) * error)
-        return Limit(None, math.exp(high), math.exp(centre), spread, many, found)
-    if gate.rule == "null":
-        centre = 0.0
-        error = spread * math.sqrt(2 / gate.new)
-    else:
-        error = spread * math.sqrt(1 / gate.new + 1 / many)
-    beyond = _quantile(1 - level / 2, many - 1)
+        return _largest(centre, spread, many, gate.new)
+    error = spread * math.sqrt(1 / gate.new + 1 / many)
+    beyond = _quantile(1 - LEVEL / 2, many - 1)
     wide = beyond * error
     return Limit(centre - wide, centre + wide, centre, spread, many, shift_found(beyond, many - 1) * error)
 
 
-def _largest(centre: float, spread: float, many: int, new: int, level: float) -> Limit:
+def _largest(centre: float, spread: float, many: int, new: int) -> Limit:
     """Fréchet by moments: the logarithm of the largest of very many pixels is taken to be Gumbel's.
 
     Its scale is taken at the upper end of its 99 % interval, as the limit is far beyond what was measured.
     """
     scale = spread * math.sqrt(6) / math.pi
     upper = scale * (1 + float(norm.ppf(0.99)) * 1.05 / math.sqrt(many))
-    high = centre - EULER * scale + upper * (math.log(new) - math.log(-math.log1p(-level)))
+    high = centre - EULER * scale + upper * (math.log(new) - math.log(-math.log1p(-LEVEL)))
     # a deviation is on top of noise of one standard deviation
     return Limit(None, math.exp(high), math.exp(centre), spread, many, math.exp(high) + float(norm.ppf(POWER)))
 
@@ -90,16 +77,6 @@ def _largest(centre: float, spread: float, many: int, new: int, level: float) ->
 def _quantile(share: float, freedom: int) -> float:
     """Student's."""
     return float(student.ppf(share, freedom))
-
-
-def exact_limit(gate: Gate, level: float) -> Limit:
-    """Of a gate whose truth is known: nothing may differ, or a share may be off by chance alone."""
-    if gate.rule == "none_differs":
-        return Limit(None, 0.0, detects=1.0)
-    if gate.rule == "false_calls":
-        return Limit(None, float(binom.isf(level, SIMULATED, 1 - CONFIDENCE)) / SIMULATED)
-    low, high = (float(binom.ppf(at, SIMULATED, POWER)) / SIMULATED for at in (level / 2, 1 - level / 2))
-    return Limit(low, high)
 
 
 def figure_of(gate: Gate, values: Sequence[float | None]) -> float | None:

@@ -1,4 +1,4 @@
-"""`gates/limits.json`: what gates are held to, reviewed like code. A gate a line, so that a renewal reads as a diff."""
+"""`gates/limits.json`: what images are held to, whatever the processor; reviewed like code."""
 
 import json
 import math
@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.gate.catalog import FALSE_ALARM, Gate, Kind, settings_of
-from harness.gate.limits import EXACT, Limit, exact_limit, limit_from
+from harness.gate.catalog import Gate, Kind, settings_of
+from harness.gate.limits import Limit, limit_from
 from harness.json_record import load_json
 from scenes.errors import InputError
 
@@ -35,14 +35,12 @@ class LimitsFile:
     limits: dict[str, Limit] = field(default_factory=dict)
     """What is held to."""
 
-    def limit_of(self, gate: Gate, family: int) -> tuple[Limit | None, str]:
+    def limit_of(self, gate: Gate) -> tuple[Limit | None, str]:
         """The limit, or None and why there is none, with the remedy."""
         remedy = f"renew with `python -m harness gate --renew --only {gate.name}` and review what changed"
-        if gate.rule in EXACT:
-            return exact_limit(gate, FALSE_ALARM / family), ""
         if gate.name not in self.limits:
             return None, f"there is no limit for it; {remedy}"
-        facts = self.kinds.get(source_of(gate))
+        facts = self.kinds.get(gate.kind)
         if facts is None or facts.settings != json.loads(json.dumps(settings_of(gate.kind))):
             return None, f"its limit was measured with other settings of the gate; {remedy}"
         return self.limits[gate.name], ""
@@ -50,20 +48,11 @@ class LimitsFile:
     def renewed(
         self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts, table: Sequence[Gate]
     ) -> "LimitsFile":
-        """With the measurements of one kind replaced; every limit is computed anew, for the family as it is now."""
-        names = {gate.name for gate in table if gate.rule not in EXACT}
-        kept = {name: found for name, found in self.values.items() if name in names}
-        kept |= {name: [_rounded(one) for one in found] for name, found in values.items()}
-        limits = {
-            gate.name: _tidy(limit_from(gate, kept[gate.name], len(table))) for gate in table if gate.name in kept
-        }
-        ordered = {name: kept[name] for name in limits}
-        return replace(self, kinds={**self.kinds, kind: facts}, values=ordered, limits=limits)
-
-
-def source_of(gate: Gate) -> Kind:
-    """Whose measurements its limit is made of: the A/A comparison is of trainings."""
-    return "training" if gate.rule == "null" else gate.kind
+        """With new measurements of one kind; every limit is computed anew."""
+        kept = self.values | {name: [_rounded(one) for one in found] for name, found in values.items()}
+        kept = {gate.name: kept[gate.name] for gate in table if gate.name in kept}
+        limits = {gate.name: _tidy(limit_from(gate, kept[gate.name])) for gate in table if gate.name in kept}
+        return replace(self, kinds={**self.kinds, kind: facts}, values=kept, limits=limits)
 
 
 def read_limits(file: Path) -> LimitsFile:
@@ -91,22 +80,23 @@ def read_limits(file: Path) -> LimitsFile:
         raise InputError(f"--limits {file}: damaged ({error}); {restore}") from error
 
 
-def write_limits(file: Path, limits: LimitsFile, family: int) -> None:
+def write_limits(file: Path, limits: LimitsFile) -> None:
     """Raises `OSError` where it cannot be written."""
     text = {
         "schema": SCHEMA,
-        "about": f"{family} gates, together at most {FALSE_ALARM:.0%} false alarms; `python -m harness gate --renew`",
         "kinds": {name: asdict(facts) for name, facts in sorted(limits.kinds.items())},
         "limits": {name: asdict(limit) for name, limit in limits.limits.items()},
         "values": limits.values,
     }
     file.parent.mkdir(parents=True, exist_ok=True)
     beside = file.with_name(f".{file.name}.part")
-    beside.write_text(_a_gate_a_line(text), encoding="utf-8")
+    beside.write_text(a_line_each(text), encoding="utf-8")
     beside.replace(file)
 
 
-def _a_gate_a_line(data: dict[str, Any]) -> str:
+def a_line_each(data: dict[str, Any]) -> str:
+    """JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
+
     def rows(found: dict[str, Any]) -> str:
         lines = [f"  {json.dumps(name)}: {json.dumps(one, allow_nan=False)}" for name, one in found.items()]
         return "{\n" + ",\n".join(lines) + "\n }" if lines else "{}"

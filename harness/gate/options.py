@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.gate.catalog import FALSE_ALARM, KINDS, Gate, gates
+from harness.gate.catalog import KINDS, Gate, gates
 
 if TYPE_CHECKING:
     from harness.progress import Progress
@@ -15,12 +15,14 @@ LIMITS = Path("gates/limits.json")
 
 def add_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("--only", nargs="+", metavar="NAME", help="gates, or beginnings of their names: images training.lego speed …")
-    add("--renew", action="store_true", help="measure the limits anew, write them and print what changed")
+    add("--only", nargs="+", metavar="NAME", help="gates, or beginnings of their names: changed worse.qnerf images …")
+    add("--renew", action="store_true", help="measure limits and references anew, write them and print what changed")
+    add("--class", dest="of_class", metavar="NAME", help="be a processor of this class: default avx2 avx512")
     add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
     add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh one)")
     add("--list", action="store_true", help="print the gates, do nothing")
+    add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
     add("--quiet", action="store_true", help="no progress, and no table")
 
 
@@ -30,14 +32,22 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
     if options.list:
         for gate in table:
             print(f"{gate.name:34} {gate.what}{gate.unit and f', {gate.unit}'}")  # noqa: T201
-        print(f"{len(gates())} gates, together at most {FALSE_ALARM:.0%} false alarms")  # noqa: T201
+        print(f"{len(gates())} gates")  # noqa: T201
+        return 0
+    if options.rank is not None:
+        from harness.gate.rank import publish
+
+        show.line(publish(options.rank, options.limits.parent))
         return 0
 
     from harness.folder_lock import locked_folder
     from harness.gate.limits_file import read_limits
+    from harness.gate.process import environment_of
     from harness.gate.runner import GATE_FILE, cleared, renew, run
     from harness.output_folder import claim_for, fresh_folder
 
+    if options.of_class is not None:
+        environment_of(options.of_class)
     if not options.renew:
         read_limits(options.limits)  # before a folder is made
     out = options.out or fresh_folder("gate", resume=False)
@@ -45,11 +55,13 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         claim_for(out, GATE_FILE, resume=False)
         try:
             if options.renew:
-                return renew(table, options.limits, out, options.view_sets, show)
+                return renew(table, options.limits, out, options.view_sets, show, options.of_class)
             replay = ["python", "-m", "harness", "gate"]
             if options.limits != LIMITS:
                 replay += ["--limits", str(options.limits)]
-            return run(table, options.limits, out, options.view_sets, show, shlex.join(replay))
+            if options.of_class is not None:
+                replay += ["--class", options.of_class]
+            return run(table, options.limits, out, options.view_sets, show, shlex.join(replay), options.of_class)
         finally:
             cleared(out)
 

@@ -27,6 +27,10 @@ class Sample:
     why: str = ""
     """Of a value that is missing."""
     pictures: Pictures | None = field(default=None, compare=False)
+    limit: Limit | None = None
+    """Of a gate whose limit depends on what was measured beside it, or on the class of the processor."""
+    note: str = ""
+    """What is to be said of the figure whether it passes or not."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +51,18 @@ def judged(gate: Gate, sample: Sample | None, limit: Limit | None, no_limit: str
     """Fails whatever has no figure, no limit or lies beyond it; `no_limit` is why there is none."""
     figure = None if sample is None else figure_of(gate, sample.values)
     pictures = None if sample is None else sample.pictures
+    limit = sample.limit if sample is not None and sample.limit is not None else limit
     if limit is None:
-        return Outcome(gate, "fail", figure, None, None, no_limit, pictures)
+        why = no_limit or (sample.why if sample is not None else "")
+        return Outcome(gate, "fail", figure, None, None, why, pictures)
     if sample is None or figure is None:
         why = sample.why if sample is not None else ""
         return Outcome(gate, "fail", None, limit, None, why or "no finite figure", pictures)
     excess = excess_of(figure, limit)
     # also what does not compare is beyond
     if not excess <= 0:
-        return Outcome(gate, "fail", figure, limit, excess, sample.why, pictures)
-    return Outcome(gate, "pass", figure, limit, None)
+        return Outcome(gate, "fail", figure, limit, excess, sample.why or sample.note, pictures)
+    return Outcome(gate, "pass", figure, limit, None, sample.note)
 
 
 def limits_in_words(outcome: Outcome) -> str:

@@ -3,7 +3,7 @@
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,15 @@ import numpy as np
 import torch
 
 from harness.device import available_cores, keep_freed_memory, use_threads
-from harness.gate import fairness, images, speed, training
-from harness.gate.catalog import FALSE_ALARM, IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
+from harness.gate import early, fairness, images, speed, worse
+from harness.gate.catalog import IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
 from harness.gate.junit import write_junit
-from harness.gate.limits import EXACT
-from harness.gate.limits_file import KindFacts, LimitsFile, changes, read_limits, source_of, write_limits
+from harness.gate.limits import NONE_DIFFERS, Limit
+from harness.gate.limits_file import KindFacts, LimitsFile, changes, read_limits, write_limits
 from harness.gate.outcome import Outcome, Pictures, Sample, judged, line_of
-from harness.gate.situation import Measure, Renew, Situation
+from harness.gate.process import class_here, classes_here, forced
+from harness.gate.references import References, read_references, references_file, references_for, write_references
+from harness.gate.situation import Measure, Situation
 from harness.json_record import write_json
 from harness.progress import Progress
 from harness.provenance import provenance
@@ -31,36 +33,54 @@ ENLARGED = 6
 """Pixels of a picture along each side of one of the image's."""
 
 MEASURES: dict[Kind, Measure] = {
-    "training": training.measure,
+    "changed": early.measure,
+    "worse": worse.measure,
     "images": images.measure,
     "fairness": fairness.measure,
     "speed": speed.measure,
 }
 INPUTS: dict[Kind, Callable[[Situation, tuple[Gate, ...]], object]] = {"images": images.references_for}
 """What is read from files: read before anything is measured, so that a damaged one costs no measurements."""
-RENEWALS: dict[Kind, Renew] = {"training": training.renew, "images": images.renew, "speed": speed.renew}
+RENEWALS: dict[Kind, Callable[[Situation], References]] = {
+    "changed": early.renew,
+    "worse": worse.renew,
+    "speed": speed.renew,
+}
+"""What depends on the class of processor; images do not."""
+CLASSES = "classes"
+RENEWED_CLASSES = ("avx2", "avx512")
 
 
-def run(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, replay: str) -> int:
+def run(
+    chosen: tuple[Gate, ...],
+    limits_file: Path,
+    out: Path,
+    view_sets: Path,
+    show: Progress,
+    replay: str,
+    of_class: str | None = None,
+) -> int:
     """Measures and judges; 0, or 4 where a gate failed. `replay` is the command that a failing gate's name is added to.
 
-    Raises `InputError` before anything is measured where the limits or the stored images cannot be read.
+    Raises `InputError` before anything is measured where limits, references or stored images cannot be read.
     """
     began = time.monotonic()
     limits = read_limits(limits_file)
-    situation = _situation(out, limits, limits_file, view_sets, show)
-    family = len(gates())
-    show.line(f"{len(chosen)} of {family} gates, together at most {FALSE_ALARM:.0%} false alarms")
+    name = of_class or class_here()
+    references = references_for(limits_file.parent / CLASSES, name)
+    situation = _situation(out, limits, references, limits_file, view_sets, show)
+    show.line(f"{len(chosen)} of {len(gates())} gates, {class_line(name, references)}")
     outcomes: list[Outcome] = []
     seconds: dict[str, float] = {}
     asked = {kind: of_kind for kind in KINDS if (of_kind := tuple(gate for gate in chosen if gate.kind == kind))}
     for kind in INPUTS.keys() & asked.keys():
         INPUTS[kind](situation, asked[kind])
-    for kind, of_kind in asked.items():
-        started = time.monotonic()
-        found = _measured(kind, situation, of_kind)
-        seconds[kind] = time.monotonic() - started
-        outcomes += [judged(gate, found.get(gate.name), *limits.limit_of(gate, family)) for gate in of_kind]
+    with forced(name):
+        for kind, of_kind in asked.items():
+            started = time.monotonic()
+            found = _measured(kind, situation, of_kind)
+            seconds[kind] = time.monotonic() - started
+            outcomes += [judged(gate, found.get(gate.name), *_limit(gate, limits, references)) for gate in of_kind]
     failed = [one for one in outcomes if one.status == "fail"]
     commands = {one.gate.name: f"replay: {replay} --only {one.gate.name}" for one in failed}
     for one in outcomes:
@@ -71,8 +91,11 @@ def run(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path,
             show.line(f"      pictures: {left}" if left else "      no pictures: it is about no image")
             show.line(f"      {commands[one.gate.name]}")
     seconds["total"] = time.monotonic() - began
-    write_json(out / GATE_FILE, _record(outcomes, seconds, commands))
+    answers = answers_of(outcomes)
+    write_json(out / GATE_FILE, _record(outcomes, seconds, commands, name, references, answers))
     write_junit(out / JUNIT_FILE, outcomes, seconds, commands)
+    for question, answer in answers.items():
+        show.line(f"{question} {answer}")
     show.line(
         f"{len(outcomes) - len(failed)} passed, {len(failed)} failed in {seconds['total']:.0f} s; "
         f"{out / GATE_FILE}, {out / JUNIT_FILE}"
@@ -80,8 +103,43 @@ def run(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path,
     return 4 if failed else 0
 
 
+def class_line(name: str, references: References) -> str:
+    """Which class of processor is held to which references."""
+    if references.known:
+        return f"processor of class {name}"
+    return (
+        f"processor of class {name}, of which nothing is stored: held to {references.name} with wider limits; "
+        f"`python -m harness gate --renew --class {name}` makes its own"
+    )
+
+
+def answers_of(outcomes: Sequence[Outcome]) -> dict[str, str]:
+    """The two questions about training, as far as they were asked."""
+    found = {}
+    changed = [one for one in outcomes if one.gate.kind == "changed"]
+    if changed:
+        failed = [one.gate.name for one in changed if one.status == "fail"]
+        found["Has anything changed?"] = f"yes: {', '.join(failed)}" if failed else "no more than the order of sums"
+    for one in outcomes:
+        if one.gate.name == "worse.all.psnr":
+            found["Is it worse?"] = one.why or "there is no answer"
+    return found
+
+
+def _limit(gate: Gate, limits: LimitsFile, references: References) -> tuple[Limit | None, str]:
+    if gate.kind == "fairness":
+        return NONE_DIFFERS, ""
+    if gate.kind == "images":
+        return limits.limit_of(gate)
+    missing = references.missing(gate)
+    return (None, missing) if missing or gate.rule != "none_differs" else (NONE_DIFFERS, "")
+
+
 def _measured(kind: Kind, situation: Situation, of_kind: tuple[Gate, ...]) -> Mapping[str, Sample]:
     """An error of ours in one kind costs its gates, not the others'."""
+    missing = situation.references.missing(of_kind[0]) if kind in RENEWALS else ""
+    if missing:
+        return {}
     try:
         return MEASURES[kind](situation, of_kind)
     except (InputError, OSError):
@@ -91,32 +149,45 @@ def _measured(kind: Kind, situation: Situation, of_kind: tuple[Gate, ...]) -> Ma
         return {gate.name: Sample([], why) for gate in of_kind}
 
 
-def renew(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress) -> int:
-    """Measures anew what limits of the chosen gates are made of, and writes them; prints old → new.
+def renew(
+    chosen: tuple[Gate, ...],
+    limits_file: Path,
+    out: Path,
+    view_sets: Path,
+    show: Progress,
+    of_class: str | None = None,
+) -> int:
+    """Measures anew what chosen gates are held to, and writes it; prints old → new for limits of images.
 
-    A kind is renewed as a whole, so that its limits have one origin.
+    A kind is renewed as a whole, so that its limits have one origin; without `of_class` for the usual classes that
+    this machine can be, with it for that one and without what does not depend on it.
     """
     before = read_limits(limits_file) if limits_file.exists() else LimitsFile()
-    after = before
-    table = gates()
-    for kind in RENEWALS:
-        if not any(source_of(gate) == kind and gate.rule not in EXACT for gate in chosen):
-            continue
-        of_kind = tuple(gate for gate in table if source_of(gate) == kind and gate.rule not in EXACT)
-        started = time.monotonic()
-        situation = _situation(out, after, limits_file, view_sets, show)
-        values = RENEWALS[kind](situation, of_kind)
-        facts = KindFacts(
-            settings_of(kind),
-            provenance(torch.device("cpu")),
-            round(time.monotonic() - started, 1),
-            {f"{scene}.exr": images.digest(situation.images / f"{scene}.exr") for scene in IMAGE_SCENES}
-            if kind == "images"
-            else {},
-        )
-        after = after.renewed(kind, values, facts, table)
-        write_limits(limits_file, after, len(table))
-        show.line(f"{kind}: limits of {len(of_kind)} gates renewed")
+    kinds = {gate.kind for gate in chosen}
+    folder = limits_file.parent / CLASSES
+    names = (of_class,) if of_class else tuple(name for name in RENEWED_CLASSES if name in classes_here())
+    for name in names or (class_here(),):
+        references = read_references(folder, name) if references_file(folder, name).exists() else References(name)
+        for kind in (kind for kind in RENEWALS if kind in kinds):
+            started = time.monotonic()
+            with forced(name):
+                situation = _situation(out, before, references, limits_file, view_sets, show)
+                references = RENEWALS[kind](situation)
+            facts = _facts(kind, started)
+            references = replace(references, kinds={**references.kinds, kind: facts})
+            write_references(folder, references)
+            show.line(f"{kind}: references of class {name} renewed in {facts.seconds:.0f} s")
+    if "images" not in kinds or of_class:
+        return 0
+    started = time.monotonic()
+    situation = _situation(out, before, References(""), limits_file, view_sets, show)
+    values = images.renew(situation)
+    facts = replace(
+        _facts("images", started),
+        files={f"{scene}.exr": images.digest(situation.images / f"{scene}.exr") for scene in IMAGE_SCENES},
+    )
+    after = before.renewed("images", values, facts, gates())
+    write_limits(limits_file, after)
     changed = changes(before, after)
     for line in changed:
         show.line(line)
@@ -124,10 +195,16 @@ def renew(chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Pat
     return 0
 
 
-def _situation(out: Path, limits: LimitsFile, limits_file: Path, view_sets: Path, show: Progress) -> Situation:
+def _facts(kind: Kind, started: float) -> KindFacts:
+    return KindFacts(settings_of(kind), provenance(torch.device("cpu")), round(time.monotonic() - started, 1))
+
+
+def _situation(
+    out: Path, limits: LimitsFile, references: References, limits_file: Path, view_sets: Path, show: Progress
+) -> Situation:
     use_threads(1)
     keep_freed_memory()
-    return Situation(out, limits, limits_file.parent / "images", view_sets, available_cores(), show)
+    return Situation(out, limits, references, limits_file.parent / "images", view_sets, available_cores(), show)
 
 
 def _leave(pictures: Pictures | None, folder: Path) -> Path | None:
@@ -142,7 +219,14 @@ def _leave(pictures: Pictures | None, folder: Path) -> Path | None:
     return folder
 
 
-def _record(outcomes: Sequence[Outcome], seconds: Mapping[str, float], commands: Mapping[str, str]) -> dict[str, Any]:
+def _record(
+    outcomes: Sequence[Outcome],
+    seconds: Mapping[str, float],
+    commands: Mapping[str, str],
+    name: str,
+    references: References,
+    answers: Mapping[str, str],
+) -> dict[str, Any]:
     rows = []
     for one in outcomes:
         limit = one.limit
@@ -163,9 +247,10 @@ def _record(outcomes: Sequence[Outcome], seconds: Mapping[str, float], commands:
             }
         )
     return {
-        "schema": 1,
-        "false_alarm": FALSE_ALARM,
-        "family": len(gates()),
+        "schema": 2,
+        "class": name,
+        "references": references.name,
+        "answers": dict(answers),
         "seconds": dict(seconds),
         "provenance": provenance(torch.device("cpu")),
         "gates": rows,

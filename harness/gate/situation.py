@@ -7,6 +7,7 @@ from pathlib import Path
 from harness.gate.catalog import Gate
 from harness.gate.limits_file import LimitsFile
 from harness.gate.outcome import Sample
+from harness.gate.references import References
 from harness.progress import Progress
 
 
@@ -16,6 +17,8 @@ class Situation:
 
     out: Path
     limits: LimitsFile
+    references: References
+    """What the class of processor gave that is measured, or another class."""
     images: Path
     """Folder of the stored mean and variance of the reference renders."""
     view_sets: Path
@@ -25,6 +28,3 @@ class Situation:
 
 Measure = Callable[[Situation, tuple[Gate, ...]], dict[str, Sample]]
 """New measurements for the gates asked for; one that is missing fails."""
-Renewal = dict[str, list[float]]
-Renew = Callable[[Situation, tuple[Gate, ...]], Renewal]
-"""What limits are made of, for the gates asked for."""

@@ -1,148 +1,139 @@
-"""Speed gates: seconds of a training step, of a rendered view and of its scores, in seconds of a calibration kernel
-that runs in turn with them in the same process. A slower machine, or a busy one, is slower at both.
+"""Speed gates: seconds of a training step, of a rendered view and of its scores, in seconds of plain code that does the
+same kind of work in turn with them in the same process and is never made faster: `baselines.plain`, and a filter.
+
+A slower machine, or a busy one, is slower at both.
 """
 
-import os
+import math
 import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.ndimage import gaussian_filter
+from scipy.stats import norm
 
+from baselines.plain import PlainField, plain_render, plain_step
 from harness import evaluate
 from harness.batches import Batches
-from harness.gate.catalog import RENEWAL_PROCESSES, SPEED_REPEATS, TRAINED_SCENES, Gate
+from harness.gate.catalog import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, TRAINED_SCENES, Gate, gates
+from harness.gate.limits import Limit
 from harness.gate.outcome import Sample
-from harness.gate.situation import Renewal, Situation
-from harness.gate.training import gate_plan
+from harness.gate.process import in_child
+from harness.gate.references import References
+from harness.gate.situation import Situation
+from harness.gate.worse import gate_plan
 from harness.learner import Learner
 from harness.lockstep import box_of
 from harness.scratch import scratch_folder
+from harness.seeds import generator_for
 from harness.speed.drawn_views import write_disc
 from harness.speed.timing import interleaved, quotients
-from harness.stopping import end_with_parent
 from harness.trainer import Trainer
 from scenes.view_set import ViewSet, read_view_set
 
 STEPS_BEFORE = 80
 """The occupancy grid is in use from then on."""
-KERNEL_ROWS, KERNEL_WIDTH, KERNEL_LAYERS = 8192, 64, 8
+FILTERS = 20
 STREAM = "speed"
+CPU = torch.device("cpu")
 
 
 def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    found = in_a_process(tuple(gate.name for gate in gates), situation.out)
-    return {name: Sample([ratio]) for name, ratio in found.items()}
+    stored = situation.references
+    found = in_child(ratios, tuple(gate.name for gate in gates), situation.out)
+    return {
+        name: Sample([ratio / centre_of(stored.speed[name])], limit=limit_of(stored.speed[name], stored.wider("speed")))
+        for name, ratio in found.items()
+        if name in stored.speed
+    }
 
 
-def renew(situation: Situation, gates: tuple[Gate, ...]) -> Renewal:
+def renew(situation: Situation) -> References:
     """In several processes, one after another: what a process finds where in memory is part of the spread."""
-    names = tuple(gate.name for gate in gates)
-    found: Renewal = {name: [] for name in names}
+    names = tuple(gate.name for gate in gates() if gate.kind == "speed")
+    found: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):
-        for name, ratio in in_a_process(names, situation.out).items():
-            found[name].append(ratio)
+        for name, ratio in in_child(ratios, names, situation.out).items():
+            found[name].append(float(f"{ratio:.5g}"))
         situation.show.line(f"speed: process {number + 1} of {RENEWAL_PROCESSES}")
-    return found
+    return replace(situation.references, speed=found)
 
 
-def in_a_process(names: tuple[str, ...], out: Path) -> dict[str, float]:
-    """`ratios` in a fresh process. Raises `RuntimeError` with what it said where it fails."""
-    context = get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_answer, args=(theirs, names, out), daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        found: dict[str, float] | str = ours.recv()
-    except EOFError:
-        found = "it ended without an answer"
-    finally:
-        process.kill()  # it has said what it had to
-        process.join()
-    if isinstance(found, str):
-        raise RuntimeError(f"the process that is timed: {found}")
-    return found
+def centre_of(ratios: list[float]) -> float:
+    """Their geometric mean."""
+    return math.exp(statistics.fmean(map(math.log, ratios)))
 
 
-def _answer(connection: Connection, names: tuple[str, ...], out: Path) -> None:
-    end_with_parent()
-    try:
-        connection.send(ratios(names, out))
-    except Exception as error:
-        connection.send(f"{type(error).__name__}: {error}")
-    connection.close()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
-    os._exit(0)
+def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
+    """Half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the factor found in
+    nine of ten runs, by the spread between the processes of the renewal.
+    """
+    spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
+    high = math.sqrt(SLOWER_FOUND) * wider
+    return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(norm.ppf(0.9)) * spread))
 
 
 def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.perf_counter) -> dict[str, float]:
-    """Gate → median over the repetitions of seconds per seconds of the kernel."""
-    from harness.device import keep_freed_memory, use_threads
-
-    use_threads(1)
-    keep_freed_memory()
+    """Gate → median over the repetitions of seconds per seconds of the plain code."""
     with scratch_folder(out) as scratch:
         write_disc(scratch / "views", 40, 20, 2, seed=3)
         views = read_view_set(scratch / "views", scratch=scratch)
-        sides = {name: side_of(name, views) for name in names}
-        return {name: ratio(side, clock) for name, side in sides.items()}
+        return {name: ratio(*sides_of(name, views), clock) for name in names}
 
 
-def ratio(side: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
+def ratio(
+    side: Callable[[], object], plain: Callable[[], object], clock: Callable[[], float] = time.perf_counter
+) -> float:
     """Median of repeated pairs: what disturbs the machine for a while disturbs both."""
-    seconds = interleaved({"side": side, "kernel": kernel()}, SPEED_REPEATS, least_seconds=0.02, clock=clock)
-    return statistics.median(quotients(seconds["side"], seconds["kernel"]))
+    seconds = interleaved({"side": side, "plain": plain}, SPEED_REPEATS, least_seconds=0.02, clock=clock)
+    return statistics.median(quotients(seconds["side"], seconds["plain"]))
 
 
-def kernel() -> Callable[[], object]:
-    """Products of matrices, comparisons and exponentials in float32, in about the mix of a small network."""
-    generator = torch.Generator().manual_seed(0)
-    x = torch.rand(KERNEL_ROWS, KERNEL_WIDTH, generator=generator)
-    weights = [
-        torch.randn(KERNEL_WIDTH, KERNEL_WIDTH, generator=generator) / KERNEL_WIDTH**0.5 for _ in range(KERNEL_LAYERS)
-    ]
-
-    def call() -> torch.Tensor:
-        y = x
-        for weight in weights:
-            y = torch.relu(y @ weight)
-        return torch.exp(-y).sum()
-
-    return call
-
-
-def side_of(name: str, views: ViewSet) -> Callable[[], object]:
-    """What the gate of that name measures, ready to be called."""
+def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[[], object]]:
+    """What the gate of that name measures and the plain code beside it, ready to be called."""
     what, _, method = name.removeprefix("speed.").partition(".")
     learner = trained(method or "nerf", views)
-    cameras = evaluate.cameras_of(views, views.test, learner.device)
+    cameras = evaluate.cameras_of(views, views.test, CPU)
+    settings = gate_plan((0,), TRAINED_SCENES, (method,)).train
+    field = PlainField(settings.network, box_of(views, CPU), STREAM)
     if what == "train":
-        batches = Batches(evaluate.cameras_of(views, views.train, learner.device), views.train.rgba)
-        rays = gate_plan((0,), TRAINED_SCENES, (method,)).train.rays
+        batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
+        optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
+        first = batches.batch(STREAM, 0, settings.rays)
+
+        def plain() -> None:
+            plain_step(field, optimiser, *first, settings.bins, generator_for(STREAM, "plain"))
 
         def step() -> None:
-            learner.train_on(*batches.batch(STREAM, learner.step, rays))
+            learner.train_on(*batches.batch(STREAM, learner.step, settings.rays))
 
-        return step
+        return step, plain
     if what == "render":
-        return lambda: evaluate.render_view(learner, cameras, 0, 2048)
+        rays, white = cameras.all_rays(0), torch.ones(3)
+        without = torch.no_grad()(plain_render)
+        return (
+            lambda: evaluate.render_view(learner, cameras, 0, 2048),
+            lambda: without(field, rays, settings.bins, white, None),
+        )
     image = evaluate.render_view(learner, cameras, 0, 2048)
     clipped = replace(image, colour=np.clip(image.colour, 0.0, 1.0))
-    return lambda: evaluate.view_scores(clipped, views.test, 0)
+
+    def filtered() -> None:
+        for _ in range(FILTERS):
+            gaussian_filter(clipped.colour.astype(np.float64), (1.5, 1.5, 0))
+
+    return lambda: evaluate.view_scores(clipped, views.test, 0), filtered
 
 
 def trained(method: str, views: ViewSet) -> Learner:
     """With the gate's settings, past the step from which the grid is in use."""
     plan = gate_plan((0,), TRAINED_SCENES, (method,))
-    device = torch.device("cpu")
-    learner = Trainer(method, box_of(views, device), plan.train, plan.budget, STREAM, device)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
+    learner = Trainer(method, box_of(views, CPU), plan.train, plan.budget, STREAM, CPU)
+    batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
     learner.warm_up(*batches.batch(STREAM, 0, plan.train.rays))
     for step in range(STEPS_BEFORE):
         learner.train_on(*batches.batch(STREAM, step, plan.train.rays))

@@ -130,10 +130,18 @@ def _limits(folder: Path) -> None:
     from harness.gate.limits_file import changes, read_limits
 
     found = read_limits(folder / "limits.json")
-    table = gates()
-    for gate in table:
-        found.limit_of(gate, len(table))
+    for gate in gates():
+        found.limit_of(gate)
     changes(found, found)
+
+
+def _class(folder: Path) -> None:
+    from harness.gate.catalog import gates
+    from harness.gate.references import references_for
+
+    found = references_for(folder / "classes", "avx2")
+    for gate in gates():
+        found.missing(gate)
 
 
 def _reference(folder: Path) -> None:

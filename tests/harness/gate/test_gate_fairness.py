@@ -1,35 +1,25 @@
 """Fairness gates: null where nothing is unfair, and broken on purpose."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from baselines.catalog import CATALOG
-from harness import comparisons
 from harness.batches import Batches
 from harness.gate import fairness
-from harness.gate.catalog import TRAINED_METHODS, gates
+from harness.gate.catalog import TRAINED_METHODS
 from harness.gate.fairness import (
     copied,
     copy_of,
     drawn,
-    effect_found,
     first_weights,
     other_batches,
     seen_differences,
-    share_called,
 )
-from harness.gate.limits import exact_limit, excess_of
-from harness.statistics import PairedDifference
 from scenes.view_set import ViewSet
 
 METHODS = ("nerf", "qnerf")
-SPREADS = {"lego": 0.25, "drums": 0.13}
-LEVEL = 0.01 / len(gates())
-LIMITS = {gate.rule: exact_limit(gate, LEVEL) for gate in gates() if gate.kind == "fairness" and gate.rule != "null"}
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +48,6 @@ def test_first_weights_are_equal_where_methods_share_them(views: ViewSet, monkey
     differing = first_weights(METHODS, views)
     assert differing is not None
     assert differing > 1000
-    assert excess_of(differing, LIMITS["none_differs"]) > 0
 
 
 def test_nothing_in_common_is_no_proof(views: ViewSet) -> None:
@@ -94,7 +83,7 @@ def test_copies_end_bit_for_bit_alike(
     seeded_by_method(monkeypatch)
     differing, cells = copied(method, views, tmp_path)
     assert differing is not None
-    assert excess_of(differing, LIMITS["none_differs"]) > 0
+    assert differing > 0
     seen = seen_differences(cells, method, copy_of(method))
     assert seen is not None
     assert seen > 0
@@ -113,37 +102,3 @@ def test_a_copy_that_does_not_end_is_nothing_to_compare(
 
     monkeypatch.setattr(fairness, "learner_for", failing)
     assert copied("nerf", views, tmp_path)[0] is None
-
-
-@pytest.mark.slow
-def test_a_comparer_that_is_sound_calls_chance_seldom_and_finds_what_is_there() -> None:
-    calls, found = share_called(SPREADS, planted=False), share_called(SPREADS, planted=True)
-    assert excess_of(calls, LIMITS["false_calls"]) <= 0
-    assert excess_of(found, LIMITS["found"]) <= 0
-    assert found == pytest.approx(0.8, abs=0.04)
-
-
-def test_the_planted_effect_by_simulation() -> None:
-    generator = np.random.default_rng(0)
-    values = effect_found(3) + generator.standard_normal((40_000, 3))
-    t = values.mean(axis=1) / (values.std(axis=1, ddof=1) / 3**0.5)
-    assert np.mean(t > 4.302653) == pytest.approx(0.8, abs=0.008)
-
-
-def narrow(result: PairedDifference) -> PairedDifference:
-    """Intervals of a third of their width, as if pixels were the units."""
-    assert result.simultaneous is not None
-    low, high = (result.mean + (limit - result.mean) / 3 for limit in result.simultaneous)
-    return replace(result, interval=(low, high), simultaneous=(low, high))
-
-
-def blind(result: PairedDifference) -> PairedDifference:
-    return replace(result, interval=(-1e9, 1e9), simultaneous=(-1e9, 1e9))
-
-
-def test_a_comparer_that_is_too_sure_or_blind_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual = comparisons.on_one_scene
-    monkeypatch.setattr(comparisons, "on_one_scene", lambda *given: narrow(usual(*given)))
-    assert excess_of(share_called(SPREADS, planted=False, repeats=200), LIMITS["false_calls"]) > 0
-    monkeypatch.setattr(comparisons, "on_one_scene", lambda *given: blind(usual(*given)))
-    assert excess_of(share_called(SPREADS, planted=True, repeats=200), LIMITS["found"]) > 0

@@ -1,0 +1,113 @@
+"""The tables of `docs/gate-your-ci.md`, from what was measured: `python -m tests.harness.gate.page` writes them."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.gate import early, speed, worse
+from harness.gate.catalog import SLOWER_FOUND
+from harness.gate.references import References, read_references
+
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "docs" / "gate-your-ci.md"
+CLASSES = ("avx2", "avx512")
+
+
+def tables() -> dict[str, str]:
+    """Name of a marker → what stands between it and its end."""
+    mutations = json.loads((ROOT / "gates" / "mutations.json").read_text(encoding="utf-8"))
+    rank = json.loads((ROOT / "gates" / "rank.json").read_text(encoding="utf-8"))
+    stored = [read_references(ROOT / "gates" / "classes", name) for name in CLASSES]
+    return {"spread": spread_table(stored), "mutations": mutation_table(mutations["rows"]), "rank": rank_line(rank)}
+
+
+def spread_table(stored: list[References]) -> str:
+    """What rounding makes, what is allowed, and what is found."""
+    rows: list[tuple[str, list[str]]] = []
+    for precision in early.PRECISIONS:
+        moved = [max(one.reordered[precision].values()) for one in stored]
+        rows.append(
+            (
+                f"first steps in {precision} precision: sums in another order move them by",
+                [f"{one:.0e}" for one in moved],
+            )
+        )
+        rows.append(("… a gate fails beyond", [f"{early.tolerance(precision, one):.0e}" for one in stored]))
+    limits = [worse.loss_limit("all", "psnr", one) for one in stored]
+    rows.append(
+        (
+            f"mean PSNR over {limits[0].measured} cells: standard error by rounding alone, dB",
+            [f"{one.spread:.4f}" for one in limits],
+        )
+    )
+    rows.append(
+        ("… a loss that is found in nine of ten draws of the rounding, dB", [f"{one.detects:.2f}" for one in limits])
+    )
+    apart = between_classes(*stored)
+    rows.append(("… cells of the two classes differ by, dB RMS", [f"{apart:.3f}"] * len(stored)))
+    slow = [max(speed.limit_of(ratios).detects or 0.0 for ratios in one.speed.values()) for one in stored]
+    rows.append(
+        (
+            f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})",
+            [f"{one:.2f}" for one in slow],
+        )
+    )
+    head = ["| | " + " | ".join(CLASSES) + " |", "|---|" + "---|" * len(CLASSES)]
+    return "\n".join([*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows)])
+
+
+def between_classes(one: References, other: References) -> float:
+    """By how much the same cells differ, by the order of sums alone."""
+    differences = [
+        np.mean(one.cells[key]["psnr"]) - np.mean(other.cells[key]["psnr"]) for key in one.cells if key in other.cells
+    ]
+    return float(np.sqrt(np.mean(np.square(differences))))
+
+
+def mutation_table(rows: list[dict[str, Any]]) -> str:
+    """Every mutation with the gates that see it."""
+    found = sum(bool(row["found_by"]) for row in rows)
+    lines = [
+        f"{found} of {len(rows)} are found:",
+        "",
+        "| part | constant | change | first steps move by | seen by |",
+        "|---|---|---|---|---|",
+    ]
+    for row in rows:
+        deviation = f"{row['deviation']:.0e}"
+        lines.append(f"| {row['part']} | {row['constant']} | {row['to']} | {deviation} | {seen_by(row['found_by'])} |")
+    return "\n".join(lines)
+
+
+def seen_by(found: list[str]) -> str:
+    """How many gates of each kind; a dash where there is none."""
+    counts = {kind: sum(name.startswith(kind) for name in found) for kind in ("changed.double", "changed.single")}
+    words = [f"{many} × `{kind}`" for kind, many in counts.items() if many]
+    return ", ".join([*words, *(["`changed.settings`"] if "changed.settings" in found else [])]) or "—"
+
+
+def rank_line(rank: dict[str, Any]) -> str:
+    run = rank["run"]
+    return (
+        f"Against the {run['profile']} run of commit {run['commit']}: Spearman {rank['spearman']:.2f}, Kendall "
+        f"{rank['kendall']:.2f} over {rank['pairs']} pairs of a scene and a method; {rank['same_order']} of "
+        f"{rank['compared']} pairs of methods stand in the same order on their scene."
+    )
+
+
+def between(name: str) -> re.Pattern[str]:
+    return re.compile(f"(<!-- {name} -->\n).*?(\n<!-- end -->)", re.DOTALL)
+
+
+def main() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    for name, table in tables().items():
+        text = between(name).sub(lambda found, table=table: found[1] + table + found[2], text)  # type: ignore[misc]
+    PAGE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
