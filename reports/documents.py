@@ -42,7 +42,8 @@ def evidence(published: Published) -> str:
     lines = [f"* **{study.info.title}** {study.findings[0]}" for study in record.studies if study.findings]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
-    return "\n".join([*lines, "", told])
+    pictures = ("![What each part does](reduced/evidence_effects.png)", "", "![Frequencies](reduced/bandwidth.png)")
+    return "\n".join([*lines, "", told, "", *pictures])
 
 
 def stability(published: Published) -> str:
@@ -56,7 +57,8 @@ def stability(published: Published) -> str:
         f"In {len(cases)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
         f"{many['ours', 'not_available']} could not be settled. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}. It took {sum(one['seconds'] for one in cases) / 60:.0f} minutes."
+        f"{tried['usual']}. It took {sum(one['seconds'] for one in cases) / 60:.0f} minutes.\n\n"
+        "![The matrix of cases in miniature](stability.png)"
     )
 
 
@@ -99,7 +101,7 @@ def serving(published: Published) -> str:
     return (
         f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
         f"return another picture in {stale} of {len(cache['confusions'])} kinds of change. Until 10 % of the coarse "
-        f"frame's error is left in the whole picture: {listed(times)} (medians)."
+        f"frame's error is left in the whole picture: {listed(times)} (medians).\n\n![Serving](reduced/serving.png)"
     )
 
 

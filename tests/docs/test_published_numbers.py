@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord, write_evidence
 from reports.documents import BLOCKS, MARKED, main, pages, rewritten
 from reports.published import SAYS, Published
 from tests.harness.shell import ROOT
@@ -23,7 +24,7 @@ NOT_MEASURED = {
     "README.md": ("beats NeRF by 1.5 dB", "arXiv 2512.12683, 2601.05250", "Python 3.11", "95 % interval", "± 0.2 dB"),
     "cluster.md": ("Python 3.11", "Ray 2.60.0"),
     "findings.md": ("95 % interval",),
-    "read-the-report.md": ("± 0.2 dB", "95 % of"),
+    "read-the-report.md": ("± 0.2 dB",),
     "scenes.md": ("4.03 units", "0.01 or larger", "1.36 units", "±1.5, near", "1 GiB unpacked", "1.4 units"),
 }
 """Settings, versions, limits, confidence and what others print: the only figures that stand outside of blocks."""
@@ -113,3 +114,57 @@ def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest
     page.write_text(page.read_text().replace("environment", "nonsense"))
     with pytest.raises(KeyError, match="nonsense"):
         main(tmp_path)
+
+
+def written(tmp_path: Path, name: str, source: str, **more: Any) -> Published:
+    """A published file as if it had been measured with this program."""
+    data = {**json.loads((ROOT / "docs" / source).read_text(encoding="utf-8")), **more}
+    data["provenance"] = {**data.get("provenance", {}), "instruction_set": "AVX2"}
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text(json.dumps(data), encoding="utf-8")
+    return Published(tmp_path)
+
+
+def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> None:
+    for name in ("stability.json", "reduced/serving.json", "left_out.json"):
+        published = written(tmp_path, name, name)
+    outcomes = [one for case in published.read("stability.json")["cases"] for one in case["outcomes"]]
+    ours = [one["status"] for one in outcomes if one["whose"] == "ours"]
+    passed, failed = ours.count("pass"), ours.count("fail")
+    assert f" cases {passed} of {passed + failed} checks of our code pass" in BLOCKS["stability"](published)
+    confusions = published.read("reduced/serving.json")["cache"]["confusions"]
+    stale = sum(one["stale"] > 0 for one in confusions)
+    assert f"another picture in {stale} of {len(confusions)} kinds" in BLOCKS["serving"](published)
+    first = published.read("left_out.json")["omissions"][0]
+    row = next(line for line in BLOCKS["left out"](published).splitlines() if first["scene"] in line)
+    assert f"{first['difference']:+.2f} [{first['interval'][0]:+.2f}, " in row.replace("−", "-")
+    assert first["verdict"] in row
+
+
+def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
+    info = StudyInfo("one", "Is it so?", "Is it?", "By looking.")
+    checks = [Check("share of x", 0.5, 0.0, 1.0), Check("share of y", 2.0, 0.0, 1.0)]
+    study = StudyRecord(info, findings=["It is, by 0.31 dB.", "And more."], checks=checks)
+    (tmp_path / "reduced").mkdir()
+    path = tmp_path / "reduced" / "evidence.json"
+    write_evidence(path, EvidenceRecord({"instruction_set": "AVX2"}, {}, [study], True))
+    said = BLOCKS["evidence"](Published(tmp_path))
+    assert said.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
+    write_evidence(path, EvidenceRecord({}, {}, [study], True))
+    assert BLOCKS["evidence"](Published(tmp_path)) == ""
+
+
+def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
+    found = {
+        "all": {"rms": 0.296, "largest": -1.272},
+        "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
+    }
+    published = written(tmp_path, "reduced/processors.json", "environment.json", **found)
+    said = BLOCKS["processors"](published)
+    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
+
+    def lost(data: dict[str, Any]) -> None:
+        data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}
+
+    said = BLOCKS["failures"](changed(tmp_path / "lost", lost))
+    assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in said
