@@ -1,6 +1,6 @@
 """What `nox -s evidence` leaves behind: `evidence.json`, one entry a study.
 
-This module imports the standard library, `harness.comparison_record` and `harness.chart_record` alone, as reports read it.
+This module imports the standard library and modules of records alone, as reports read it.
 """
 
 from collections.abc import Iterator
