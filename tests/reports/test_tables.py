@@ -40,7 +40,7 @@ def test_a_method_that_never_finished_has_no_number(tmp_path):
 
 def test_differences_are_those_of_the_comparisons(records: Records):
     changed = [
-        replace(one, difference=0.125, interval=(0.05, 0.2), verdict="better", unpaired=0)
+        replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict="better", unpaired=0)
         if (one.scene, one.against, one.budget) == ("chair", "nerf", "steps") and one.method == "qnerf"
         else one
         for one in records.comparisons
