@@ -14,7 +14,7 @@ def test_both_senses_stand_in_one_row(whole: Records):
     assert [entry.text for entry in row] == [
         "qnerf", "at equal steps", "+0.81 dB", "+0.76 to +0.86", "+0.69 to +0.93",
     ]  # fmt: skip
-    assert row[3].small == "better\nd = +4.0"
+    assert row[3].small == "better\nd = +3.2"
     assert grid.note.count(". ") == 2, "two sentences explain the difference, a third the effect"
 
 
