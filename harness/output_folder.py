@@ -216,7 +216,7 @@ def _lost_plan(out: Path) -> str | None:
 def _load_plan(path: Path) -> dict[str, Any]:
     """Errors as of `load_record`; a key that no plan has was damaged, be it the digest's own."""
     found = load_record(path)
-    if unknown := sorted(set(found) - {"machine", *(one.name for one in fields(Plan))}):
+    if unknown := sorted(set(found) - {"machine", "density_units", *(one.name for one in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")
     if not isinstance(found.get("machine", {}), dict):
         raise ValueError(f"machine is {shown(found['machine'])}, not an object, so it was damaged")
