@@ -300,6 +300,7 @@ def _equivalence(options: argparse.Namespace, show: "Progress") -> int:
 def _omissions(options: argparse.Namespace, show: "Progress") -> int:
     from harness.device import available_cores
     from harness.json_record import write_json
+    from harness.provenance import provenance
     from harness.runner import view_set_folders
     from harness.verification import as_json, line_of, too_costly, verified
 
@@ -308,7 +309,7 @@ def _omissions(options: argparse.Namespace, show: "Progress") -> int:
     folders = view_set_folders(plan, options.view_sets, show)
     workers = available_cores() if device.type == "cpu" else 1
     found, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
-    write_json(options.out, as_json(found, controls, plan))
+    write_json(options.out, as_json(found, controls, plan, provenance(device)))
     for one in found:
         show.line(line_of(one))
     for one in controls:

@@ -62,8 +62,7 @@ def deviations(plan: Plan) -> list[str]:
     if train.precision != "float32":
         rows.append(
             f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
-            "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16: they differ by "
-            "less than 0.1 dB."
+            "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16."
         )
     if train.grid.cells and train.accelerations.grid:
         rows.append(
@@ -71,7 +70,7 @@ def deviations(plan: Plan) -> list[str]:
             f"{train.grid.first_step} on: one grid for each method, of its own density, all with the same rules. A "
             f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
-            "holds cells with and without it on eight scenes: on two of them it costs more than 0.2 dB."
+            "says what it costs on eight scenes."
         )
     if train.ray_attention != "none":
         rows.append(

@@ -1,6 +1,6 @@
 """What `nox -s evidence` leaves behind: `evidence.json`, one entry a study.
 
-This module imports the standard library, `harness.records` and `harness.chart_record` alone, as reports read it.
+This module imports the standard library and modules of records alone, as reports read it.
 """
 
 from collections.abc import Iterator
@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from harness.chart_record import Series, Table, with_gaps
+from harness.comparison_record import Estimate, estimate_of, with_pairs
 from harness.json_record import DamagedRecord, load_record, write_record
 from harness.record_types import sound
-from harness.records import Estimate, estimate_of, with_pairs
 
 EVIDENCE_SCHEMA = 1
 EVIDENCE_FILE = "evidence.json"

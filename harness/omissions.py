@@ -72,7 +72,7 @@ def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdic
     """`costs` says how much worse it became.
 
     within its bound   the whole interval lies below the bound; the mean, where `exact` says that nothing is random
-    costs more         the mean lies above the bound and the interval above 0
+    costs more         the whole interval lies above it
     inconclusive       anything else, and a difference of scores that has no interval
     """
     if exact:
@@ -82,7 +82,7 @@ def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdic
     low, high = costs.interval
     if high <= bound:
         return "within its bound"
-    return "costs more" if costs.mean > bound and low > 0 else "inconclusive"
+    return "costs more" if low > bound else "inconclusive"
 
 
 def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from baselines.ablations import LADDER
 from baselines.accelerations import Accelerations
+from baselines.catalog import CATALOG as METHODS
 from baselines.contract import NetworkSize, Precision
 from harness.executors import KEPT_EVERY
 from harness.needed import FORCEABLE, LEFT_OUT_BY, kept
@@ -94,7 +95,13 @@ class Plan:
             del kept["views"]["region"]
         if not self.extras:
             del kept["extras"]
-        return {**kept, "scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
+        names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
+        return {**kept, **names, "density_units": self.density_units()}
+
+    def density_units(self) -> dict[str, dict[str, Any]]:
+        """Method → the density where its amplifier gives 1 and the length that it is per, of methods of our parts."""
+        parts = {name: METHODS[name].parts for name in self.all_methods() if name in METHODS}
+        return {name: {"scale": one.density_scale, "per": one.density_per} for name, one in parts.items() if one}
 
 
 @dataclass(frozen=True)

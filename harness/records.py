@@ -10,10 +10,13 @@ This module imports the standard library alone: reports are built without torch 
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.comparison_record import Comparison as Comparison
+from harness.comparison_record import Estimate as Estimate
+from harness.comparison_record import comparison_of
 from harness.json_record import damaged, file_digest, load_record, read_record, write_record
 from harness.record_types import first_mismatch, sound
 
@@ -196,54 +199,6 @@ class RunRecord:
         return [name for name in self.methods if not isinstance(planned, list) or name in planned]
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """What is known of a difference in one of two senses: `on_these_scenes`, or on scenes like these."""
-
-    interval: tuple[float, float] | None
-    """95 %, two-sided, of this comparison alone; None where too few values say nothing of their own spread."""
-    simultaneous: tuple[float, float] | None
-    """The interval that the verdict is taken from: of the `family`'s, all hold the truth together in 95 %."""
-    family: int
-    """As many comparisons are looked at together (`harness.comparisons.family_of`)."""
-    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
-    smallest_detectable: float | None
-    """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
-    effect: float | None
-    """Standardised: the difference in standard deviations of the paired differences within a scene, or of the scenes'
-    means."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A paired difference `method` − `against` with its interval.
-
-    Over all scenes it is estimated in both senses. What stands beside the difference itself is that of scenes like
-    these where several were tried, and of these scenes where it is a single one.
-    """
-
-    scene: str
-    """A scene's name, or `all`."""
-    method: str
-    against: str
-    metric: str
-    budget: Literal["steps", "seconds"]
-    difference: float | None
-    interval: tuple[float, float] | None
-    """As all that has the name of a part of `Estimate`: from the one of the two that speaks for the row."""
-    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
-    smallest_detectable: float | None
-    pairs: int
-    unpaired: int
-    """Pairs that cannot be judged because one of the two diverged, collapsed, failed or is missing."""
-    simultaneous: tuple[float, float] | None = None
-    family: int = 1
-    on_these_scenes: Estimate | None = None
-    """Error from seeds alone; None without any pair."""
-    scenes_like_these: Estimate | None = None
-    """Scenes are drawn, too: Student's t over their means. None for a single scene."""
-
-
 def records_folder(out: Path) -> Path:
     return out / "records"
 
@@ -332,27 +287,9 @@ def read_comparisons(out: Path) -> list[Comparison]:
     if not path.exists():
         return []
     try:
-        return sound([_comparison(row) for row in load_record(path)["rows"]], list[Comparison])
+        return sound([comparison_of(row) for row in load_record(path)["rows"]], list[Comparison])
     except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise damaged(path, error) from error
-
-
-def _comparison(row: dict[str, Any]) -> Comparison:
-    known = {one.name for one in fields(Comparison)}
-    if wrong := sorted(known ^ set(row)):
-        raise ValueError(f"a comparison of another version of this program (unexpected or missing {', '.join(wrong)})")
-    estimates = {name: estimate_of(row[name]) for name in ("on_these_scenes", "scenes_like_these")}
-    return Comparison(**{**with_pairs(row), **estimates})
-
-
-def estimate_of(row: dict[str, Any] | None) -> Estimate | None:
-    """An estimate as JSON holds it; raises `TypeError` or `KeyError` where it is none."""
-    return None if row is None else Estimate(**with_pairs(row))
-
-
-def with_pairs(row: dict[str, Any]) -> dict[str, Any]:
-    """Intervals as pairs, which JSON holds as lists."""
-    return {**row, **{name: _pair(row[name]) for name in ("interval", "simultaneous")}}
 
 
 def _pair(value: list[float] | None) -> tuple[float, float] | None:

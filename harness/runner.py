@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from baselines.catalog import CATALOG
 from harness.caveats import deviations, not_tested
 from harness.clocks import clocks_apart
 from harness.code_apart import code_apart, made_elsewhere
@@ -272,20 +271,12 @@ def _run_record(
         deviations=deviations(plan),
         paper={**printed(), **_measured_beside()},
         seeds=list(plan.seeds),
-        settings={**plan.settings(), "density_units": density_units(plan)},
+        settings=plan.settings(),
         provenance=origin,
         phases=phases,
         finished=finished,
         not_tested=[*not_tested(plan), *apart],
     )
-
-
-def density_units(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Method → the density where its amplifier gives 1 and the length that it is per, of methods made of our parts."""
-    parts = {name: CATALOG[name].parts for name in plan.all_methods() if name in CATALOG}
-    return {
-        name: {"scale": one.density_scale, "per": one.density_per} for name, one in parts.items() if one is not None
-    }
 
 
 def _measured_beside() -> dict[str, Any]:

@@ -24,6 +24,9 @@ from harness import nested
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 CONFIDENCE = 0.95
+LEAST_FREEDOM = 1.0
+"""Degrees of freedom of an error of which an interval can be made: with fewer it would reach beyond every scale."""
+MOST_FREEDOM = 1e6
 POWER = 0.80
 
 NORMAL = np.linspace(-8.0, 8.0, 801)
@@ -112,7 +115,7 @@ def _difference(found: nested.Estimated, units: int, family: int, place: int | N
     """Of one table: `place` is the scene where each has an estimate of its own."""
     parts = (found.mean, found.error, found.freedom, found.spread)
     mean, error, freedom, spread = (float(one if place is None else one[place]) for one in parts)
-    if np.isnan(error):
+    if np.isnan(error) or freedom < LEAST_FREEDOM:
         return PairedDifference(mean, None, None, units, family=family)
     freedom = rounded_down(freedom)
     alone, together = (critical(freedom, many) * error for many in (1, family))
@@ -123,8 +126,10 @@ def _difference(found: nested.Estimated, units: int, family: int, place: int | N
 
 
 def rounded_down(freedom: float) -> float:
-    """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike."""
-    return max(float(np.floor(10 * freedom + 1e-6)) / 10, min(freedom, 1.0))
+    """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike; so many that
+    t is normal to six digits are as good as any number of them.
+    """
+    return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
 
 
 def half_widths(found: nested.Estimated) -> np.ndarray:
@@ -174,7 +179,10 @@ def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
     high = threshold + of_interest + 2.0
     while share_found(high, threshold, freedom, of_interest) < POWER:
         high *= 2.0
-    return float(brentq(lambda shift: share_found(shift, threshold, freedom, of_interest) - POWER, 0.0, high))
+    found = brentq(
+        lambda shift: share_found(shift, threshold, freedom, of_interest) - POWER, 0.0, high, xtol=1e-9 * high
+    )
+    return float(found)
 
 
 def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:

@@ -7,9 +7,10 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.comparison_record import Estimate, estimate_of
 from harness.json_record import DamagedRecord, load_record, write_record
 from harness.record_types import sound
-from harness.records import Estimate, estimate_of, records_folder
+from harness.records import records_folder
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"

@@ -70,10 +70,12 @@ def filled(rows: list[LeftOut], found: list[Omission]) -> list[LeftOut]:
     return [_filled(row, by_name[row.name]) if row.name in by_name else row for row in rows]
 
 
-def as_json(found: list[Omission], controls: list[Omission], plan: Plan) -> dict[str, Any]:
+def as_json(found: list[Omission], controls: list[Omission], plan: Plan, origin: dict[str, Any]) -> dict[str, Any]:
+    """`origin` is the provenance of the measurement."""
     return {
         "what": "each scene with everything left out that it does not need, against the same with one of these done; "
         "controls: something left out that is needed",
+        "provenance": origin,
         "settings": plan.settings(),
         "omissions": [_as_row(one) for one in found],
         "controls": [_as_row(one) for one in controls],

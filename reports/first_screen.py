@@ -25,7 +25,7 @@ PRINCIPAL = {
     "table4-nerf_phi_encoding-psnr": "φ encoding adds, on lego",
     "table4-nerf_phi_encoding_amplifier-psnr": "then the amplifier",
     "table4-qnerf-psnr": "then the φ skip",
-    "table1-total": "weights of Table 1’s network, counted",
+    "table1-total": "weights of Table 1, counted",
 }
 """Claims of the first screen, in a few words each."""
 

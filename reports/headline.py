@@ -138,7 +138,7 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
         return f"{' and '.join(losses)}: {open_}"
     differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
     how = ", ".join(filter(None, ["at equal steps" if differs else "", _sense(fought) if verdicts else ""]))
-    return f"{title} ({how})" if how else title
+    return "; ".join([f"{title} ({how})" if how else title, *losses])
 
 
 def _sense(fought: list[Duel]) -> str:

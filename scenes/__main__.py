@@ -114,6 +114,10 @@ def _repeats(options: argparse.Namespace) -> None:
 
     from scenes.repeats import repeated
 
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{options.out}: cannot be written ({error.strerror}); name another folder") from error
     for name in options.names:
         renders = repeated(
             name, options.view, options.resolution, options.spp, options.stream, options.count, options.variant

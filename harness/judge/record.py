@@ -8,9 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.comparison_record import Estimate, estimate_of
 from harness.json_record import DamagedRecord, load_record, write_record
 from harness.record_types import sound
-from harness.records import Estimate, estimate_of
 
 JUDGEMENT_SCHEMA = 1
 JUDGEMENT_FILE = "judgement.json"

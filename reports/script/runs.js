@@ -73,7 +73,7 @@ const runs = (() => {
 
   const WORDS = { done: "finished", diverged: "diverged", error: "failed", not_available: "not available" };
   const APART = "not compared: the group is not whole";
-  const ASIDE = "left aside";
+  const ASIDE = "not judged";
 
   // Over scenes of the means over seeds, of {cell, value}: as the comparisons take it.
   function meanOf(rows) {

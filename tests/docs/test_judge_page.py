@@ -109,11 +109,13 @@ def test_every_number_of_the_examples_is_read_from_the_tables() -> None:
 
 
 def test_the_table_with_seeds_is_that_of_the_published_run() -> None:
-    cells = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))["cells"]
-    table, run = (read_table([path]) for path in (EXAMPLES / SEEDED, ROOT / "docs" / "reduced" / "summary.json"))
+    run = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))
+    cells = [one for one in run["cells"] if one["method"] in run["settings"]["methods"]]
+    table = read_table([EXAMPLES / SEEDED])
     assert len(cells) == len((EXAMPLES / SEEDED).read_text(encoding="utf-8").splitlines()) - 1
-    assert (table.methods, table.scenes, table.seeds) == (run.methods, run.scenes, run.seeds)
-    assert abs(table.values - run.values).max() < 6e-5
+    for one in cells:
+        at = (table.methods.index(one["method"]), table.scenes.index(one["scene"]), table.seeds.index(str(one["seed"])))
+        assert table.values[at] == pytest.approx(one["psnr"], abs=6e-5)
 
 
 def test_the_page_names_the_metrics_that_are_known(tmp_path: Path) -> None:

@@ -97,9 +97,10 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
 
 
 def learner(box: Box, density: Callable[[torch.Tensor], torch.Tensor], gain: float) -> Trainer:
-    """A bounded method whose density over positions [n, 3] is known, and that its amplifier multiplies."""
+    """A bounded method whose share of the largest density is known over positions [n, 3], and multiplied by `gain`."""
     one = Trainer("qnerf", box, TRAIN, BUDGET, 0, CPU)
-    one.field.density_before_and_after = lambda p: (density(p), gain * density(p))  # type: ignore[method-assign]
+    limit = one.field.density_limit
+    one.field.density_before_and_after = lambda p: (limit * density(p), gain * limit * density(p))  # type: ignore
     return one
 
 

@@ -195,6 +195,7 @@ def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
         ([-3.0, -2.0, -2.5], False, "within its bound"),
         ([0.5, 0.6, 0.55], False, "costs more"),
         ([-0.5, 0.9, 0.3], False, "inconclusive"),
+        ([0.3, 0.35, 0.2], False, "inconclusive"),  # the mean and the whole of 0 lie apart, the bound does not
         ([0.9], False, "inconclusive"),
         ([0.1], True, "within its bound"),
         ([0.3], True, "costs more"),

@@ -110,7 +110,7 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
     ]
     for options, expected in changes:
         after = planned("smoke", **options).settings()
-        assert {key for key in before if before[key] != after.get(key)} - {"extras"} == expected
+        assert {key for key in before if before[key] != after.get(key)} - {"extras", "density_units"} == expected
 
 
 def test_settings_survive_json() -> None:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.json_record import DamagedRecord, as_text, finite_or_none, load_json, write_json
+from harness.json_record import DamagedRecord, as_text, finite_or_none, load_json, write_json, write_record
 from harness.records import (
     CellRecord,
     Checkpoint,
@@ -74,6 +74,13 @@ def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) ->
     assert read_run(tmp_path) == one_run()
     assert read_comparisons(tmp_path) == rows
     assert read_comparisons(tmp_path / "elsewhere") == []
+
+
+def test_comparisons_of_an_earlier_version_are_named_with_the_remedy(tmp_path: Path) -> None:
+    row = {"scene": "all", "method": "qnerf", "against": "nerf", "left_aside": 0}
+    write_record(tmp_path / "records" / "comparisons.json", {"rows": [row]})
+    with pytest.raises(DamagedRecord, match=r"comparisons\.json: a comparison of another version.*run again"):
+        read_comparisons(tmp_path)
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

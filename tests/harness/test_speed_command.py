@@ -165,5 +165,25 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
 
 
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_ground_truth_and_memory_are_measured_in_processes_of_their_own(tmp_path: Path) -> None:
+    found = answers(tmp_path / "speed", 7, 8)
+    assert found["render.lego.scalar_rgb.seconds"].value
+    for id in ("memory.worker.nerf.peak", "memory.run.peak"):
+        value = found[id].value
+        assert value is None or 0.1 < value < 8.0
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_growth_and_processes_are_measured(tmp_path: Path) -> None:
+    found = answers(tmp_path / "speed", 9, 10)
+    assert {id for id in found if id.startswith("growth")} == {
+        f"growth.{name}.exponent" for name in ("rays", "samples", "width", "resolution", "seeds")
+    }
+    assert "processes.ratio" in found
+
+
 def test_help_imports_nothing_heavy() -> None:
     assert heavy_imports_of(run_module("harness", "speed", "--help")) == set()

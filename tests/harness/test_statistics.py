@@ -9,12 +9,14 @@ from scipy.stats import nct
 
 from harness.nested import moderated
 from harness.statistics import (
+    POWER,
     PairedDifference,
     critical,
     detectable,
     on_one_scene,
     on_these_scenes,
     paired_difference,
+    rounded_down,
     scenes_like_these,
     share_found,
     shift_found,
@@ -285,3 +287,22 @@ def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Calla
     shifted = [{scene: row + planted for scene, row in table.items()} for table in tables]
     found = [verdict(estimate(table), 1e-9, True) == "better" for table in shifted]
     assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2, 500))
+
+
+@pytest.mark.parametrize(("freedom", "family"), [(1.0, 200), (2.5, 9), (1e6, 1), (math.inf, 3)])
+def test_what_can_be_detected_is_found_for_all_degrees_of_freedom(freedom: float, family: int) -> None:
+    kept = rounded_down(freedom)
+    threshold = critical(kept, family)
+    shift = shift_found(threshold, kept)
+    assert share_found(shift, threshold, kept) == pytest.approx(POWER, abs=1e-6)
+
+
+def test_one_difference_a_scene_moderated_by_others_has_an_interval_or_none() -> None:
+    """A scene of a single seed borrows its variance; where next to nothing is known of it there is no interval."""
+    generator = np.random.default_rng(5)
+    for _ in range(300):
+        scales = 10.0 ** generator.uniform(-4, 4, 3)
+        table = {str(place): scale * generator.normal(size=3) for place, scale in enumerate(scales)}
+        table["0"][1:] = np.nan
+        found = on_one_scene(table, "0")
+        assert found.interval is None or found.freedom >= 1.0

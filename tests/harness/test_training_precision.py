@@ -54,7 +54,8 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
     rules = {name: replace(rule, weights=watched("quadrature", rule.weights)) for name, rule in QUADRATURES.items()}
     monkeypatch.setattr(rendering, "QUADRATURES", rules)
     amplifier = one.coarse.amplifier
-    monkeypatch.setattr(amplifier, "before_and_after", watched("amplifier", amplifier.before_and_after))
+    for name in ("before_and_after", "rendered"):
+        monkeypatch.setattr(amplifier, name, watched("amplifier", getattr(amplifier, name)))
     products = field.fused_network._prepared
     monkeypatch.setattr(
         field.fused_network,

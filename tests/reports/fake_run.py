@@ -164,24 +164,16 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
                 if verdict == "inconclusive" and max(-low, high) < 0.25:
                     verdict = "equivalent"
                 aside = len(pairs) - len(both)
-                verdict = "inconclusive" if aside else verdict
-                known = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
+                there = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
+                near = (round(mean - 0.05, 3), round(mean + 0.05, 3))
+                several = scene == "all" and len(scenes) > 1
                 found.append(
                     Comparison(
-                        scene,
-                        method,
-                        against,
-                        "psnr",
-                        budget,
-                        mean,
-                        (low, high),
-                        verdict,
-                        0.4,
-                        len(both),
-                        aside,
-                        on_these_scenes=known,
+                        scene, method, against, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), aside,
+                        (low, high), 1, Estimate(near, near, 1, "better", 0.1, 4 * mean) if several else there,
+                        there if several else None,
                     )
-                )
+                )  # fmt: skip
     return found
 
 

@@ -141,6 +141,7 @@ def test_help_imports_nothing_heavy():
     assert fresh(f"{code} {light}").stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_colour_science_is_imported_for_pictures_alone(tmp_path):
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
     assert fresh(f"{BUILD} print('colour' in sys.modules)", str(out)).stdout.splitlines()[-1] == "False"

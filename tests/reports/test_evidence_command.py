@@ -107,13 +107,12 @@ def test_what_no_run_writes_is_named(tmp_path, capsys, change, said):
         (changed(["studies", 1, "effects", 0, "verdict"], "great"), "verdict is 'great', not one of better, worse"),
     ],
 )
-def test_what_is_of_another_type_is_named(tmp_path, change, said):
-    """In a process of its own: tests have types checked as records are made."""
+def test_what_is_of_another_type_is_named(tmp_path, change, said, capsys):
     spoil(tmp_path, change)
-    done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(tmp_path))
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert main([str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert len(told.splitlines()) == 1
 
 
 def test_publishing_writes_the_record_and_two_charts(tmp_path):

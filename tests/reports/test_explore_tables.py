@@ -119,7 +119,7 @@ def test_the_number_of_a_claim_shows_the_runs_that_it_was_judged_by(view, record
     row = view.locator("#claims tbody tr", has_text="Q-NeRF gains over NeRF on average")
     row.locator(".behind").focus()
     view.keyboard.press("Enter")
-    assert view.locator("#runs h2").inner_text() == "qnerf − nerf"
+    assert view.locator("#runs h2").inner_text() == "qnerf − nerf, all scenes"
     assert view.locator("#runs details").count() == 2 * sum(cell.method == "qnerf" for cell in records.cells)
     closed = view.locator("#claims tbody tr", has_text="The network has this many weights")
     assert closed.locator("td").nth(1).inner_text() == "546\u202f566", "measured, but not in a run"

@@ -38,7 +38,7 @@ def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records)
     said = shown(whole)
     assert said.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
     average, weights = said.lines
-    assert shown_as(average) == ("+1.5 dB", "+0.81 dB", "[+0.69, +0.93]")
+    assert shown_as(average) == ("+1.5 dB", "+0.81 dB", "[+0.76, +0.86]")
     assert (average.verdict, average.mark) == ("not seen at this scale", "✕")
     assert "qnerf − nerf_matched: " in average.note
     assert shown_as(weights) == ("1\u202f370\u202f000", "546\u202f566", "")
@@ -57,7 +57,7 @@ def test_what_a_line_shows_stands_beside_it_as_numbers_with_its_unit(whole: Reco
     average = shown(whole).lines[0]
     assert (average.printed.value, average.printed.parts) == (1.5, {"unit": "dB"})
     assert average.measured.value == pytest.approx(0.81, abs=0.005)
-    assert average.measured.parts == pytest.approx({"low": 0.69, "high": 0.93}, abs=0.005)
+    assert average.measured.parts == pytest.approx({"low": 0.76, "high": 0.86}, abs=0.005)
 
 
 def test_without_the_papers_numbers_the_question_is_the_runs(whole: Records):
@@ -75,40 +75,37 @@ def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
 def test_another_scale_than_the_runs_stands_below_its_verdict(whole: Records):
     lines = {line.words: line for line in shown(whole, study(effect(LISTING_2, -2.5))).lines}
     assert lines["then the amplifier"].note.endswith("lego; 3 seeds; 500 steps")
-    assert lines["weights of Table 1’s network, counted"].note.endswith("the paper’s network")
+    assert lines["weights of Table 1, counted"].note.endswith("the paper’s network")
     assert "profile reduced" not in lines["PSNR gain, average"].note
 
 
 def test_how_sure(whole: Records):
     sure = shown(whole).sure
     assert sure[0] == (
-        "qnerf less nerf at equal steps: +0.81 dB, 95\u202f% interval [+0.69, +0.93] over scenes and seeds."
+        "qnerf − nerf = +0.81 dB after equal steps (95\u202f% interval +0.69 to +0.93; 2 scenes × 3 seeds). "
+        "The verdict is on scenes like these."
     )
-    assert sure[1] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
-    assert "was not measured beside this run" in sure[2]
+    assert sure[1] == "On these scenes alone, the interval is +0.76 to +0.86 dB (better)."
+    assert sure[2] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
+    assert "was not checked beside this run" in sure[3]
 
 
 def test_what_was_lost_and_a_single_scene_stand_beside_the_interval(records: Records, tmp_path):
-    assert "over scenes and seeds; 1 of 6 pairs left aside." in shown(records).sure[0]
-    assert "1 of 6 pairs left aside" in page(records)
+    assert "2 scenes × 3 seeds; 1 of 6 pairs not judged)" in shown(records).sure[0]
+    assert "1 of 6 pairs not judged" in page(records)
     alone = read_records(write_fake_run(tmp_path / "one", ("chair",), pictures=False, with_diverged=False))
-    assert shown(alone).sure[0].endswith("over seeds on chair alone.")
+    assert shown(alone).sure[0].endswith("chair × 3 seeds). The verdict is on these scenes.")
 
 
 def test_the_power_is_that_of_the_comparison_in_the_headline(whole: Records):
     changed = [replace(one, smallest_detectable=9.0) if one.against == "nerf_matched" else one
                for one in whole.comparisons]  # fmt: skip
-    assert "below 0.40 dB" in shown(replace(whole, comparisons=changed)).sure[1]
+    assert "below 0.40 dB" in shown(replace(whole, comparisons=changed)).sure[2]
 
 
 @pytest.mark.parametrize(
     ("check", "sentence"),
     [
-        (
-            Check("share of A/A comparisons that are called better or worse", 0.024, high=0.05),
-            "Comparer: share of A/A comparisons that are called better or worse: 2.4\u202f% "
-            "(wanted: at most 5.0\u202f%).",
-        ),
         (
             Check("share of planted effects that are found", 0.71, low=0.8),
             "Comparer: share of planted effects that are found: 71.0\u202f% "
@@ -120,23 +117,23 @@ def test_the_power_is_that_of_the_comparison_in_the_headline(whole: Records):
             "(wanted: at most 5.0\u202f%) – this check does not hold.",
         ),
         (Check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
-        (Check("spread", 0.21, 0.1, 0.3, "dB"), "Comparer: spread: 0.21\u202fdB (wanted: at least 0.10\u202fdB and at "
-         "most 0.30\u202fdB)."),
+        (Check("spread", 0.21, 0.1, 0.3, "dB"), ""),
     ],
 )  # fmt: skip
 def test_the_calibration_is_told_with_its_limits(check, sentence):
-    assert calibration(calibrated(check)) == [sentence]
+    found = calibration(calibrated(check))
+    assert found == ([] if check.holds else [sentence])
 
 
 def test_the_page_opens_with_all_of_it(whole: Records):
-    evidence = calibrated(Check("share of planted effects that are found", 0.846, low=0.8))
+    evidence = calibrated(Check("share of planted effects that are found", 0.746, low=0.8))
     text = page(whole, Beside(evidence=evidence))
     top = text[: text.index("<nav")]
     places = [
         top.index(words)
-        for words in ("as printed?", "<h1>", ">How sure<", "[+0.69, +0.93]", ">Scale<", "not the paper’s",
+        for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not the paper’s",
                       ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
-                      "How sure, in more detail", "84.6\u202f%", "statements in the ledger", "Every statement",
+                      "How sure, in more detail", "74.6\u202f%", "statements in the ledger", "Every statement",
                       "At what scale", "What was not tested")
     ]  # fmt: skip
     assert places == sorted(places)

@@ -58,7 +58,8 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
     )
     said = headline(records)
     assert said.title == (
-        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well (at equal steps)"
+        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well "
+        "(at equal steps, on scenes like these)"
     )
     assert said.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
     assert "owed to bandwidth" in said.sentences[1]
@@ -72,12 +73,14 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
 def test_agreement_of_steps_and_time_is_said(whole: Records):
     same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     said = headline(decided(whole, **same))
-    assert said.title == "qnerf scores above both nerf and nerf_matched"
+    assert said.title == "qnerf scores above both nerf and nerf_matched (on scenes like these)"
     assert said.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
 
 
 def test_lost_cells_are_in_the_title(records: Records):
-    assert headline(records).title == "qnerf lost 1 of its 6 cells: against nerf nothing is settled"
+    title = headline(records).title
+    assert title.startswith("The gain of qnerf over nerf is no more than bandwidth alone brings"), "others are judged"
+    assert title.endswith("(on scenes like these); qnerf lost 1 of its 6 cells")
 
 
 def test_a_method_that_never_finished_is_named(tmp_path):
@@ -110,7 +113,8 @@ def test_the_baselines_lost_cells_are_in_the_title_too(whole: Records):
     cells = [replace(cell, status="error") if (cell.scene, cell.method, cell.seed) == ("chair", "nerf", 0) else cell
              for cell in whole.cells]  # fmt: skip
     said = headline(decided(replace(whole, cells=cells), nerf_steps="inconclusive"))
-    assert said.title == "nerf lost 1 of its 6 cells: nothing is settled about qnerf"
+    assert said.title.startswith("This run cannot tell qnerf from nerf")
+    assert said.title.endswith("; nerf lost 1 of its 6 cells")
     assert said.sentences[0].endswith("This is of the cells that finished: nerf lost 1 of its 6 cells.")
 
 

@@ -47,7 +47,7 @@ def test_a_change_is_found_where_it_is_and_as_large_as_it_is(tmp_path):
     outputs, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0))
     row = found.row(EVERYWHERE, "qnerf")
     assert row.found.difference == pytest.approx(1.01)
-    assert row.found.verdict == "better"
+    assert row.found.chosen.verdict == "better"
     assert found.row("chair", "qnerf").found.difference == pytest.approx(1.01)
     assert found.row(EVERYWHERE, "nerf").found.difference == 0.0
     assert found.identical == 12
@@ -56,7 +56,7 @@ def test_a_change_is_found_where_it_is_and_as_large_as_it_is(tmp_path):
 
 def test_the_other_way_round_it_is_worse(tmp_path):
     first, other = named([made(tmp_path, "a", change_cell=shifted("qnerf", 1.0)), made(tmp_path, "b")])
-    assert against(first, other).row(EVERYWHERE, "qnerf").found.verdict == "worse"
+    assert against(first, other).row(EVERYWHERE, "qnerf").found.chosen.verdict == "worse"
 
 
 def test_every_metric_is_judged_at_equal_steps_and_those_along_training_at_equal_time(tmp_path):
@@ -89,10 +89,10 @@ def test_another_ground_truth_is_shown_and_not_judged(tmp_path):
     assert "not judged" in " ".join(sentences(outputs[0], [found]))
 
 
-def test_a_lost_cell_settles_nothing(tmp_path):
+def test_a_lost_cell_is_counted_and_the_others_are_judged(tmp_path):
     _, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0), with_diverged=True)
     row = found.row(EVERYWHERE, "qnerf").found
-    assert (row.verdict, row.unpaired, row.pairs) == ("inconclusive", 1, 5)
+    assert (row.chosen.verdict, row.unpaired, row.pairs) == ("better", 1, 5)
 
 
 def test_what_only_one_output_has_is_named_and_costs_the_others_nothing(tmp_path):

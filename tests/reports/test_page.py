@@ -122,7 +122,7 @@ def test_text_from_data_is_escaped_everywhere(tmp_path):
     comparisons = json.loads((out / "records" / "comparisons.json").read_text(encoding="utf-8"))["rows"]
     for one in comparisons:
         one["scene"] = one["scene"].replace("x", HOSTILE)
-    (out / "records" / "comparisons.json").write_text(json.dumps(comparisons), encoding="utf-8")
+    (out / "records" / "comparisons.json").write_text(json.dumps({"rows": comparisons}), encoding="utf-8")
     text = page(read_records(out))
     assert foreign_scripts(text) == []
     assert "&lt;script&gt;" in text

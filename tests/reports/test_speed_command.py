@@ -70,16 +70,14 @@ def test_a_number_that_is_not_finite_is_damage(tmp_path, capsys):
     assert "NaN is no number" in capsys.readouterr().err
 
 
-def test_a_word_in_place_of_a_number_is_named(tmp_path):
+def test_a_word_in_place_of_a_number_is_named(tmp_path, capsys):
     out = write_fake_speed(tmp_path)
     data = json.loads((out / "speed.json").read_text(encoding="utf-8").replace("7.418", '"fast"'))
     data.pop("digest")
     (out / "speed.json").write_text(json.dumps(data), encoding="utf-8")
-    done = fresh("import sys; from reports.__main__ import main; sys.exit(main(sys.argv[1:]))", str(out))
-    assert done.returncode == 2
-    assert done.stderr == (
-        f"{out / 'speed.json'}: measurements[1].value is 'fast', not float; run `nox -s speed` again\n"
-    )
+    assert main([str(out)]) == 2
+    told = capsys.readouterr().err
+    assert told == (f"{out / 'speed.json'}: measurements[1].value is 'fast', not float; run `nox -s speed` again\n")
 
 
 def test_publishing_speed_alone_writes_its_numbers_and_its_chart(tmp_path):

@@ -40,7 +40,7 @@ def test_a_method_that_never_finished_has_no_number(tmp_path):
 
 def test_differences_are_those_of_the_comparisons(records: Records):
     changed = [
-        replace(one, difference=0.125, interval=(0.05, 0.2), verdict="better", unpaired=0)
+        replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict="better", unpaired=0)
         if (one.scene, one.against, one.budget) == ("chair", "nerf", "steps") and one.method == "qnerf"
         else one
         for one in records.comparisons
@@ -57,12 +57,12 @@ def test_differences_are_those_of_the_comparisons(records: Records):
     assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nbetter", "better")
     assert grid.rows[0][5] == Entry("+1.4", tone="muted")
     assert grid.totals[0][0].text == "all scenes"
-    assert "1 cell left aside" in grid.totals[0][1].small
+    assert "1 pair not judged" in grid.totals[0][1].small
 
 
 def test_a_comparison_without_pairs_shows_no_number():
     one = Comparison("lego", "qnerf", "nerf", "psnr", "steps", None, None, "inconclusive", None, 0, 3)
-    assert difference_entry(one) == Entry("–", "inconclusive\n3 cells left aside", "inconclusive")
+    assert difference_entry(one) == Entry("–", "inconclusive\n3 pairs not judged", "inconclusive")
 
 
 def test_diverged_cells_show_in_every_table_of_scores(records: Records):
@@ -146,6 +146,6 @@ def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone(
     alone = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0, (0.1, 0.9), 1)
     assert difference_entry(alone).small == "[+0.10, +0.90]\nbetter"
     of_eight = replace(alone, scene="lego", verdict="inconclusive", simultaneous=(-0.3, 1.3), family=8)
-    assert difference_entry(of_eight).small == "[+0.10, +0.90]\n8 together: [−0.30, +1.30]\ninconclusive"
+    assert difference_entry(of_eight).small == "[−0.30, +1.30]\ninconclusive"
     older = replace(of_eight, simultaneous=None)
     assert "together" not in difference_entry(older).small

@@ -14,7 +14,7 @@ from reports.time_to_target import is_lost, notes, savings_grid, share_at, time_
 CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
 SAVING = TargetComparison(
     "all", "qnerf", "nerf", "steps", 800.0, 18.0, (3.0, 31.0), (-1.0, 33.0), 8, "inconclusive", 20.4, -80.0,
-    (-90.0, -70.0), 6, (0, 1), (2, 0), 1,
+    (-90.0, -70.0), 6, (0, 1), (2, 0), 1, 3.0,
 )  # fmt: skip
 REACHES = [
     Reach("chair", "nerf", 0, "steps", 100.0, "earlier"),
@@ -61,7 +61,8 @@ def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_
     assert (steps.text, steps.tone) == ("+18.0\u202f%", "inconclusive")
     assert steps.small.splitlines() == [
         "[−1.0, +33.0]", "inconclusive", "not within the time watched: 1 of 6 runs of nerf",
-        "there at once: 2 of 6 runs of qnerf", "the true saving is larger", "1 pair left aside",
+        "there at once: 2 of 6 runs of qnerf", "to the target itself +3.0\u202f% or more", "horizon 800 steps",
+        "1 pair not judged",
     ]  # fmt: skip
     assert seconds.text == not_found.text == "–"
     assert found.text == "20\u202f%"
@@ -73,7 +74,7 @@ def test_a_pair_without_a_saving_is_a_row():
     )
     grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
     assert grid is not None
-    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "inconclusive\n1 pair left aside")
+    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "inconclusive\n1 pair not judged")
     assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
 
 

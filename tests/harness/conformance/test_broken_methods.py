@@ -36,7 +36,15 @@ class GivesColumns(Honest):
 
 
 class ClaimsToBeBounded(Honest):
-    bounded = True  # type: ignore[assignment]
+    density_limit = 1.0  # type: ignore[assignment]
+
+
+class CountsByTheMetre(Honest):
+    """Its density does not know how long the box is."""
+
+    def density_and_colour(self, x: Any, view: Any, ray: Any) -> Any:
+        sigma, colour = super().density_and_colour(x, view, ray)
+        return sigma * self.box.half_extent, colour
 
 
 class GoesNegative(Honest):
@@ -152,6 +160,7 @@ BROKEN: list[Any] = [
     ("shapes", GivesColumns, r"density of 0 points"),
     ("ranges", GoesNegative, "density is"),
     ("ranges", ClaimsToBeBounded, "not 0 to 1"),
+    ("unit_of_density", CountsByTheMetre, "unit of length"),
     ("magnitudes", DividesByItsWeights, "not finite"),
     ("gradients", HasAnUnusedWeight, "no gradient reaches spare"),
     ("first_weights", DrawsFromTheGlobalGenerator, "uniform_weights"),

@@ -130,7 +130,7 @@ def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
     assert any("reads" in one and "33.20 dB" in one and "φ skip" in one for one in others)
     assert any("otherwise together than alone (Listing 2): φ encoding × amplifier −0.5" in one for one in others)
     assert any(one.startswith("No interaction is told from 0 over all scenes (Eq. 4)") for one in others)
-    assert any("density of 1 a scene unit" in one and "63.2 %" in one for one in others)
+    assert any("density of 1 per half of the box" in one and "63.2 %" in one for one in others)
     assert not any("no score" in one for one in others)
 
 

@@ -1,0 +1,170 @@
+"""Every measured number of README.md and docs is one of the published data, to the digit printed."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord, write_evidence
+from reports.documents import BLOCKS, MARKED, main, pages, rewritten
+from reports.published import SAYS, Published
+from tests.harness.shell import ROOT
+
+ELSEWHERE = {
+    "judge.md": "tests/docs/test_judge_page.py",
+    "scaling.md": "tests/harness/test_scaling.py",
+    "gate-your-ci.md": "tests/harness/gate",
+}
+"""Pages whose numbers other tests hold to their data."""
+PAGES = [page for page in pages(ROOT) if page.name not in ELSEWHERE]
+NOT_MEASURED = {
+    "README.md": ("beats NeRF by 1.5 dB", "arXiv 2512.12683, 2601.05250", "Python 3.11", "95 % interval", "± 0.2 dB"),
+    "cluster.md": ("Python 3.11", "Ray 2.60.0"),
+    "findings.md": ("95 % interval",),
+    "read-the-report.md": ("± 0.2 dB",),
+    "scenes.md": ("4.03 units", "0.01 or larger", "1.36 units", "±1.5, near", "1 GiB unpacked", "1.4 units"),
+}
+"""Settings, versions, limits, confidence and what others print: the only figures that stand outside of blocks."""
+CODE_AND_LINKS = (r"```.*?```", r"(?m:^    [^\n]*$)", r"`[^`]*`", r"\]\([^)]*\)", r"https?://\S+")
+UNITS = r"dB|%|m?s|seconds?|min|minutes?|h|hours?|days?|years?|times|[GM]i?B"
+MEASURED = re.compile(rf"\d\s?(?:{UNITS})(?!\w)|\d\s?×(?!\s?\d)|\d+ of (?:the |all )?\d+|\d\.\d+")
+
+
+def outside_of_blocks(text: str) -> str:
+    for pattern in (MARKED, *(re.compile(pattern, re.DOTALL) for pattern in CODE_AND_LINKS)):
+        text = pattern.sub(" ", text)
+    return text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_blocks_are_what_the_data_give(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text == rewritten(text, Published(ROOT / "docs")), "python -m reports.documents"
+    assert text.count("<!-- numbers:") == len(MARKED.findall(text)) == text.count("<!-- end -->")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_measured_number_stands_outside_of_a_block(page: Path) -> None:
+    text = outside_of_blocks(page.read_text(encoding="utf-8"))
+    for known in NOT_MEASURED.get(page.name, ()):
+        assert known in text, f"{known}: no longer on the page; take it from the list"
+        text = text.replace(known, "")
+    assert not (found := MEASURED.findall(text)), f"{found}: put them into a block of reports/documents.py"
+
+
+@pytest.mark.parametrize(
+    "said", ["1.6 times", "25 to 50 ×", "0 of 60", "7.3 dB", "88 %", "14 minutes", "0.95 GB", "+0.51", "210 of the 211"]
+)
+def test_a_measured_number_is_known_by_its_look(said: str) -> None:
+    assert MEASURED.search(said)
+    assert not MEASURED.search("8 × 256, 100 × 100 px, 200 000 steps, exit code 3, §8, eight scenes")
+
+
+def test_pages_without_blocks_have_a_test_of_their_own() -> None:
+    for name, test in ELSEWHERE.items():
+        assert (ROOT / "docs" / name).is_file()
+        assert (ROOT / test).exists()
+
+
+def changed(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> Published:
+    """The default run, published with a change."""
+    data = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))
+    change(data)
+    (tmp_path / "reduced").mkdir(parents=True)
+    (tmp_path / "reduced" / "summary.json").write_text(json.dumps(data), encoding="utf-8")
+    return Published(tmp_path)
+
+
+def test_of_another_unit_of_density_nothing_is_said(tmp_path: Path) -> None:
+    def older(data: dict[str, Any]) -> None:
+        del data["settings"]["density_units"]
+        data["provenance"].pop("instruction_set", None)
+
+    published = changed(tmp_path, lambda data: None)
+    assert {"result", "scores", "why"} <= {name for name, made in BLOCKS.items() if made(published)}
+    earlier = changed(tmp_path / "older", older)
+    assert not any(made(earlier) for made in BLOCKS.values())
+
+
+@pytest.mark.parametrize("verdict", SAYS)
+def test_the_words_follow_the_verdict(tmp_path: Path, verdict: str) -> None:
+    def judged(data: dict[str, Any]) -> None:
+        for one in data["comparisons"]:
+            one["verdict"] = verdict
+
+    said = BLOCKS["why"](changed(tmp_path, judged))
+    assert f"`qnerf_printed` {SAYS[verdict]} `nerf`" in said
+    assert not any(words in said for other, words in SAYS.items() if other != verdict)
+
+
+def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "environment.json").write_text('{"bytes": 2.5e9, "bytes_for_gpus": 1e9}')
+    page = tmp_path / "README.md"
+    page.write_text("It is large.\n\n<!-- numbers: environment -->\n9 GB\n<!-- end -->\n")
+    assert main(tmp_path) == 0
+    assert "takes 2.5 GB, 1.0 GB of it" in page.read_text()
+    assert "9 GB" not in page.read_text()
+    assert capsys.readouterr().out == f"{page}\n"
+    assert main(tmp_path) == 0
+    assert capsys.readouterr().out == ""
+    page.write_text(page.read_text().replace("environment", "nonsense"))
+    with pytest.raises(KeyError, match="nonsense"):
+        main(tmp_path)
+
+
+def written(tmp_path: Path, name: str, source: str, **more: Any) -> Published:
+    """A published file as if it had been measured with this program."""
+    data = {**json.loads((ROOT / "docs" / source).read_text(encoding="utf-8")), **more}
+    data["provenance"] = {**data.get("provenance", {}), "instruction_set": "AVX2"}
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text(json.dumps(data), encoding="utf-8")
+    return Published(tmp_path)
+
+
+def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> None:
+    for name in ("stability.json", "reduced/serving.json", "left_out.json"):
+        published = written(tmp_path, name, name)
+    outcomes = [one for case in published.read("stability.json")["cases"] for one in case["outcomes"]]
+    ours = [one["status"] for one in outcomes if one["whose"] == "ours"]
+    passed, failed = ours.count("pass"), ours.count("fail")
+    assert f" cases {passed} of {passed + failed} checks of our code pass" in BLOCKS["stability"](published)
+    confusions = published.read("reduced/serving.json")["cache"]["confusions"]
+    stale = sum(one["stale"] > 0 for one in confusions)
+    assert f"another picture in {stale} of {len(confusions)} kinds" in BLOCKS["serving"](published)
+    first = published.read("left_out.json")["omissions"][0]
+    row = next(line for line in BLOCKS["left out"](published).splitlines() if first["scene"] in line)
+    assert f"{first['difference']:+.2f} [{first['interval'][0]:+.2f}, " in row.replace("−", "-")
+    assert first["verdict"] in row
+
+
+def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
+    info = StudyInfo("one", "Is it so?", "Is it?", "By looking.")
+    checks = [Check("share of x", 0.5, 0.0, 1.0), Check("share of y", 2.0, 0.0, 1.0)]
+    study = StudyRecord(info, findings=["It is, by 0.31 dB.", "And more."], checks=checks)
+    (tmp_path / "reduced").mkdir()
+    path = tmp_path / "reduced" / "evidence.json"
+    write_evidence(path, EvidenceRecord({"instruction_set": "AVX2"}, {}, [study], True))
+    said = BLOCKS["evidence"](Published(tmp_path))
+    assert said.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
+    write_evidence(path, EvidenceRecord({}, {}, [study], True))
+    assert BLOCKS["evidence"](Published(tmp_path)) == ""
+
+
+def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
+    found = {
+        "all": {"rms": 0.296, "largest": -1.272},
+        "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
+    }
+    published = written(tmp_path, "reduced/processors.json", "environment.json", **found)
+    said = BLOCKS["processors"](published)
+    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
+
+    def lost(data: dict[str, Any]) -> None:
+        data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}
+
+    said = BLOCKS["failures"](changed(tmp_path / "lost", lost))
+    assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in said
