@@ -103,6 +103,7 @@ def settings_of(start: Start, fused: bool = True) -> TrainSettings:
         rays=128,
         warm_up_steps=8,
         clip_norm=0.1,
+        clip_ratio=1.5,
         bins=usual.bins // 2 if start.fine_bins else usual.bins,
         fine_bins=start.fine_bins,
         grid=replace(usual.grid, cells=16, first_step=9, every=5),
