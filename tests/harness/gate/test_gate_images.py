@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from harness.gate import images
-from harness.gate.catalog import FALSE_ALARM, IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
+from harness.gate.catalog import IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
 from harness.gate.image_statistics import Reference, biases, largest, mean_square, pooled, standardised
 from harness.gate.images import Renders, read_reference, samples
-from harness.gate.limits import limit_from
+from harness.gate.limits import LEVEL, limit_from
 from harness.gate.limits_file import LimitsFile
 from harness.gate.outcome import Outcome, judged
 from scenes.errors import InputError
@@ -20,7 +20,6 @@ SCENES = ("lego", "drums")
 GATES = tuple(
     gate for gate in gates() if gate.kind == "images" and (gate.name.split(".")[1] in SCENES or "all" in gate.name)
 )
-FAMILY = len(gates())
 
 
 def truth(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -60,7 +59,7 @@ def limits(references: dict[str, Reference]) -> dict[str, object]:
         values[f"images.{scene}.pixels"] = [mean_square(block, references[scene]) for block in np.split(further, 10)]
     spreads = [float(by_scene[scene].std(ddof=1)) for scene in sorted(SCENES)]
     values["images.all.bias"] = pooled([by_scene[scene] for scene in sorted(SCENES)], spreads).tolist()
-    return {gate.name: limit_from(gate, values[gate.name], FAMILY) for gate in GATES}
+    return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}
 
 
 def outcomes(references: dict[str, Reference], limits: dict, shown: Renders) -> dict[str, Outcome]:
@@ -128,9 +127,8 @@ def all_alike(shown: Renders) -> Renders:
 def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict) -> None:
     found = [outcomes(references, limits, fresh(stream)) for stream in range(40)]
     failed = sum(one.status == "fail" for each in found for one in each.values())
-    # 280 gates at 0.00015 each
     assert failed <= 1
-    assert FALSE_ALARM / FAMILY * 280 < 0.05
+    assert 40 * len(GATES) * LEVEL < 0.05
 
 
 @pytest.mark.parametrize(
