@@ -42,8 +42,9 @@ def evidence(published: Published) -> str:
     lines = [f"* **{study.info.title}** {study.findings[0]}" for study in record.studies if study.findings]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
-    pictures = ("![What each part does](reduced/evidence_effects.png)", "", "![Frequencies](reduced/bandwidth.png)")
-    return "\n".join([*lines, "", told, "", *pictures])
+    drawn = {"What each part does": "reduced/evidence_effects.png", "Frequencies": "reduced/bandwidth.png"}
+    pictures = [f"![{title}]({file})" for title, file in drawn.items() if (published.docs / file).is_file()]
+    return "\n\n".join(["\n".join(lines), told, *pictures])
 
 
 def stability(published: Published) -> str:
