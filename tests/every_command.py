@@ -26,12 +26,12 @@ TYPED = """
 nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --out {here}/run {sets}
 nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
+python -m reports {here}/run --partial
+python -m reports {here}/run --publish {here}/published
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness compare {here}/run {here}/run
 python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
 python -m harness tensorboard {here}/run
-python -m reports {here}/run --partial
-python -m reports {here}/run --publish {here}/published
 python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {sets}
 python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
 python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
@@ -50,7 +50,7 @@ python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases S1 --quick --out {here}/stability {other_sets} → 3
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
-nox -s endurance -- --kills 1 --typed-kills 1 --no-damage --brief --scratch {here}/endurance
+nox -s endurance -- --kills 1 --typed-kills 0 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
 nox -s tests_thorough -- --collect-only -q
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate

@@ -35,14 +35,16 @@ def main() -> int:
     from tests.endurance.typed import typed_storm
 
     scratch = given.scratch or Path(tempfile.mkdtemp(prefix="endurance-"))
-    began = time.monotonic()
-    typed = typed_storm(given.typed_kills, seed, scratch / "typed", say)
-    tell("kills of the typed command", typed, time.monotonic() - began)
+    wrong: list[str] = []
+    if given.typed_kills:
+        began = time.monotonic()
+        typed = typed_storm(given.typed_kills, seed, scratch / "typed", say)
+        tell("kills of the typed command", typed, time.monotonic() - began)
+        wrong += typed.wrong
     prepare()
     reference = scratch / "undisturbed"
     first = undisturbed(reference)
     print(f"undisturbed: {first.seconds:.1f} s; scratch {scratch}", flush=True)
-    wrong = [*typed.wrong]
     if not given.no_damage:
         began = time.monotonic()
         for row in damages(reference, scratch / "damaged", each=1 if given.brief else None):
