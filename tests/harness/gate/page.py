@@ -99,13 +99,13 @@ def rank_line(rank: dict[str, Any]) -> str:
 
 
 def between(name: str) -> re.Pattern[str]:
-    return re.compile(f"(<!-- {name} -->\n).*?(\n<!-- end -->)", re.DOTALL)
+    return re.compile(f"(<!-- {name} -->\n)(?:(?!<!-- end -->).)*(<!-- end -->)", re.DOTALL)
 
 
 def main() -> None:
     text = PAGE.read_text(encoding="utf-8")
     for name, table in tables().items():
-        text = between(name).sub(lambda found, table=table: found[1] + table + found[2], text)  # type: ignore[misc]
+        text = between(name).sub(lambda found, table=table: f"{found[1]}{table}\n{found[2]}", text)  # type: ignore[misc]
     PAGE.write_text(text, encoding="utf-8")
 
 
