@@ -157,8 +157,7 @@ def main(arguments: list[str]) -> int:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
             raise
         show.close()
-        where = readable(str(error.filename))
-        print(f"error: {where}: {error.strerror}; mend that and go on with --resume", file=sys.stderr)
+        print(f"error: {readable(str(error.filename))}: {error.strerror}; repair that, then --resume", file=sys.stderr)
         return 2
     except KeyboardInterrupt as stop:
         show.close()
