@@ -1,6 +1,7 @@
 """Table 3 from the record of when a score was reached: what is censored turns no verdict."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -104,13 +105,13 @@ def test_times_themselves_are_never_judged(whole: Records):
     assert never == ["drums", "materials", "ship"], "the three of the sentence"
 
 
-def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records):
+def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records, out: Path):
     assert {one.id: one for one in claims(records)}["abstract-faster"].verdict == UNTESTED
-    write_targets(records.out, record())
-    assert {one.id: one for one in claims(read_records(records.out))}["abstract-faster"].measured == 18.0
-    (records.out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
+    write_targets(out, record())
+    assert {one.id: one for one in claims(read_records(out))}["abstract-faster"].measured == 18.0
+    (out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"targets\.json"):
-        read_records(records.out)
+        read_records(out)
 
 
 @pytest.mark.parametrize(
