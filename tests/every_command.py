@@ -27,7 +27,6 @@ nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --
 nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
 python -m reports {here}/run --partial
-python -m reports {here}/run --publish {here}/published
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness compare {here}/run {here}/run
 python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
@@ -38,6 +37,7 @@ python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfs
 python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
 python -m harness run --profile smoke --view-set {here}/blender {tiny} --no-serving --out {here}/foreign
 python -m reports {here}/run {here}/foreign --page {here}/outputs.html
+python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio --dry-run
 python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
 python -m harness run --profile full --device cpu --dry-run {sets}
