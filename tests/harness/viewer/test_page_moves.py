@@ -81,9 +81,12 @@ def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
             if (!options?.body) return answer
             const { scene } = JSON.parse(options.body)
             const reader = answer.body.getReader()
+            const title = () => document.querySelector('h1').textContent
             const read = async () => {
+              while (scene !== 'second' && window.late.length && !title().startsWith('second'))
+                await new Promise(done => setTimeout(done, 5))  // all but the first piece come late
               const found = await reader.read()
-              window.late.push([scene, document.querySelector('h1').textContent])
+              window.late.push([scene, title()])
               return found
             }
             return { ok: true, body: { getReader: () => ({ read }) } }
