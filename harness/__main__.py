@@ -330,7 +330,6 @@ if __name__ == "__main__":
     stop_on_signals()
     with packages_needed():
         code = main(sys.argv[1:])
-    sys.stdout.flush()
     sys.stderr.flush()
     # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
     os._exit(code)

@@ -220,7 +220,11 @@ def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
-    """Text with the methods' names set in their colours."""
+    """Text with the methods' names set in their colours, and commands in backticks as code."""
+    return shell.with_code(text, lambda plain: _coloured(plain, colours))
+
+
+def _coloured(text: str, colours: dict[str, palette.Colour]) -> Markup:
     names = sorted(colours, key=len, reverse=True)
     pattern = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, names))})(?![\w-])")
     parts = []

@@ -1,6 +1,7 @@
 """What every page of ours shares: policy, template environment, style, settings in words, and how a file is written."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +52,10 @@ def breakable(name: str) -> Markup:
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
-def with_code(sentence: str) -> Markup:
-    """A sentence whose commands stand in backticks, as code."""
-    parts = [escape(part) for part in sentence.split("`")]
-    return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else part for at, part in enumerate(parts))
+def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
+    """A sentence whose commands stand in backticks, as code; the words between them as `plain` sets them."""
+    parts = enumerate(sentence.split("`"))
+    return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else plain(part) for at, part in parts)
 
 
 def style(*files: str) -> Markup:

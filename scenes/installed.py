@@ -1,5 +1,6 @@
-"""Typed with a Python that lacks the pinned packages: what has them, instead of a traceback."""
+"""Around a command: a missing package, and a reader that has enough, end it with a line or none, not a traceback."""
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,9 +13,16 @@ def packages_needed() -> Iterator[None]:
     """Around a command: where it meets a package that is not installed, a line about it and exit code 2.
 
     What a scene file or a package of the user's own cannot import is told by its reader, and never arrives here.
+    Where standard output is closed, as by `| head`, the command ends without a word.
     """
     try:
-        yield
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the interpreter's own flush goes
+        sys.exit(1)
     except ModuleNotFoundError as error:
         name = (error.name or "").partition(".")[0]
         if name in OURS:

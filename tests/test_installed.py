@@ -1,5 +1,6 @@
 """Commands typed with a Python that has none of the pinned packages."""
 
+import os
 import subprocess
 import sys
 
@@ -41,3 +42,13 @@ def test_doctor_needs_no_package() -> None:
 def test_a_module_of_ours_that_is_not_there_is_a_bug_and_stays_one() -> None:
     with pytest.raises(ModuleNotFoundError), packages_needed():
         import harness.nowhere  # noqa: F401
+
+
+@pytest.mark.parametrize("command", ["harness gate --list", "harness completion bash"])
+def test_a_reader_that_has_enough_ends_a_command_without_a_word(command: str) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    words = [sys.executable, "-m", *command.split()]
+    ended = subprocess.run(words, cwd=ROOT, stdout=writes, stderr=subprocess.PIPE, text=True)
+    os.close(writes)
+    assert (ended.returncode, ended.stderr) == (1, "")

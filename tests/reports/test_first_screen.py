@@ -10,7 +10,8 @@ from reports.beside import Beside
 from reports.claims import claims
 from reports.first_screen import PRINCIPAL, Line, calibration, first_screen
 from reports.load import Records, read_records
-from reports.page import page
+from reports.page import named, page
+from reports.palette import colours_of
 from reports.untested import in_short
 from tests.reports.fake_run import write_fake_run
 from tests.reports.test_claims_ablation import LISTING_2, effect, study
@@ -88,6 +89,13 @@ def test_how_sure(whole: Records):
     assert sure[1] == "On these scenes alone, the interval is +0.76 to +0.86 dB (better)."
     assert sure[2] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
     assert "was not checked beside this run" in sure[3]
+
+
+def test_a_command_is_set_as_code_and_a_method_within_it_keeps_no_colour(whole: Records):
+    colours = colours_of(whole.methods)
+    told = named("qnerf: `run --methods qnerf` & more", colours)
+    assert told.count('class="name"') == 1
+    assert told.endswith("</b>: <code>run --methods qnerf</code> &amp; more")
 
 
 def test_what_was_lost_and_a_single_scene_stand_beside_the_interval(records: Records, tmp_path):
