@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -55,8 +56,8 @@ class Plan:
     train: TrainSettings
     score: ScoreSettings
     views: ViewSettings
-    view_set: str | None = None
-    """Posed images to train on, in any format that is read (`scenes.foreign`), instead of rendering scenes."""
+    view_set: tuple[str, ...] | None = None
+    """Posed images of each scene, in any format that is read (`scenes.foreign`), instead of rendering scenes."""
     scene_file: str | None = None
     """A file with a scene of the user's own (`scenes.scene_file`), to be rendered instead of the catalogue's."""
     scene_file_digest: str | None = None
@@ -232,7 +233,7 @@ def planned(
     budget_steps: int | None = None,
     budget_seconds: float | None = None,
     resolution: int | None = None,
-    view_set: Path | None = None,
+    view_set: Sequence[Path] | None = None,
     scene_file: Path | None = None,
     render_limit: float | None = None,
     region: Region | None = None,
@@ -249,7 +250,6 @@ def planned(
     `ray_attention` None keeps the profile's. `region` says where the images of `view_set` have what is seen.
     """
     from harness.plugins import method_names, require_methods
-    from scenes.foreign import check_listed
 
     if profile not in PROFILES:
         raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
@@ -265,18 +265,14 @@ def planned(
             raise InputError(f"{option} {value}: must lie between {SMALLEST[name]} and {LARGEST[name]:g}")
     plan = PROFILES[profile]
     if scenes is not None and view_set is not None:
-        raise InputError("--scenes and --view-set exclude each other: a view set is one scene of its own")
+        raise InputError("--scenes and --view-set exclude each other: a view set is a scene of its own")
     if scene_file is not None and (scenes is not None or view_set is not None):
         raise InputError("--scene-file excludes --scenes and --view-set: it is one scene of its own")
     if scenes is not None:
         plan = replace(plan, scenes=known_names("--scenes", scenes, list(SCENES)))
     if view_set is not None:
-        try:
-            check_listed(view_set)
-        except InputError as error:
-            raise InputError(f"--view-set {error}") from error
-        views = replace(plan.views, region=region)
-        plan = replace(plan, scenes=(scene_name_of(view_set),), view_set=str(view_set), views=views)
+        own, views = _names_of(view_set), replace(plan.views, region=region)
+        plan = replace(plan, scenes=own, view_set=tuple(map(str, view_set)), views=views)
     if scene_file is not None:
         check_scene_file(scene_file)
         digest = hashlib.sha256(scene_file.read_bytes()).hexdigest()
@@ -330,6 +326,23 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
     if "empty_space" in out and not train.grid.cells:
         train = replace(train, grid=GridSettings())
     return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
+
+
+def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
+    """Of the scene that each is; raises `InputError` for what is no view set, and for two of one name."""
+    from scenes.foreign import check_listed
+
+    known: dict[str, Path] = {}
+    for one in view_sets:
+        try:
+            check_listed(one)
+        except InputError as error:
+            raise InputError(f"--view-set {error}") from error
+        name = scene_name_of(one)
+        if name in known:
+            raise InputError(f"--view-set {known[name]} {one}: both would be the scene {name}; rename one of them")
+        known[name] = one
+    return tuple(known)
 
 
 def scene_name_of(view_set: Path) -> str:

@@ -157,7 +157,8 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
     )
     network, views = plan.train.network, plan.views
     own = f"{plan.scene_file}: " if plan.scene_file else ""
-    source = plan.view_set or f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
+    rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
+    source = " ".join(plan.view_set) if plan.view_set else rendered
     return [
         f"profile {plan.profile}: {len(plan.cells())} cells of {budget} each",
         f"  scenes   {' '.join(plan.scenes)}",
@@ -187,9 +188,11 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
     if plan.view_set:
         from scenes.foreign import source_of
 
-        for note in source_of(Path(plan.view_set)).notes:
-            show.line(f"view set {plan.scenes[0]}: {note}")
-        return {plan.scenes[0]: Path(plan.view_set)}
+        given = dict(zip(plan.scenes, map(Path, plan.view_set), strict=True))
+        for scene, path in given.items():
+            for note in source_of(path).notes:
+                show.line(f"view set {scene}: {note}")
+        return given
     folders: dict[str, Path] = {}
     for event in render_view_sets(plan.scenes, plan.views, cache, plan.scene_file, plan.render_limit):
         if event.note:

@@ -16,8 +16,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     add(
         "--view-set",
         type=Path,
+        nargs="+",
         metavar="PATH",
-        help="train on these images instead: a folder in the Blender format or nerfstudio's, or a tiny-NeRF .npz",
+        help="train on these images, a scene each: a folder in the Blender format or nerfstudio's, a tiny-NeRF .npz",
     )
     add(
         "--scene-file",
@@ -34,7 +35,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
         f"(default: {RENDER_LIMIT:g}, more where views are large)",
     )
     corners = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
-    add("--bounds", nargs=6, type=float, metavar=corners, help="box that holds what is seen, for --view-set")
+    add("--bounds", nargs=6, type=float, metavar=corners, help="box that holds what is seen, for every --view-set")
     add("--near", type=float, metavar="D", help="distance from the camera at which anything is seen, for --view-set")
     add("--far", type=float, metavar="D", help="distance up to which anything is seen, for --view-set")
 

@@ -166,7 +166,7 @@ def test_the_same_command_can_be_typed_again(
 
 
 def test_a_diverged_cell_is_exit_code_3_and_stays_visible(ball_folder: Path, tmp_path: Path) -> None:
-    plan = planned("smoke", view_set=ball_folder, methods=["nerf", "qnerf"], seeds=2, budget_steps=20, resolution=24)
+    plan = planned("smoke", view_set=[ball_folder], methods=["nerf", "qnerf"], seeds=2, budget_steps=20, resolution=24)
     plan = replace(plan, train=replace(plan.train, learning_rate=1e30, last_learning_rate=1e30, warm_up_steps=0))
     claim(tmp_path / "run", plan, Machine("cpu", 1, 1), resume=False)
     assert run(plan, tmp_path / "run", tmp_path, Machine("cpu", 1, 1), "none", Quiet()) == 3

@@ -80,7 +80,7 @@ def test_a_machine_that_others_use_and_methods_that_could_not_be_tried_are_named
 def test_of_a_scene_of_ones_own_no_rendering_is_foretold() -> None:
     own = replace(PLAN, scene_file="mine.xml", scenes=("mine",))
     assert "not known beforehand" in said(own)[1]
-    views = replace(PLAN, view_set="folder", scenes=("folder",))
+    views = replace(PLAN, view_set=("folder",), scenes=("folder",))
     found = said(views)
     assert "yours" in found[1]
     assert found[3].startswith("  scoring at most, ")

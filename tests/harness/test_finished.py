@@ -21,9 +21,9 @@ from harness.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSe
 from scenes.errors import InputError
 from scenes.view_set import ViewSet, read_view_set
 from scenes.viewpoints import RADIUS
-from tests.harness.ball import DISTANCE
+from tests.harness.ball import DISTANCE, write_ball
 from tests.harness.tiny import CPU, TRAIN
-from tests.harness.trained_runs import train_run
+from tests.harness.trained_runs import SIZE, train_run
 from tests.harness.voxels import drjit_or_skip
 
 METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
@@ -279,3 +279,16 @@ def test_recorded_settings_are_those_trained_with(finished: FinishedRun) -> None
 def test_what_is_no_budget_is_refused(data: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cell\.json: its settings are not those of this version"):
         from_plain(Budget, data, tmp_path / "cell.json")
+
+
+def test_each_of_several_view_sets_is_a_scene_that_trains_as_it_would_alone(tmp_path: Path) -> None:
+    other = write_ball(tmp_path / "other", size=SIZE, train=4, test=2)
+    both = FinishedRun.of(train_run(tmp_path, ["nerf"], steps=3, others=[other]))
+    assert [both.view_set(one) for one in both.scenes(["ball", "other"])] == [tmp_path / "ball", other]
+    alone = train_run(tmp_path / "alone", ["nerf"], steps=3)
+    assert losses(both.out, "ball") == losses(alone, "ball")
+    assert losses(both.out, "ball") != losses(both.out, "other")
+
+
+def losses(out: Path, scene: str) -> list[float]:
+    return read_cell(cell_path(out, scene, "nerf", 0)).trace["loss"]

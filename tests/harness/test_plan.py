@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ from scenes.errors import InputError
         ({"resolution": 0}, ["--resolution 0", "between 8 and 4096"]),
         ({"resolution": 10**6}, ["--resolution 1000000"]),
         ({"ray_attention": "edges"}, ["--ray-attention", "'edges'", "none gradients"]),
-        ({"scenes": ["lego"], "view_set": Path("x")}, ["--scenes and --view-set exclude each other"]),
+        ({"scenes": ["lego"], "view_set": [Path("x")]}, ["--scenes and --view-set exclude each other"]),
     ],
 )
 def test_a_bad_option_is_named_with_its_value_and_what_is_known(options: dict[str, Any], said: list[str]) -> None:
@@ -106,7 +107,7 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
         ({"precision": "float32"}, {"train"}),
         ({"ray_attention": "gradients"}, {"train"}),
         ({"ray_attention": "none"}, set()),
-        ({"view_set": ball_folder}, {"view_set", "scenes"}),
+        ({"view_set": [ball_folder]}, {"view_set", "scenes"}),
     ]
     for options, expected in changes:
         after = planned("smoke", **options).settings()
@@ -132,3 +133,11 @@ def test_settings_survive_json() -> None:
 )
 def test_a_view_sets_name_is_fit_for_a_file_name(folder: str, name: str, tmp_path: Path) -> None:
     assert scene_name_of(tmp_path / folder) == name
+
+
+def test_two_view_sets_of_one_name_are_refused_by_both_paths(ball_folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / ball_folder.name
+    shutil.copytree(ball_folder, other)
+    for again in (other, ball_folder):
+        with pytest.raises(InputError, match=f"--view-set {ball_folder} {again}: both would be the scene ball; rename"):
+            planned("smoke", view_set=[ball_folder, again])

@@ -1,6 +1,6 @@
 """Finished runs on the ball, so small that a cell trains in a moment, made in this process by the run's own code."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,8 +37,11 @@ def train_run(
     steps: int = 24,
     no_need: list[str] | None = None,
     on_trained: Callable[[Learner], None] = lambda learner: None,
+    others: Sequence[Path] = (),
 ) -> Path:
-    """The output folder `run`; its view set `ball` is beside it. `on_trained` gets each learner at its end."""
+    """The output folder `run`; its view set `ball` is beside it, `others` are trained on as well. `on_trained` gets
+    each learner at its end.
+    """
 
     def saved(
         learner: Learner, path: Path, save: Callable[[Learner, Path], None] = cell_training.save_checkpoint
@@ -49,8 +52,9 @@ def train_run(
     views, out = folder / "ball", folder / "run"
     if not views.exists():
         write_ball(views, size=SIZE, train=5, test=3)
+    given = [views, *others]
     plan = planned(
-        "smoke", view_set=views, methods=methods, seeds=1, budget_steps=steps, resolution=SIZE, no_need=no_need
+        "smoke", view_set=given, methods=methods, seeds=1, budget_steps=steps, resolution=SIZE, no_need=no_need
     )
     plan = replace(plan, train=train, score=replace(SCORE, checkpoints=1, chunk=100, train_views=1))
     machine = Machine("cpu", 1, 1)
