@@ -122,7 +122,7 @@ def answer(found: list[Effect]) -> str:
     }
     nothing = all(one.verdict == "equivalent" for one in by_factor[BASE])
     reach, base = (bool(told_apart[factor]) for factor in (REACH, BASE))
-    changes = {factor: _direction(some) for factor, some in told_apart.items()}
+    changes = {factor: _direction(some, len(by_factor[factor])) for factor, some in told_apart.items()}
     if reach and nothing:
         said = (
             f"It is bandwidth: a shorter reach {changes[REACH]}, and at the same reach φ for 2 does not change it by "
@@ -141,28 +141,19 @@ def answer(found: list[Effect]) -> str:
         said = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
     else:
         said = "Not settled: neither reach nor base is told from 0 on any scene at any resolution"
-    counts = listed(
-        f"{factor} in {len(told_apart[factor])} of {len(by_factor[factor])}{_range(told_apart[factor])}"
-        for factor in (REACH, BASE)
-    )
     family = max(one.family for one in here)
-    return (
-        f"{said}. Of the scenes at each resolution, {family} of a factor looked at together, an effect is told from 0 "
-        f"for {counts}."
-    )
+    return f"{said}. A case is a scene at a resolution; the {family} cases of a factor are looked at together."
 
 
-def _direction(found: list[Effect]) -> str:
-    """Which way the effects that are told from 0 go."""
-    up, down = (sum(one.verdict == verdict for one in found) for verdict in ("better", "worse"))
-    if up and down:
-        return f"raises PSNR in {up} and lowers it in {down} of the scenes at each resolution"
-    return "raises PSNR" if up else "lowers PSNR"
-
-
-def _range(found: list[Effect]) -> str:
-    values = sorted(one.difference for one in found if one.difference is not None)
-    return f", {amount(values[0], 'psnr')} to {amount(values[-1], 'psnr')}," if values else ""
+def _direction(found: list[Effect], cases: int) -> str:
+    """Which way, in how many of all cases and by how much the effects go that are told from 0."""
+    ways = []
+    for verb, verdict in (("raises", "better"), ("lowers", "worse")):
+        values = sorted(one.difference for one in found if one.verdict == verdict and one.difference is not None)
+        if values:
+            ends = dict.fromkeys(amount(value, "psnr") for value in (values[0], values[-1]))
+            ways.append(f"{verb} PSNR in {len(values)} of {cases} cases ({' to '.join(ends)})")
+    return " and ".join(ways)
 
 
 def _at(px: int, parts: list[Effect], duels: list[Effect]) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The study of reach and base, on cells of which it is known which of the two it was."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -146,10 +147,10 @@ def test_resolutions_and_scenes_of_a_factor_are_one_family(found: list[Finding])
             assert effect(found, f"{factor} at {px} px", scene="all").family == len(PIXELS)
 
 
-@pytest.mark.parametrize(("size", "said"), [(0.9, "raises PSNR, "), (-0.9, "lowers PSNR, ")])
+@pytest.mark.parametrize(("size", "said"), [(0.9, "raises PSNR in "), (-0.9, "lowers PSNR in ")])
 def test_the_answer_names_the_sign(size: float, said: str) -> None:
     assert said_of({(REACH,): size}).startswith(f"It is bandwidth: a shorter reach {said}")
-    assert f"φ for 2 at the same reach {said[:-2]};" in said_of({(BASE,): size})
+    assert f"φ for 2 at the same reach {said}" in said_of({(BASE,): size})
 
 
 # which of the two it is
@@ -183,10 +184,18 @@ def test_too_small_to_matter_is_no_finding() -> None:
 
 def test_the_answer_counts_and_gives_the_range(found: list[Finding]) -> None:
     first = sentences(iter(found))[0]
-    assert first.startswith("It is bandwidth: a shorter reach raises PSNR in 4 and lowers it in 2 of the scenes")
-    assert "6 of a factor looked at together" in first
-    assert f"{REACH} in 6 of 6, −0.3" in first
-    assert first.endswith(f"{BASE} in 0 of 6.")
+    ways = r"raises PSNR in 4 of 6 cases \(\+0\.\d+ dB to \+0\.\d+ dB\) and lowers PSNR in 2 of 6 cases \(−0\.3\d dB"
+    assert re.match(rf"It is bandwidth: a shorter reach {ways}", first)
+    assert first.endswith("the 6 cases of a factor are looked at together.")
+
+
+def test_one_case_of_many_is_said_to_be_one_with_its_size(found: list[Finding]) -> None:
+    effects = [one for one in found if isinstance(one, Effect) and (one.metric, one.budget) == ("psnr", "steps")]
+    here = [one for one in effects if "from step" not in one.name]
+    case = next(one for one in here if one.name.startswith(f"{REACH} at") and one.scene != "all")
+    nothing = [replace(one, verdict="inconclusive") for one in here if one is not case]
+    said = answer([replace(case, verdict="better", difference=0.8), *nothing])
+    assert "a shorter reach raises PSNR in 1 of 6 cases (+0.80 dB); at the same reach no difference" in said
 
 
 def test_rays_a_pixel_come_from_the_plan(found: list[Finding]) -> None:
