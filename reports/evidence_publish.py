@@ -63,7 +63,7 @@ def effects_figure(record: EvidenceRecord) -> Figure | None:
     every[0].set_yticks(range(len(names)), names, color=palette.INK.light)
     figure.supxlabel(
         "all scenes; dark bar: 95 % interval of one effect alone; pale: of all effects at once, from which the verdict "
-        "is taken\nfilled dot: settled; grey band: too small to matter",
+        "is taken; arrow: it goes on\nfilled dot: settled; grey band: too small to matter",
         fontsize=7.5,
         color=palette.MUTED.light,
     )
@@ -82,6 +82,9 @@ def _row(axes: Axes, one: Effect, axis: Axis, place: int) -> None:
     for pair, width, alpha in ((one.simultaneous, 6.0, 0.3), (one.interval, 1.8, 1.0)):
         if pair is not None:
             axes.hlines(place, max(pair[0], axis.low), min(pair[1], axis.high), color=colour, lw=width, alpha=alpha)
+            for at, beyond, head in ((axis.low, pair[0] < axis.low, "<"), (axis.high, pair[1] > axis.high, ">")):
+                if beyond:
+                    axes.plot([at], [place], head, ms=5, color=colour, clip_on=False)
     axes.plot([one.difference or 0.0], [place], "o", ms=5.5, mec=colour, mfc=colour if settled else "white", mew=1.4)
 
 
