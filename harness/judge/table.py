@@ -24,6 +24,8 @@ MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()
 """Smallest effect of interest of each metric that has an agreed one."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000
+LARGEST = 1e12
+"""No score is larger, and the squares of all that are smaller are finite."""
 
 
 @dataclass(frozen=True)
@@ -159,27 +161,28 @@ def _column(rows: Rows, name: str) -> np.ndarray:
     empty = np.fromiter((value is None or value == "" for value in values), bool, len(values))
     try:
         found = np.array(["0" if none else value for value, none in zip(values, empty, strict=True)], dtype=np.float64)
-        wrong = ~np.isfinite(found) | np.fromiter((isinstance(value, bool) for value in values), bool, len(values))
+        wrong = ~(np.abs(found) <= LARGEST)
+        wrong |= np.fromiter((isinstance(value, bool) for value in values), bool, len(values))
     except (ValueError, TypeError, OverflowError):
         wrong = np.array([not none and _number(value) is None for value, none in zip(values, empty, strict=True)])
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InputError(
-            f"{rows.where(first)}: {name} is {values[first]!r}, not a finite number; leave the field empty where there "
-            "is no result"
+            f"{rows.where(first)}: {name} is {values[first]!r}, no finite number within ±{LARGEST:g}; leave the field empty "
+            "where there is no result"
         )
     return np.where(empty, np.nan, found)
 
 
 def _number(value: Any) -> float | None:
-    """`value` as a finite number, None where it is none."""
+    """`value` as a number of at most `LARGEST`, None where it is none."""
     if isinstance(value, bool):
         return None
     try:
         found = float(value)
     except (TypeError, ValueError, OverflowError):
         return None
-    return found if math.isfinite(found) else None
+    return found if abs(found) <= LARGEST else None
 
 
 def _mean(values: np.ndarray) -> float | None:

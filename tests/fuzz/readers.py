@@ -246,3 +246,16 @@ def _order(folder: Path) -> None:
         if not isinstance(told["scene"], str) or any(type(one) is not int for one in numbers):
             raise NotTried("checked before")
     checked_order(told["scene"], told["resolution"], told["counts"], told["spp"])
+
+
+def _judged(name: str) -> Callable[[Path], None]:
+    def read(folder: Path) -> None:
+        from harness.judge.judgement import judge
+        from harness.judge.record import read_judgement, write_judgement
+        from harness.judge.table import read_table
+
+        record = judge(read_table([folder / name]), None, None, {})
+        write_judgement(folder / "judgement.json", record)
+        assert read_judgement(folder / "judgement.json") == record
+
+    return read
