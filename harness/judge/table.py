@@ -168,8 +168,8 @@ def _column(rows: Rows, name: str) -> np.ndarray:
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InputError(
-            f"{rows.where(first)}: {name} is {values[first]!r}, no finite number within ±{LARGEST:g}; leave the field empty "
-            "where there is no result"
+            f"{rows.where(first)}: {name} is {values[first]!r}, no finite number within ±{LARGEST:g}; leave the field "
+            "empty where there is no result"
         )
     return np.where(empty, np.nan, found)
 

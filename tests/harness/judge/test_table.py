@@ -123,7 +123,7 @@ def test_which_way_is_better(tmp_path: Path) -> None:
 BAD = {
     "scene,method,psnr\na,x,1\na,y,2\nb,x,3\na,x,4\nb,y,1\n": "line 5: repeats scene and method of {}, line 2; give",
     "scene,method,seed,psnr\na,x,0,1\na,x,0,1\n": "line 3: repeats scene, method and seed of {}, line 2; delete one",
-    "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', no finite number within ±1e+12; leave the field empty",
+    "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', no finite number within ±1e+12; leave the field",
     "scene,method,psnr\na,x,inf\na,y,2\n": "line 2: psnr is 'inf'",
     "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
     "scene,method,psnr\na,x,1\na,y,26.3 dB\n": "line 3: psnr is '26.3 dB'",
