@@ -16,7 +16,7 @@ STABILITY_SCHEMA = 1
 STABILITY_FILE = "stability.json"
 PICTURES_FOLDER = "stability"
 
-Status = Literal["pass", "fail", "not_applicable", "not_available"]
+Status = Literal["pass", "fail", "inconclusive", "not_applicable", "not_available"]
 Whose = Literal["ours", "paper", "usual"]
 """Whose formula was put to the test: this harness's own, the paper's as printed, or what the field's code usually has.
 Only what is ours must pass; what the others do is shown as a property of theirs."""

@@ -56,7 +56,7 @@ def stability(published: Published) -> str:
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     return (
         f"In {len(cases)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
-        f"{many['ours', 'not_available']} could not be settled. The paper's printed formulas fail "
+        f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
         f"{tried['usual']}. It took {sum(one['seconds'] for one in cases) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"

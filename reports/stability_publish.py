@@ -26,6 +26,7 @@ INKS: dict[Tone, str] = {
     "passes": "#00654c",
     "fails": "#a8330a",
     "property": "#7a3d8c",
+    "unsettled": palette.MUTED.light,
     "absent": palette.MUTED.light,
     "spared": palette.MUTED.light,
 }

@@ -5,10 +5,10 @@ from typing import Literal
 from harness.stability_record import Outcome, StabilityRecord, broken
 from reports.wording import MINUS, RAISED, after, counted, listed, of_any_size
 
-Tone = Literal["passes", "fails", "property", "absent", "spared"]
+Tone = Literal["passes", "fails", "property", "unsettled", "absent", "spared"]
 """What became of an outcome; `property`: a formula that is not ours fails, which is what it was tried for."""
 
-MARKS: dict[Tone, str] = {"fails": "✕", "property": "◆", "passes": "✓", "absent": "○", "spared": "·"}
+MARKS: dict[Tone, str] = {"fails": "✕", "property": "◆", "passes": "✓", "unsettled": "?", "absent": "○", "spared": "·"}
 """The gravest first."""
 
 WHOSE = {"ours": "ours", "paper": "paper", "usual": "usual"}
@@ -18,12 +18,15 @@ LEGEND: tuple[tuple[Tone, str], ...] = (
     ("passes", "passes"),
     ("fails", "fails, and is ours: it must pass"),
     ("property", "fails, and is the paper’s printed form or the field’s usual one: a property of theirs"),
+    ("unsettled", "inconclusive"),
     ("absent", "not available here"),
     ("spared", "not applicable"),
 )
 
 
 def tone_of(one: Outcome) -> Tone:
+    if one.status == "inconclusive":
+        return "unsettled"
     if one.status == "not_available":
         return "absent"
     if one.status == "not_applicable":
@@ -38,7 +41,8 @@ def verdict(one: Outcome) -> str:
     tone = tone_of(one)
     if tone == "property":
         return f"fails: a property of {OWNERS[one.whose]}"
-    return {"passes": "passes", "fails": "fails", "absent": "not available", "spared": "not applicable"}[tone]
+    words = {"unsettled": "inconclusive", "absent": "not available", "spared": "not applicable"}
+    return words.get(tone, tone)
 
 
 def written(one: Outcome, digits: int = 3) -> str:
@@ -121,6 +125,8 @@ def sentences(record: StabilityRecord) -> list[str]:
         if ours
         else "Nothing of ours was put to the test."
     )
+    if open_ := sum(one.status == "inconclusive" for one in outcomes):
+        found.append(f"Inconclusive: {counted(open_, 'check')}; each says why.")
     found.append(_others(outcomes))
     aside = [
         f"{many} {words}"
@@ -144,6 +150,6 @@ def _others(outcomes: list[Outcome]) -> str:
 
 def shown(one: Outcome, digits: int = 2) -> str:
     """What a cell of the matrix says: the figure, else a word."""
-    words = {"passes": "pass", "fails": "fails", "property": "fails", "absent": "not here", "spared": "n/a"}
+    words = {"passes": "pass", "unsettled": "inconclusive", "absent": "not here", "spared": "n/a"}
     lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
-    return written(one, digits) or lost or words[tone_of(one)]
+    return written(one, digits) or lost or words.get(tone_of(one), "fails")

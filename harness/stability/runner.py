@@ -76,8 +76,9 @@ def measured(case: Case, situation: Situation) -> CaseRecord:
 
 def line_of(one: Outcome) -> str:
     """`midpoint  pass  2.1e-07 (at most 1e-06): largest relative error`"""
-    words = {"pass": "pass", "not_applicable": "not applicable", "not_available": "not available"}
-    outcome = words.get(one.status) or ("FAIL" if one.must_pass else "fails, a property of it")
+    outcome = one.status.replace("_", " ")
+    if one.status == "fail":
+        outcome = "FAIL" if one.must_pass else "fails, a property of it"
     figure = "" if one.figure is None else f"  {one.figure:.3g}{one.unit and ' ' + one.unit}"
     bar = "" if one.bar is None else f" ({one.sense.replace('_', ' ')} {one.bar:.3g})"
     note = "; ".join(filter(None, (one.what, one.why)))

@@ -25,6 +25,7 @@ def one(status="pass", whose="ours", figure=1e-7, bar=1e-6, case="Q1", subject="
         (one("fail", "paper"), "property", "fails: a property of the paper’s form as printed"),
         (one("fail", "usual"), "property", "fails: a property of the field’s usual form"),
         (one("pass", "paper"), "passes", "passes"),
+        (one("inconclusive"), "unsettled", "inconclusive"),
         (one("not_available", figure=None), "absent", "not available"),
         (one("not_applicable", "paper", None), "spared", "not applicable"),
     ],
@@ -73,6 +74,14 @@ def test_the_headline_counts_ours_alone():
     two = fake_stability(cases=[case("Q1", "t", "b", *[one("fail", subject=str(n)) for n in range(6)])])
     assert headline(two) == "6 of 6 stability checks of this harness fail"
     assert "Q1 0, Q1 1, Q1 2, Q1 3 and 2 more" in sentences(two)[1]
+
+
+def test_what_is_inconclusive_is_neither_passed_nor_untried():
+    record = fake_stability(cases=[case("Q1", "t", "b", one(), one("inconclusive", subject="b"))])
+    said = sentences(record)
+    assert "1 check." in said[1]
+    assert said[2] == "Inconclusive: 1 check; each says why."
+    assert not any(line.startswith("Not tried") for line in said)
 
 
 def test_what_is_not_available_is_no_check_passed():

@@ -37,7 +37,7 @@ def test_what_is_inconclusive_never_passes_and_says_its_interval(difference: flo
     found = _worst(
         [omission("within its bound", -0.01), omission("inconclusive", difference, (-0.6, 0.1), "materials")]
     )
-    assert (found.status, found.figure) == ("not_available", -difference)
+    assert (found.status, found.figure) == ("inconclusive", -difference)
     assert "materials: inconclusive: interval [-0.1, +0.6] dB over 3 seeds" in found.why
 
 
