@@ -96,6 +96,8 @@ class Plan:
             del kept["views"]["region"]
         if not self.extras:
             del kept["extras"]
+        if self.view_set is not None and len(self.view_set) == 1:
+            kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
         return {**kept, **names, "density_units": self.density_units()}
 

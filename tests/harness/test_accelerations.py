@@ -88,10 +88,13 @@ def ball_plan() -> Plan:
 
 @pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["nerf", "qnerf"])
+@pytest.mark.parametrize("method", ["nerf", "qnerf_repaired"])
 @pytest.mark.parametrize("change", ["grid", "precision"])
 def test_final_scores_are_equivalent(change: Change, method: str, tmp_path: Path) -> None:
-    """Four paired seeds; the 95 % interval lies within ± 1 dB (docs/equivalence.json has the profile's own scale)."""
+    """Four paired seeds; the 95 % interval lies within ± 1 dB (docs/equivalence.json has the profile's own scale).
+
+    `qnerf` shows background alone on this scene with most seeds, whatever is changed.
+    """
     plan, view_set = ball_plan(), write_ball(tmp_path / "ball")
     arms = arms_of(plan, [change])
     tasks = [CellTask("ball", method, seed, view_set, tmp_path, plan, arms) for seed in range(4)]
