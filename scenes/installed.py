@@ -1,6 +1,7 @@
 """Around a command: a missing package, and a reader that has enough, end it with a line or none, not a traceback."""
 
 import os
+import select
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +22,8 @@ def packages_needed() -> Iterator[None]:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
+        if not _nobody_reads():
+            raise  # another pipe, such as a worker's
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the interpreter's own flush goes
         sys.exit(1)
     except ModuleNotFoundError as error:
@@ -32,3 +35,10 @@ def packages_needed() -> Iterator[None]:
             "(. .nox/benchmark/bin/activate), or see what is missing with `python -m harness doctor`\n"
         )
         sys.exit(2)
+
+
+def _nobody_reads() -> bool:
+    """Whether standard output is a pipe that was closed at its other end."""
+    output = select.poll()
+    output.register(sys.stdout, select.POLLERR)
+    return bool(output.poll(0))

@@ -52,3 +52,8 @@ def test_a_reader_that_has_enough_ends_a_command_without_a_word(command: str) ->
     ended = subprocess.run(words, cwd=ROOT, stdout=writes, stderr=subprocess.PIPE, text=True)
     os.close(writes)
     assert (ended.returncode, ended.stderr) == (1, "")
+
+
+def test_a_broken_pipe_that_is_not_standard_output_is_a_bug_and_stays_one() -> None:
+    with pytest.raises(BrokenPipeError), packages_needed():
+        raise BrokenPipeError

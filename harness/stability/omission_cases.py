@@ -71,11 +71,8 @@ def _worst(found: list[Omission]) -> Outcome:
     """Of one part over scenes: what costs more than its bound fails; what is not settled is no pass, nor a failure."""
     costly = [one for one in found if one.verdict == "costs more"]
     open_ = [one for one in found if one.verdict != "within its bound" or one.difference is None]
-    status: Status = "inconclusive" if open_ else "pass"
-    if any(one.difference is None for one in open_):
-        status = "not_available"
-    if costly:
-        status = "fail"
+    unmeasured = any(one.difference is None for one in open_)
+    status: Status = "fail" if costly else "not_available" if unmeasured else "inconclusive" if open_ else "pass"
     among = costly or open_ or found
     measured = [one for one in among if one.difference is not None]
     worst = max(measured or among, key=lambda one: _cost(one) or 0.0)
