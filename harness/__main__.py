@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from harness.plan import Plan
     from harness.progress import Progress
+    from harness.runner import Serve, Verify
 
 LEAST_SEEDS = 3
 """With which omissions are verified: the interval of two is six times as wide."""
@@ -210,11 +211,12 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
             f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
         )
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
-    extras = options.verify_omissions, not options.no_serving
     if options.dry_run:
         from harness.cost import estimate_lines
 
-        lines = estimate_lines(plan, machine, options.view_sets, *extras, options.out if options.resume else None)
+        before = options.out if options.resume else None
+        extras = options.verify_omissions, not options.no_serving
+        lines = estimate_lines(plan, machine, options.view_sets, *extras, before)
         print(*plan_lines(plan, machine), *lines, sep="\n")
         return 0
     for line in plan_lines(plan, machine):
@@ -225,13 +227,27 @@ def _run(options: argparse.Namespace, show: "Progress", command: str) -> int:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
             told = board_options.also_written(options, out, show)
-            code = run(plan, out, options.view_sets, machine, command, told, *extras)
+            code = run(plan, out, options.view_sets, machine, command, told, *_afterwards(options))
     except InputError:
         if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
     show.line(f"{outcome(out)}; records in {out / 'records'}")
     return code
+
+
+def _afterwards(options: argparse.Namespace) -> "tuple[Verify | None, Serve | None]":
+    """What is measured once a run is trained."""
+    verify = serve = None
+    if options.verify_omissions:
+        from harness.verification import verify_run
+
+        verify = verify_run
+    if not options.no_serving:
+        from harness.serving.runner import after_run
+
+        serve = after_run
+    return verify, serve
 
 
 def _sweep(options: argparse.Namespace, show: "Progress") -> int:

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from harness.attention.drawing import ATTENDED_SHARE
 from harness.plan import Plan
 from harness.schedule import Budget
-from harness.settings import TrainSettings
+from harness.settings import ATTENDED_SHARE, TrainSettings
 from scenes.foreign import source_of
 from scenes.needs import PARTS
 

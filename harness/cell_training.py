@@ -22,14 +22,8 @@ from harness.records import CellRecord, Checkpoint, Status, ViewScore
 from harness.schedule import Budget, checkpoint_fractions
 from harness.settings import ScoreSettings, TrainSettings
 from harness.trainer import Diverged
-from harness.unfinished import (
-    Unfinished,
-    read_unfinished,
-    restore_training,
-    training_state,
-    unfinished_path,
-    write_unfinished,
-)
+from harness.unfinished import restore_training, training_state
+from harness.unfinished_file import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.view_set_facts import view_set_facts
 from scenes.occupancy_file import read_occupancy
 from scenes.view_set import Split, ViewSet

@@ -9,7 +9,7 @@ from harness.json_record import DamagedRecord
 from harness.plan import Machine, Plan
 from harness.records import cell_path, read_cell
 from harness.time_left import span
-from harness.unfinished import ENDED
+from harness.unfinished_file import ENDED
 
 if TYPE_CHECKING:
     from harness.probe import Pace, Probe
@@ -155,11 +155,11 @@ def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
 
 def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:
     """After a run of so many seconds, a part of which it may take; nothing is measured where it would take longer."""
-    from harness.serving.runner import MOST_SECONDS, MOST_SHARE, WIDTH
+    from harness.limits import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 
-    rays = SERVED_VIEWS * min(WIDTH, plan.views.resolution) ** 2
+    rays = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2
     low, high = (max((pace.ray[end] for pace in paces), default=0.0) * rays for end in (0, 1))
-    least, most = (max(MOST_SECONDS, MOST_SHARE * seconds) for seconds in run)
+    least, most = (max(SERVING_SECONDS, SERVING_SHARE * seconds) for seconds in run)
     return (0.0 if high > least else low), min(high, most)
 
 

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from harness.limits import KEPT_EVERY
 from scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
 EXECUTORS = ("local", "ray")
 MOST_WORKERS = 256
-KEPT_EVERY = 60.0
-"""Seconds on the wall's clock, off that of the training, after which unfinished cells are kept."""
 
 
 def add_executor_options(command: argparse.ArgumentParser) -> None:

@@ -15,8 +15,9 @@ from harness.camera import Camera
 from harness.camera_paths import mean_distance
 from harness.checkpoints import checkpoint_path, load_checkpoint
 from harness.json_record import DamagedRecord, shown
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import needs_view_direction_of, stream_of
+from harness.make_learner import learner_for
 from harness.needed import with_needs
 from harness.plan import known_names
 from harness.plugins import require_methods

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from harness.scene_options import RENDER_LIMIT
+from harness.limits import RENDER_LIMIT
 from harness.settings import ViewSettings
 from scenes.errors import InputError
 

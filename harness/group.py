@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.executors import KEPT_EVERY
+from harness.limits import KEPT_EVERY
 from harness.records import CellRecord, cell_path, with_files, write_cell
 from harness.schedule import Budget
 from harness.settings import ScoreSettings, TrainSettings, ViewSettings
-from harness.unfinished import drop_ended
+from harness.unfinished_file import drop_ended
 from harness.unscored import unscored
 from scenes.errors import InputError
 

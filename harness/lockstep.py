@@ -10,9 +10,10 @@ from baselines.contract import Box
 from harness import evaluate
 from harness.batches import Batches
 from harness.cell_training import CellTraining, GroupSettings, Unfit
-from harness.executors import KEPT_EVERY
 from harness.kept_views import keep_truth
-from harness.learner import Learner, NotAvailable, learner_for
+from harness.learner import Learner
+from harness.limits import KEPT_EVERY
+from harness.make_learner import NotAvailable, learner_for
 from harness.records import CellRecord
 from harness.unfinished import Keeping
 from harness.unscored import unscored

@@ -11,7 +11,7 @@ from baselines.ablations import LADDER
 from baselines.accelerations import Accelerations
 from baselines.catalog import CATALOG as METHODS
 from baselines.contract import NetworkSize, Precision
-from harness.executors import KEPT_EVERY
+from harness.limits import KEPT_EVERY
 from harness.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.schedule import Budget
 from harness.settings import (

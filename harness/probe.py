@@ -17,7 +17,8 @@ from baselines.composition import DENSITY_SCALE
 from baselines.contract import Box, Rays
 from harness.device import keep_freed_memory, use_threads
 from harness.evaluate import ALONG_TRAINING
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
+from harness.make_learner import learner_for
 from harness.plan import Plan
 from harness.rays import Cameras
 from harness.schedule import Budget

@@ -17,7 +17,7 @@ from harness.group import GroupTask, failed_cells
 from harness.json_record import write_whole
 from harness.local_executor import Event
 from harness.records import cell_path, write_cell
-from harness.unfinished import drop_ended, unfinished_path
+from harness.unfinished_file import drop_ended, unfinished_path
 from scenes.errors import InputError
 
 MOST_ATTEMPTS = 6

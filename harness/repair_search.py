@@ -19,8 +19,9 @@ from harness.batches import Batches
 from harness.evidence.trainings import SEARCHED
 from harness.ground_truth import read_views
 from harness.json_record import load_json
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import box_of, needs_view_direction, stream_of
+from harness.make_learner import learner_for
 from harness.needed import for_scene
 from harness.plan import PROFILES, Plan
 from harness.provenance import provenance

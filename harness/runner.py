@@ -1,7 +1,7 @@
 """Plan → view sets → cells → records: the main path, from top to bottom."""
 
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,14 @@ from harness.scene_record import scene_record
 from harness.source_lines import core_module_lines
 from harness.survival import targets
 from harness.targets_record import write_targets
-from harness.unfinished import drop_folder
+from harness.unfinished_file import drop_folder
+
+Verify = Callable[
+    [Plan, list[CellRecord], list[SceneRecord], dict[str, Path], Machine, Path, Progress], list[SceneRecord]
+]
+"""`harness.verification.verify_run`: the scenes' records, with what leaving out saved and changed."""
+Serve = Callable[[Path, str, Path, Progress], None]
+"""`harness.serving.runner.after_run`: output folder, device, cache of view sets."""
 
 
 def run(
@@ -42,14 +49,14 @@ def run(
     machine: Machine,
     command: str,
     show: Progress,
-    verify: bool = False,
-    serve: bool = False,
+    verify: Verify | None = None,
+    serve: Serve | None = None,
 ) -> int:
     """Do what the plan says into `out`, which is ours already (`harness.output_folder`), leaving out finished cells.
 
-    With `verify`, what each scene does not need is then tried with and without; with `serve`, view cache and attention
-    are measured last, which changes nothing of the run. Exit code 0, or 3 where a cell diverged or failed or something
-    that was left out costs more than its bound. Raises `InputError` before any training where input is wrong.
+    `verify` then tries what each scene does not need with and without; `serve` measures view cache and attention last,
+    which changes nothing of the run. Exit code 0, or 3 where a cell diverged or failed or something that was left out
+    costs more than its bound. Raises `InputError` before any training where input is wrong.
     """
     import torch
 
@@ -86,14 +93,12 @@ def run(
     write(finished=True)
     if verify:
         with phases.timed("verify"):
-            scenes = _verified(plan, cells, scenes, folders, machine, out, show)
+            scenes = verify(plan, cells, scenes, folders, machine, out, show)
         write(finished=True)
     if serve:
-        from harness.serving.runner import after_run
-
         try:
             with phases.timed("serve"):
-                after_run(out, device_here(machine), view_sets, show)
+                serve(out, device_here(machine), view_sets, show)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         write(finished=True)
@@ -202,31 +207,6 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
         if event.path is not None:
             folders[event.scene] = event.path
     return folders
-
-
-def _verified(
-    plan: Plan,
-    cells: list[CellRecord],
-    scenes: list[SceneRecord],
-    folders: dict[str, Path],
-    machine: Machine,
-    out: Path,
-    show: Progress,
-) -> list[SceneRecord]:
-    """`scenes` with what leaving out saved and changed, by one method."""
-    from harness.verification import filled, line_of, too_costly, verified
-
-    trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
-    if not trained:
-        return scenes
-    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
-    found, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
-    for one in too_costly(found):
-        show.line(f"left out at too high a price: {line_of(one)}")
-    return [
-        replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
-        for scene in scenes
-    ]
 
 
 def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) -> list[GroupTask]:

@@ -4,10 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from harness.limits import RENDER_LIMIT
 from scenes.errors import InputError
-
-RENDER_LIMIT = 1800.0
-"""Seconds; a view of 800 pixels and 256 samples takes some minutes of one slow core."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

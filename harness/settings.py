@@ -9,6 +9,9 @@ from scenes.source import Region
 
 RayAttention = Literal["none", "gradients"]
 RAY_ATTENTION: tuple[RayAttention, ...] = get_args(RayAttention)
+ATTENDED_SHARE = 0.5
+"""Share of a batch that attention draws; the rest is drawn evenly, so that no pixel has less than half of its usual
+chance."""
 
 
 @dataclass(frozen=True)

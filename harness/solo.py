@@ -6,8 +6,9 @@ import torch
 
 from harness import evaluate
 from harness.batches import Batches
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import box_of, needs_view_direction
+from harness.make_learner import learner_for
 from harness.needed import for_scene
 from harness.schedule import Budget
 from harness.settings import TrainSettings

@@ -23,8 +23,8 @@ from harness.records import (
 from harness.scratch import remove_abandoned
 from harness.serving_record import SERVING_FILE, read_serving
 from harness.targets_record import TARGETS_FILE, read_targets
-from harness.unfinished import ENDED, read_unfinished, unfinished_path
-from harness.unfinished import FOLDER as UNFINISHED
+from harness.unfinished_file import ENDED, read_unfinished, unfinished_path
+from harness.unfinished_file import FOLDER as UNFINISHED
 from scenes.errors import InputError
 
 DAMAGED = "damaged"

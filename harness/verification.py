@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from harness.arms import TrainedCell, trained_cells
+from harness.executors import device_here
 from harness.needed import needs_of
 from harness.omissions import Omission, cell_tasks, controls_of, judged, omissions_of
-from harness.plan import Plan
-from harness.records import LeftOut
+from harness.plan import Machine, Plan
+from harness.progress import Progress
+from harness.records import CellRecord, LeftOut, SceneRecord
 from harness.statistics import paired_difference
 from scenes.errors import InputError
 from scenes.needs import PARTS
@@ -50,6 +52,29 @@ def verified(
     order = list(folders)
     found.sort(key=lambda one: order.index(one.scene))
     return found, controls_of(cells)
+
+
+def verify_run(
+    plan: Plan,
+    cells: list[CellRecord],
+    scenes: list[SceneRecord],
+    folders: dict[str, Path],
+    machine: Machine,
+    out: Path,
+    show: Progress,
+) -> list[SceneRecord]:
+    """`scenes` with what leaving out saved and changed, by one method."""
+    trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
+    if not trained:
+        return scenes
+    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
+    found, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
+    for one in too_costly(found):
+        show.line(f"left out at too high a price: {line_of(one)}")
+    return [
+        replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
+        for scene in scenes
+    ]
 
 
 def line_of(one: Omission) -> str:

@@ -15,9 +15,9 @@ from reports import claims_serving as serving
 from reports import claims_time as times
 from reports.beside import ALONE, Beside
 from reports.claims_ablation import added_part
-from reports.ledger import UNTESTED, VERDICTS, Bench, Claim, Finding, Printed, Verdict, claim_of, entries
+from reports.ledger import Bench, Claim, Finding, Printed, claim_of, entries
 from reports.load import Records
-from reports.wording import number, signed
+from reports.wording import UNTESTED, VERDICTS, Verdict, number, signed
 
 KINDS = {
     "gains": "Gains, speed, ablation",

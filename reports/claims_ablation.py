@@ -10,8 +10,8 @@ from harness.evidence_record import Effect, EvidenceRecord
 from reports.claims_scores import PAIRED, gain
 from reports.evidence_view import is_quick
 from reports.judging import LEAST_PAIRS, MARGINS, judge_gain
-from reports.ledger import UNTESTED, Bench, Finding, Printed
-from reports.wording import counted, interval, signed
+from reports.ledger import Bench, Finding, Printed
+from reports.wording import UNTESTED, counted, interval, signed
 
 STUDY = "factorial"
 TRUSTED_BY = (STUDY, "calibration")

@@ -3,8 +3,8 @@
 import math
 
 from reports.judging import half_unit, judge_figures
-from reports.ledger import OWN_FIGURES, UNTESTED, Bench, Finding, Printed, Verdict
-from reports.wording import listed, number
+from reports.ledger import OWN_FIGURES, Bench, Finding, Printed
+from reports.wording import UNTESTED, Verdict, listed, number
 
 PHI = (1 + math.sqrt(5)) / 2
 DEPTH = 8

@@ -1,9 +1,9 @@
 """What needs no training, or cannot be tested from outside: weights, settings, lines of code."""
 
 from reports.judging import half_unit
-from reports.ledger import UNTESTED, Bench, Finding, Printed
+from reports.ledger import Bench, Finding, Printed
 from reports.scale import number_at
-from reports.wording import count, listed
+from reports.wording import UNTESTED, count, listed
 
 COMPONENTS = {
     "density_net": "density MLP",

@@ -10,9 +10,9 @@ from harness.records import Comparison
 from harness.statistics import on_one_scene, on_these_scenes
 from reports.headline import roles
 from reports.judging import LEAST_PAIRS, MARGINS, judge_all, judge_gain, judge_level, seeds_that_settle
-from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
+from reports.ledger import Bench, Finding, Pair, Printed
 from reports.selection import Selection, behind_difference
-from reports.wording import counted, interval, listed, signed
+from reports.wording import UNTESTED, Verdict, counted, interval, listed, signed
 
 PAIRED = "mean test {metric} at equal steps, paired by {units}; interval on these scenes"
 NEEDS_PAPER = "need the paper’s settings on its own pictures (docs/full-setting.md)"

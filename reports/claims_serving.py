@@ -1,24 +1,19 @@
 """§8: retrieval from the cache, its key, and attention as priority, as measured on the run's trained methods."""
 
-import math
-
-from harness.serving_record import CacheRecord, Confusion, Latency, Measure, PhiCheck
+from harness.serving_record import Confusion, Latency, Measure, PhiCheck
 from reports.evidence_view import plain
-from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed, Verdict
-from reports.serving_load import is_quick
+from reports.ledger import Bench, Finding, Pair, Printed
+from reports.serving_load import DISK, HASHED, MEMORY, MISSED, both, is_quick, judge_hit
 from reports.serving_races import SHARE, Race, earlier, races
 from reports.serving_wording import TIMED
-from reports.wording import NARROW, counted, listed, significant
+from reports.wording import NARROW, UNTESTED, Verdict, counted, listed, significant
 
 COMMAND = "python -m harness serving OUT"
-MEMORY, DISK, HASHED = ("level 0", "level 1"), ("level 2", "level 2 cold"), ("level 0 hashed",)
-"""What is judged by each target, and what misses the one of memory by its nature: hashing costs more than all else."""
 LEAST_SCENES = 3
 """On fewer nothing is settled."""
 ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}
 LEAST_VISIBLE = 0.5 / 255
 """RMSE of display colour: half a step of 8 bits."""
-MISSED: Verdict = "not seen at this scale"
 NEEDS_SERVING = f"need `{COMMAND}`"
 NEEDS_LONGER = f"need `{COMMAND}` without --quick"
 
@@ -57,23 +52,6 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     pairs = [one.ratio_spread for one in shown if one.ratio_spread]
     interval = (min(low for low, _ in pairs), max(high for _, high in pairs)) if pairs else None
     return Finding(verdict, how, _ends(shown), interval, note="; ".join(notes))
-
-
-def both(record: CacheRecord) -> Verdict:
-    """*Not seen* where the hits of a scene and method miss a target, *seen* where all of both kinds reach it."""
-    found = [judge_hit(one, record) for one in record.latencies if one.source in MEMORY + DISK]
-    sources = {one.source for one in record.latencies}
-    if MISSED in found:
-        return MISSED
-    complete = sources & set(MEMORY) and sources & set(DISK)
-    return "seen" if complete and all(one == "seen" for one in found) else "inconclusive"
-
-
-def judge_hit(one: Latency, record: CacheRecord) -> Verdict:
-    """By its spread, where there is one: it may lie above the target, below, or across."""
-    target = record.target_disk if one.source in DISK else record.target_memory
-    low, high = one.ratio_spread or (0.0, math.inf)
-    return "seen" if low >= target else MISSED if high < target else "inconclusive"
 
 
 def pose_key(bench: Bench, entry: Printed) -> Finding:

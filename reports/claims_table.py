@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from reports.claims import KINDS, tally
 from reports.evidence_view import plain
 from reports.grid import Column, Entry, Grid
-from reports.ledger import UNTESTED, Claim, Number, Pair
+from reports.ledger import Claim, Number, Pair
 from reports.untested import by_cause
-from reports.wording import NOTHING, count, counted, interval, listed, number, signed, significant
+from reports.wording import NOTHING, UNTESTED, count, counted, interval, listed, number, signed, significant
 
 TONES = {"reproduced": "holds", "seen": "holds", "not reproduced": "fails", "not seen at this scale": "fails"}
 TONES |= {"inconclusive": "", UNTESTED: "muted"}

@@ -11,9 +11,9 @@ import math
 from harness.targets_record import TargetComparison, TargetsRecord
 from reports.claims_scores import NEEDS_RUN
 from reports.judging import LEAST_PAIRS, judge_gain
-from reports.ledger import UNTESTED, Bench, Finding, Pair, Printed
+from reports.ledger import Bench, Finding, Pair, Printed
 from reports.selection import behind_saving
-from reports.wording import count, counted, number
+from reports.wording import UNTESTED, count, counted, number
 
 HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
 WHAT = {"steps": "training steps", "seconds": "training seconds"}

@@ -4,11 +4,12 @@ from typing import Literal
 
 import pandas as pd
 
-from reports.figure import Panel, Trace, with_common_limits
+from reports.figure import with_common_limits
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
 from reports.selection import Selection
 from reports.table import curves_frame
+from reports.trace_data import Panel, Trace
 
 Axis = Literal["step", "seconds"]
 

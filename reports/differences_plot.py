@@ -1,10 +1,11 @@
 """Differences in PSNR scene by scene with their intervals: what the verdicts look like."""
 
-from reports.figure import Panel, Trace, with_common_limits
+from reports.figure import with_common_limits
 from reports.headline import BUDGETS, roles
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
 from reports.selection import behind_difference
+from reports.trace_data import Panel, Trace
 from reports.wording import interval, signed
 
 

@@ -12,7 +12,7 @@ from reports import palette
 from reports.effects_plot import BUDGETS, Axis, axis_of, metric_of
 from reports.evidence_view import of_interest
 from reports.figure import STYLE
-from reports.publish import save
+from reports.inline_png import save
 from reports.series_charts import of_item
 from reports.stability_publish import chart, first_chart
 

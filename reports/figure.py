@@ -7,8 +7,8 @@ and every id is made unique, so that many figures can live in one page.
 import io
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import matplotlib
 from markupsafe import Markup
@@ -20,12 +20,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 
 from reports import palette
 from reports.inline_svg import inlined
-from reports.selection import Selection
-from reports.trace_data import as_element
+from reports.trace_data import Kind, Panel, Trace, as_element
 from reports.wording import MINUS, scientific, significant
-
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
-Scale = Literal["linear", "log", "symlog"]
 
 MANY_DECADES = 6.0
 """Beyond this a logarithmic axis is labelled in powers of ten."""
@@ -54,54 +50,6 @@ STYLE: dict[Any, Any] = {
     "grid.color": palette.RULE.light,
     "grid.linewidth": 0.8,
 }
-
-
-@dataclass(frozen=True)
-class Trace:
-    """Points of one kind and colour; `x` and `y` are equally long.
-
-    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
-    the union of polygons that turn the same way, with NaN between them. A `line` may be dashed, a `mark` has a shape
-    (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
-    """
-
-    label: str
-    colour: str
-    kind: Kind
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    x_high: tuple[float, ...] = ()
-    y_high: tuple[float, ...] = ()
-    dash: tuple[float, ...] = ()
-    width: float = 2.0
-    marker: str = "D"
-    hollow: bool = True
-    size: float = 4.6
-    runs: tuple[Selection, ...] = field(default=(), compare=False)
-    """The runs behind it: those of the whole trace, or one a point."""
-    steps: tuple[int, ...] = field(default=(), compare=False)
-    """The training step of each point, where it has one."""
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One set of axes. `rows` names whole numbers on the y axis, the first on top."""
-
-    title: str
-    x_label: str
-    y_label: str
-    traces: tuple[Trace, ...]
-    alt: str
-    x_scale: Scale = "linear"
-    y_scale: Scale = "linear"
-    x_limits: tuple[float, float] | None = None
-    y_limits: tuple[float, float] | None = None
-    rows: tuple[str, ...] = ()
-    size: tuple[float, float] = (3.7, 2.6)
-    linear_below: float = 1.0
-    """Where a `symlog` axis begins to be logarithmic."""
-    zero_at: float | None = None
-    """Where zeros stand on a logarithmic y axis; its tick says 0."""
 
 
 def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:

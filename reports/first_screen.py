@@ -12,11 +12,11 @@ from reports.estimands import SENSES, between, sense_of
 from reports.estimands import said as difference_said
 from reports.grid import Entry
 from reports.headline import roles, smallest_detectable
-from reports.ledger import UNTESTED, Claim
+from reports.ledger import Claim
 from reports.load import Records
 from reports.scale import in_a_line
 from reports.untested import by_cause
-from reports.wording import NARROW, NOTHING, listed, number
+from reports.wording import NARROW, NOTHING, UNTESTED, listed, number
 
 PRINCIPAL = {
     "table2-average": "PSNR gain, average",

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from harness.records import CellRecord, Checkpoint
-from reports.figure import Panel, Scale, Trace
 from reports.load import Records
 from reports.palette import MUTED, colours_of
 from reports.selection import Selection
+from reports.trace_data import Panel, Scale, Trace
 from reports.wording import count, counted
 
 GOLDEN = (1 + 5**0.5) / 2

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import matplotlib.image
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from reports.error_maps import Picture
+
+DOTS_PER_INCH = 130
+
 
 BYTES_A_PIXEL = 2.6
 """Of a PNG in base64, about."""
@@ -46,3 +51,10 @@ def data_uri(picture: Picture) -> str:
     eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
     matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+
+
+def save(figure: Figure, path: Path) -> None:
+    """As a PNG on white, as small as its content."""
+    FigureCanvasAgg(figure)
+    figure.patch.set_visible(True)
+    figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)

@@ -6,9 +6,10 @@ from statistics import median
 from harness.judge.record import JudgementRecord, Pair, Ranking, changed_pairs
 from harness.judge.wording import number, shown_groups
 from harness.records import Estimate
-from reports.figure import Panel, Trace, padded
+from reports.figure import padded
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.palette import INK, KNOWN, MUTED
+from reports.trace_data import Panel, Trace
 from reports.wording import duration
 
 MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}

@@ -11,7 +11,8 @@ from collections.abc import Iterable
 from statistics import NormalDist
 
 from harness.statistics import critical
-from reports.ledger import Number, Pair, Verdict
+from reports.ledger import Number, Pair
+from reports.wording import Verdict
 
 MARGINS = {"psnr": 0.2, "ssim": 0.005}
 """How near a level must come: the smallest differences of interest, as the harness declares them."""

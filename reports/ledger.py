@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any
 
 from harness.evidence_record import EvidenceRecord
 from harness.json_record import DamagedRecord
@@ -14,10 +14,7 @@ from harness.targets_record import TargetsRecord
 from reports.load import REMEDY, Records
 from reports.scale import in_a_line, is_paper_scale
 from reports.selection import Selection
-
-Verdict = Literal["reproduced", "not reproduced", "seen", "not seen at this scale", "inconclusive", "not tested"]
-UNTESTED: Verdict = "not tested"
-VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+from reports.wording import UNTESTED, Verdict
 
 Number = int | float
 Pair = tuple[float, float]

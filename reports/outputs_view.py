@@ -4,13 +4,14 @@ from collections.abc import Callable
 
 from harness.comparisons import METRICS, Budget, Judgement
 from reports.claims import claims
-from reports.figure import Panel, Trace, with_common_limits
+from reports.figure import with_common_limits
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.ledger import Claim
 from reports.outputs import EVERYWHERE, Against, Output, Row, unequal_facts
 from reports.palette import colours_of
 from reports.psnr_table import lines, losses, tone_of
 from reports.table import cells_frame, curves_frame, spread_of
+from reports.trace_data import Panel, Trace
 from reports.wording import counted, interval, listed, number, signed
 
 DASHES = ((), (5.0, 2.0), (1.5, 1.5), (6.0, 2.0, 1.5, 2.0))

@@ -7,11 +7,13 @@ above, modulo 256.
 
 import base64
 import hashlib
+import json
 import zlib
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 DARKEST = 1e-4
@@ -89,3 +91,9 @@ def planes(levels: np.ndarray) -> bytes:
             coded[1:, 0] -= plane[:-1, 0]
             found.append(coded.tobytes())
     return b"".join(found)
+
+
+def as_data(value: Any) -> Markup:
+    """JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

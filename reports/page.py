@@ -20,13 +20,14 @@ from reports.headline import headline, roles
 from reports.histograms import amplified_methods, amplifier_over_time, density_histograms
 from reports.load import Records
 from reports.metrics_table import comparisons_grid, metrics_grid
+from reports.packing import as_data
 from reports.picture_data import PictureData, picture_data, remove_others, write_files
 from reports.pictures import views
 from reports.plots import Plot, plots
 from reports.psnr_table import differences_grids, scores_grid
 from reports.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.scale import facts, in_a_line, is_paper_scale, standing
-from reports.script import as_data, content_policy, script
+from reports.script import content_policy, script
 from reports.selection import behind_difference
 from reports.serving_attention import about, attention
 from reports.serving_cache import cache

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from reports.figure import Panel, svg
+from reports.figure import svg
+from reports.trace_data import Panel
 
 
 @dataclass(frozen=True)

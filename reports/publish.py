@@ -7,11 +7,11 @@ from pathlib import Path
 import matplotlib
 import matplotlib.image
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from reports.beside import ALONE, Beside
-from reports.figure import STYLE, Panel, paint
+from reports.figure import STYLE, paint
+from reports.inline_png import save
 from reports.kept_pictures import kept
 from reports.load import Records
 from reports.palette import INK, MUTED, colours_of
@@ -19,10 +19,9 @@ from reports.pictures import as_picture, first_view, last_render, seed_shown
 from reports.psnr_table import tone_of
 from reports.summary import write_summary
 from reports.table import cells_frame
+from reports.trace_data import Panel
 from reports.units import ladder_panel
 from reports.work_precision import EVERYWHERE, diagrams
-
-DOTS_PER_INCH = 130
 
 
 def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
@@ -46,13 +45,6 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
                 save(figure, folder / f"{name}.png")
                 written.append(folder / f"{name}.png")
     return written
-
-
-def save(figure: Figure, path: Path) -> None:
-    """As a PNG on white, as small as its content."""
-    FigureCanvasAgg(figure)
-    figure.patch.set_visible(True)
-    figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)
 
 
 def psnr_dots(records: Records) -> Figure:

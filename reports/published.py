@@ -15,8 +15,7 @@ from typing import Any
 
 from reports.estimands import BUDGETS, SENSES, between
 from reports.headline import BASELINE, CONTROL, FAVOURITE
-from reports.ledger import VERDICTS
-from reports.wording import counted, listed, number, signed
+from reports.wording import VERDICTS, counted, listed, number, signed
 
 
 @cache

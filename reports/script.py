@@ -4,11 +4,7 @@ that text run.
 
 import base64
 import hashlib
-import json
 from pathlib import Path
-from typing import Any
-
-from markupsafe import Markup
 
 HERE = Path(__file__).parent / "script"
 
@@ -35,9 +31,3 @@ def content_policy(text: str = "", files: bool = False) -> str:
         f"default-src 'none';{scripts} style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
         "form-action 'none'"
     )
-
-
-def as_data(value: Any) -> Markup:
-    """JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

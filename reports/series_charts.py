@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from markupsafe import Markup
 
 from harness.chart_record import Series
-from reports.figure import Panel, Trace, padded, svg
+from reports.figure import padded, svg
 from reports.pens import Pen, key, pens_of
+from reports.trace_data import Panel, Trace
 from reports.wording import of_any_size
 
 SIZE = (4.3, 2.9)

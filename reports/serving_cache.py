@@ -6,13 +6,14 @@ from markupsafe import Markup
 
 from harness.serving_record import CacheRecord, Confusion, Latency, PathUse
 from reports import palette
-from reports.claims_serving import DISK, HASHED, MEMORY, judge_hit
 from reports.evidence_view import plain
-from reports.figure import Panel, Trace, with_common_limits
+from reports.figure import with_common_limits
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.pens import MARKERS, Pen, key
 from reports.plots import Plot, plots
+from reports.serving_load import DISK, HASHED, MEMORY, judge_hit
 from reports.serving_wording import OUTCOMES, SOURCES, TIMED, brief, bytes_said, outcome, times
+from reports.trace_data import Panel, Trace
 from reports.wording import NARROW, counted, listed, number, significant
 
 ROWS = {

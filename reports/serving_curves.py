@@ -3,9 +3,10 @@
 from harness.chart_record import Series
 from harness.serving_record import Allocation, Anytime, Measure, Order, Reaching
 from reports import palette
-from reports.figure import Panel, Trace, padded, with_common_limits
+from reports.figure import padded, with_common_limits
 from reports.pens import Pen
 from reports.serving_wording import MEASURES, ORDERS, WAYS, brief
+from reports.trace_data import Panel, Trace
 from reports.wording import of_any_size
 
 PENS: dict[Order, Pen] = {

@@ -1,6 +1,7 @@
 """OUT/serving.json → a record of which every figure may be trusted to be what its type says."""
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import partial
@@ -24,6 +25,13 @@ from harness.serving_record import (
     read_serving,
 )
 from reports.load import find_record
+from reports.wording import Verdict
+
+MEMORY, DISK, HASHED = ("level 0", "level 1"), ("level 2", "level 2 cold"), ("level 0 hashed",)
+"""What is judged by each target, and what misses the one of memory by its nature: hashing costs more than all else."""
+
+
+MISSED: Verdict = "not seen at this scale"
 
 
 def find_serving(out: Path) -> ServingRecord | None:
@@ -211,3 +219,20 @@ def _not_positive(**values: float) -> Iterator[str]:
     for label, value in values.items():
         if value <= 0:
             yield f"{label} is {value}"
+
+
+def both(record: CacheRecord) -> Verdict:
+    """*Not seen* where the hits of a scene and method miss a target, *seen* where all of both kinds reach it."""
+    found = [judge_hit(one, record) for one in record.latencies if one.source in MEMORY + DISK]
+    sources = {one.source for one in record.latencies}
+    if MISSED in found:
+        return MISSED
+    complete = sources & set(MEMORY) and sources & set(DISK)
+    return "seen" if complete and all(one == "seen" for one in found) else "inconclusive"
+
+
+def judge_hit(one: Latency, record: CacheRecord) -> Verdict:
+    """By its spread, where there is one: it may lie above the target, below, or across."""
+    target = record.target_disk if one.source in DISK else record.target_memory
+    low, high = one.ratio_spread or (0.0, math.inf)
+    return "seen" if low >= target else MISSED if high < target else "inconclusive"

@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 
 from harness.serving_record import SERVING_FILE, AttentionRecord, Measure, ServingRecord, write_serving
 from reports import palette
-from reports.figure import STYLE, Panel, paint
+from reports.figure import STYLE, paint
+from reports.inline_png import save
 from reports.pens import Pen
-from reports.publish import save
 from reports.serving_cache import latency_panels, pens_of_methods
 from reports.serving_curves import PENS, anytime_panels
 from reports.serving_wording import MAPS
 from reports.stability_publish import keys
+from reports.trace_data import Panel
 
 PLOT = "serving.png"
 MEASURES_DRAWN: dict[Measure, str] = {"whole": "whole picture", "hardest": "its hardest quarter"}

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from harness.serving_record import Measure, Way
-from reports.ledger import Verdict
-from reports.wording import counted, listed, number, significant
+from reports.wording import Verdict, counted, listed, number, significant
 
 SOURCES = {
     "render": "rendered",

@@ -15,9 +15,9 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 from harness.chart_record import Series
 from harness.speed_record import Measurement, SpeedRecord, write_speed
 from reports.figure import STYLE, padded, subdivisions, tick
+from reports.inline_png import save
 from reports.palette import INK, MUTED
 from reports.pens import Pen, pens_of
-from reports.publish import save
 from reports.series_charts import points
 from reports.speed_load import FILE
 from reports.wording import with_unit

@@ -13,8 +13,8 @@ from harness.chart_record import Series
 from harness.stability_record import STABILITY_FILE, CaseRecord, StabilityRecord, write_stability
 from reports import palette
 from reports.figure import STYLE, paint
+from reports.inline_png import save
 from reports.pens import Pen
-from reports.publish import save
 from reports.series_charts import of_item, panel, panels_of, pens_in
 from reports.stability_matrix import cell
 from reports.stability_wording import LEGEND, MARKS, OWNERS, Tone, tone_of

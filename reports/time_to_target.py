@@ -7,12 +7,12 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from harness.targets_record import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from reports.figure import Kind, Panel, Trace
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.palette import colours_of
 from reports.psnr_table import lines
 from reports.selection import Selection, behind_saving
+from reports.trace_data import Kind, Panel, Trace
 from reports.wording import NARROW, count, counted, interval, number, signed
 
 AXES: dict[Axis, tuple[str, str]] = {

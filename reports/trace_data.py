@@ -10,29 +10,81 @@ one a point. Numbers have six significant digits.
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from reports import palette
-from reports.script import as_data
+from reports.packing import as_data
 from reports.selection import Selection
 
-if TYPE_CHECKING:
-    from reports.figure import Panel, Trace
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
+
+
+Scale = Literal["linear", "log", "symlog"]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Points of one kind and colour; `x` and `y` are equally long.
+
+    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
+    the union of polygons that turn the same way, with NaN between them. A `line` may be dashed, a `mark` has a shape
+    (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
+    """
+
+    label: str
+    colour: str
+    kind: Kind
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    x_high: tuple[float, ...] = ()
+    y_high: tuple[float, ...] = ()
+    dash: tuple[float, ...] = ()
+    width: float = 2.0
+    marker: str = "D"
+    hollow: bool = True
+    size: float = 4.6
+    runs: tuple[Selection, ...] = field(default=(), compare=False)
+    """The runs behind it: those of the whole trace, or one a point."""
+    steps: tuple[int, ...] = field(default=(), compare=False)
+    """The training step of each point, where it has one."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes. `rows` names whole numbers on the y axis, the first on top."""
+
+    title: str
+    x_label: str
+    y_label: str
+    traces: tuple[Trace, ...]
+    alt: str
+    x_scale: Scale = "linear"
+    y_scale: Scale = "linear"
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+    rows: tuple[str, ...] = ()
+    size: tuple[float, float] = (3.7, 2.6)
+    linear_below: float = 1.0
+    """Where a `symlog` axis begins to be logarithmic."""
+    zero_at: float | None = None
+    """Where zeros stand on a logarithmic y axis; its tick says 0."""
+
 
 POINTS_AN_INCH = 72.0
 OUTLINES = ("area",)
 """Kinds that are drawn around points of other traces, and hold no numbers of their own."""
 
 
-def as_element(panel: "Panel", axes: Axes) -> Markup:
+def as_element(panel: Panel, axes: Axes) -> Markup:
     """For the place behind the drawing; nothing in it can run or end the element."""
     return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
 
 
-def data_of(panel: "Panel", axes: Axes) -> dict[str, Any]:
+def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
     """What the page's script knows of a drawing whose axes have been painted."""
     width, height = (POINTS_AN_INCH * inches for inches in panel.size)
     left, bottom, wide, high = axes.get_position().bounds
@@ -55,7 +107,7 @@ def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: flo
     return {"label": label, "scale": scale, "low": low, "high": high} | further
 
 
-def _trace(trace: "Trace", earlier: list["Trace"], runs: list[Selection]) -> dict[str, Any]:
+def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, Any]:
     same = next((place for place, one in enumerate(earlier) if one.x == trace.x), None)
     found: dict[str, Any] = {
         "label": trace.label,

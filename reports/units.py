@@ -10,10 +10,11 @@ from statistics import fmean, stdev
 
 from harness.records import CellRecord
 from reports import palette
-from reports.figure import Panel, Trace, padded
+from reports.figure import padded
 from reports.grid import EMPTY, Column, Entry, Grid
 from reports.load import Records
 from reports.plots import Plot, plots
+from reports.trace_data import Panel, Trace
 from reports.wording import NARROW, counted, interval, number, signed
 
 PRINTED = "qnerf_printed"

@@ -1,7 +1,7 @@
 """What a reader of the paper might miss: what the run says of itself, and what the ledger could not judge and why."""
 
-from reports.ledger import UNTESTED, Claim
-from reports.wording import counted
+from reports.ledger import Claim
+from reports.wording import UNTESTED, counted
 
 
 def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:

@@ -1,6 +1,16 @@
 """How numbers become words on the page: sensible precision, true minus signs, never NaN or Infinity."""
 
 import math
+from typing import Literal, get_args
+
+Verdict = Literal["reproduced", "not reproduced", "seen", "not seen at this scale", "inconclusive", "not tested"]
+
+
+UNTESTED: Verdict = "not tested"
+
+
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+
 
 NOTHING = "–"
 """Stands where there is no number."""

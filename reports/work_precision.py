@@ -13,11 +13,12 @@ from statistics import fmean, stdev
 from typing import Any, TypeVar
 
 from harness.records import CellRecord, Checkpoint
-from reports.figure import Panel, Trace, padded, with_common_limits
+from reports.figure import padded, with_common_limits
 from reports.load import Records
 from reports.palette import INK, colours_of
 from reports.selection import Selection
 from reports.table import cells_frame
+from reports.trace_data import Panel, Trace
 from reports.wording import counted, listed, of_any_size
 
 FURTHEST = 10

@@ -15,12 +15,11 @@ from harness.attention.maps import from_gradients
 from harness.attention.priorities import shares
 from harness.attention.regions import Regions
 from harness.seeds import generator_for
+from harness.settings import ATTENDED_SHARE
 from scenes.pixels import over_white
 
 REGIONS_ACROSS = 25
 """Regions along the width of a training image, at least as wide as a pixel: 4 pixels of 100, 32 of 800."""
-ATTENDED_SHARE = 0.5
-"""Of a batch; the rest is drawn from all pixels alike, so that none has less than half of its usual chance."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from harness.cluster.sources import differences, versions
 from harness.cluster.view_set_files import Listing, node_folder, on_this_node
 from harness.group import GroupTask, run_group
 from harness.records import CellRecord
-from harness.unfinished import FOLDER as UNFINISHED
+from harness.unfinished_file import FOLDER as UNFINISHED
 from scenes.errors import InputError
 
 SENT = ("checkpoints", "records")

@@ -6,7 +6,7 @@ from typing import Literal
 
 from harness.conformance import field_checks, learner_checks
 from harness.conformance.subject import Broken, Subject
-from harness.learner import NotAvailable
+from harness.make_learner import NotAvailable
 from harness.plugins import one_line
 
 FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {

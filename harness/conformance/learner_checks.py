@@ -15,12 +15,14 @@ from harness.batches import Batches
 from harness.checkpoints import load_checkpoint, save_checkpoint, tensors_of
 from harness.conformance.subject import Broken, Subject
 from harness.evaluate import cameras_of
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import box_of
+from harness.make_learner import learner_for
 from harness.schedule import Budget
 from harness.settings import GridSettings, TrainSettings, VoxelSettings
 from harness.speed.drawn_views import write_disc
-from harness.unfinished import Unfinished, read_unfinished, restore_training, training_state, write_unfinished
+from harness.unfinished import restore_training, training_state
+from harness.unfinished_file import Unfinished, read_unfinished, write_unfinished
 from scenes.view_set import ViewSet, read_view_set
 
 CPU = torch.device("cpu")

@@ -21,8 +21,9 @@ from harness.gate.catalog import TRAINED_METHODS, TRAINED_SCENES, Gate
 from harness.gate.outcome import Sample
 from harness.gate.situation import Situation
 from harness.gate.worse import gate_plan
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import box_of, train_group
+from harness.make_learner import learner_for
 from harness.records import CellRecord
 from harness.schedule import Budget
 from harness.scratch import scratch_folder

@@ -35,8 +35,9 @@ from harness.gate.process import in_children
 from harness.gate.references import References
 from harness.gate.situation import Situation
 from harness.ground_truth import read_views
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
 from harness.lockstep import train_group
+from harness.make_learner import learner_for
 from harness.plan import SHORT_TRAINING, Plan
 from harness.records import CellRecord, Checkpoint
 from harness.runner import view_set_folders

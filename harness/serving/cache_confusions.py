@@ -14,7 +14,8 @@ from harness.camera import Camera
 from harness.checkpoints import tensors_of
 from harness.evaluate import View, cameras_of
 from harness.finished import TrainedCell
-from harness.learner import Learner, learner_for
+from harness.learner import Learner
+from harness.make_learner import learner_for
 from harness.metrics import mse
 from harness.serving.cache_latency import ROOM, frozen, same
 from harness.serving.situation import Situation, plain

@@ -15,6 +15,7 @@ from harness.checkpoints import checkpoint_path
 from harness.device import keep_freed_memory, use_threads
 from harness.finished import FinishedRun
 from harness.json_record import DamagedRecord, file_digest
+from harness.limits import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 from harness.progress import Progress
 from harness.provenance import provenance
 from harness.records import records_folder
@@ -29,13 +30,9 @@ from harness.trainer import Diverged
 from harness.view_cache.keys import ROOT, code_digest
 from scenes.errors import InputError
 
-WIDTH = 100
-"""Of the pictures at the end of a run, or its views' where they are smaller."""
 THREADS = 1
 """Of torch. Several wait for each other wherever the machine does something else, and rendering then takes many times
 as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit has one in any case."""
-MOST_SECONDS, MOST_SHARE = 240.0, 0.05
-"""What a run may spend on it at its end: so many seconds, or so much of its own time where that is more."""
 MEASURING = ("harness/serving/*.py", "harness/view_cache/*.py")
 """Sources that figures come from, besides those that render."""
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
@@ -126,13 +123,13 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
             scenes=[one.name for one in finished.run.scenes],
             methods=finished.run.main_methods,
             seed=finished.run.seeds[0],
-            width=min(WIDTH, *(one.width for one in finished.run.scenes)),
+            width=min(SERVING_WIDTH, *(one.width for one in finished.run.scenes)),
             quick=settings.get("profile") == "smoke",
         )
         if is_measured(out, settings_of(finished, asked, torch.device(device)), provenance(torch.device(device))):
             show.line("serving: measured before")
             return
-        most = max(MOST_SECONDS, MOST_SHARE * finished.run.phases.get("total", 0.0))
+        most = max(SERVING_SECONDS, SERVING_SHARE * finished.run.phases.get("total", 0.0))
         run(finished, asked, torch.device(device), view_sets, show, survive=True, most_seconds=most)
     except Exception as error:
         # the run is done and recorded: this was an extra

@@ -14,7 +14,7 @@ from baselines.numerics.encoding import encode
 from baselines.numerics.quadrature import QUADRATURES
 from harness.chart_record import Series, Table
 from harness.clipping import Clipping
-from harness.learner import NotAvailable
+from harness.make_learner import NotAvailable
 from harness.settings import TrainSettings
 from harness.stability.situation import Finding, Situation
 from harness.stability.small_training import new_trainer, not_made_of_parts, setup, train, trained

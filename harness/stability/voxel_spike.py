@@ -3,8 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from harness.learner import drjit_backend, learner_for
 from harness.lockstep import box_of, needs_view_direction
+from harness.make_learner import drjit_backend, learner_for
 from harness.schedule import Budget
 from harness.stability.situation import Situation
 from harness.stability.small_training import CPU, STREAM, setup

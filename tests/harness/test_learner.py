@@ -8,8 +8,8 @@ import pytest
 
 from harness import lockstep
 from harness.cell_training import GroupSettings
-from harness.learner import NotAvailable, learner_for
 from harness.lockstep import train_group
+from harness.make_learner import NotAvailable, learner_for
 from harness.records import cell_path, read_cell, write_cell
 from harness.schedule import Budget
 from harness.trainer import Trainer

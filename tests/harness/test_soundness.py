@@ -16,7 +16,7 @@ from harness.plan import Plan, planned
 from harness.records import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons
 from harness.scratch import scratch_folder
 from harness.soundness import DAMAGED, mend, sweep
-from harness.unfinished import Unfinished, unfinished_path, write_unfinished
+from harness.unfinished_file import Unfinished, unfinished_path, write_unfinished
 from scenes.errors import InputError
 from tests.harness.cells import diverged
 

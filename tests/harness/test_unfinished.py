@@ -18,14 +18,8 @@ from harness.lockstep import train_group
 from harness.plan import Machine, planned
 from harness.progress import Quiet
 from harness.records import CellRecord
-from harness.unfinished import (
-    Keeping,
-    Unfinished,
-    read_unfinished,
-    training_state,
-    unfinished_path,
-    write_unfinished,
-)
+from harness.unfinished import Keeping, training_state
+from harness.unfinished_file import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from scenes.view_set import ViewSet
 from tests.harness import tiny
 from tests.harness.test_lockstep import without_time

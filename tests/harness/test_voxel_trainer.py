@@ -16,8 +16,9 @@ from safetensors.torch import load_file
 from harness import learner
 from harness.cell_training import GroupSettings
 from harness.evaluate import density_histogram
-from harness.learner import Learner, NotAvailable, learner_for
+from harness.learner import Learner
 from harness.lockstep import train_group
+from harness.make_learner import NotAvailable, learner_for
 from harness.records import CellRecord, read_cells
 from harness.schedule import Budget
 from harness.settings import VoxelSettings

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from reports import comparer, palette, shell
-from reports.script import HERE, as_data, content_policy, script
+from reports.packing import as_data
+from reports.script import HERE, content_policy, script
 from scenes.pixels import encode_srgb
 
 METHODS = ("nerf", "nerf_matched", "qnerf")

@@ -9,10 +9,11 @@ from harness.records import Estimate
 from reports.claims import KINDS, RULES, claims, tally
 from reports.claims_scores import NEEDS_PAPER
 from reports.claims_table import chapters, claims_grid, folds, in_a_sentence
-from reports.ledger import OWN_FIGURES, UNTESTED, VERDICTS
+from reports.ledger import OWN_FIGURES
 from reports.load import Records, read_records
 from reports.scale import in_a_line, is_paper_scale, papers_scenes, standing
 from reports.selection import Selection
+from reports.wording import UNTESTED, VERDICTS
 from tests.reports.fake_run import EIGHT, PAPER, write_fake_run
 
 RANGE, AVERAGE = "abstract-psnr-range", "table2-average"

@@ -10,12 +10,12 @@ from harness.records import Comparison, Estimate
 from reports.beside import Beside
 from reports.claims import claims
 from reports.claims_ablation import NEEDS_STUDY
-from reports.ledger import UNTESTED
 from reports.load import Records
 from reports.page import page
 from reports.publish import write_published
 from reports.selection import Selection
 from reports.summary import summary
+from reports.wording import UNTESTED
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")

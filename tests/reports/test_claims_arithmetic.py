@@ -6,8 +6,9 @@ import pytest
 
 from reports import claims_arithmetic as arithmetic
 from reports.claims import claims
-from reports.ledger import OWN_FIGURES, UNTESTED, Bench, Printed, entries
+from reports.ledger import OWN_FIGURES, Bench, Printed, entries
 from reports.load import Records
+from reports.wording import UNTESTED
 from tests.reports.fake_run import PAPER
 
 

@@ -9,9 +9,9 @@ from harness.serving_record import Confusion, Measure, Order, PhiCheck, Reaching
 from reports.beside import Beside
 from reports.claims import claims
 from reports.claims_table import claims_grid
-from reports.ledger import UNTESTED
 from reports.load import Records
 from reports.untested import not_tested
+from reports.wording import UNTESTED
 from tests.reports.fake_serving import fake_attention, fake_cache, fake_serving, latency
 
 RETRIEVAL, KEY, PRIORITY, PHI = "section8.1-retrieval", "listing5-key", "section8.2-priority", "eq7-phi"

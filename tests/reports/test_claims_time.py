@@ -10,9 +10,10 @@ from harness.records import Estimate
 from harness.targets_record import TargetComparison, TargetsRecord, write_targets
 from reports.claims import claims
 from reports.claims_time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
-from reports.ledger import UNTESTED, Bench, Finding, entries
+from reports.ledger import Bench, Finding, entries
 from reports.load import Records, read_records
 from reports.selection import TARGET, Selection
+from reports.wording import UNTESTED
 from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(

@@ -10,14 +10,14 @@ from markupsafe import Markup
 
 from harness.records import cell_path
 from reports.attributes import of_entry, of_row, value_of
-from reports.figure import Panel, Trace, svg
+from reports.figure import svg
 from reports.grid import Entry
 from reports.load import read_records
 from reports.metrics_table import comparisons_grid, metrics_grid
 from reports.psnr_table import scores_grid
 from reports.runs_data import density_data, runs_data
 from reports.selection import Selection
-from reports.trace_data import rounded
+from reports.trace_data import Panel, Trace, rounded
 from reports.wording import count, number, signed, significant, with_unit
 from tests.reports.fake_run import write_fake_run
 

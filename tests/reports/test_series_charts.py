@@ -5,9 +5,10 @@ import math
 import pytest
 
 from harness.chart_record import Series
-from reports.figure import Panel, draw, svg
+from reports.figure import draw, svg
 from reports.pens import COLOURS, pens_of
 from reports.series_charts import charts, panel, pens_in, points
+from reports.trace_data import Panel
 
 
 def line(y, x=None, name="a", **more) -> Series:

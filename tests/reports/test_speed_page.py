@@ -7,11 +7,12 @@ import pytest
 from harness.chart_record import Series, Table
 from harness.json_record import DamagedRecord
 from harness.speed_record import Measurement, SpeedRecord
-from reports.figure import Panel, svg
+from reports.figure import svg
 from reports.pens import pens_of
 from reports.series_charts import panel
 from reports.speed_load import find_speed
 from reports.speed_page import speed_page
+from reports.trace_data import Panel
 from tests.reports.fake_speed import fake_speed, hostile, write_fake_speed
 from tests.reports.test_page import HOSTILE, Outline, foreign_scripts, without_code
 

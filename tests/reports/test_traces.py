@@ -8,10 +8,11 @@ import pytest
 from harness.records import Checkpoint
 from reports.convergence import convergence
 from reports.differences_plot import difference_panels
-from reports.figure import Panel, Trace, svg
+from reports.figure import svg
 from reports.histograms import density_histograms
 from reports.load import Records, read_records
 from reports.palette import KNOWN
+from reports.trace_data import Panel, Trace
 from tests.reports.fake_run import write_fake_run
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light

@@ -193,7 +193,7 @@ def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pyt
             file.unlink()
     else:
         monkeypatch.setattr(runner, "estimated_seconds", lambda situation: -1.0)
-        monkeypatch.setattr(runner, "MOST_SECONDS", 0.0)
+        monkeypatch.setattr(runner, "SERVING_SECONDS", 0.0)
     said = Said()
     with suppress(KeyboardInterrupt):
         after_run(copy, "cpu", copy, said)

@@ -14,7 +14,7 @@ import pytest
 from baselines.contract import Box
 from harness.checkpoints import load_checkpoint, save_checkpoint
 from harness.evaluate import View, render_view
-from harness.learner import learner_for
+from harness.make_learner import learner_for
 from harness.settings import VoxelSettings
 from harness.view_cache import keys
 from harness.view_cache.cached import CachedMethod
