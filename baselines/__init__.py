@@ -1,4 +1,1 @@
-"""The methods under comparison and the pure numerics that they are composed of.
-
-Knows torch, not Mitsuba, not files.
-"""
+"""The methods under comparison; imports torch and Dr.Jit, no file and no other room of ours."""

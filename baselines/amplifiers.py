@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from baselines.held_mean import HeldMean
+from baselines.held_mean import RunningMean
 from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, contrast_about, softplus_density
 from baselines.numerics.encoding import PHI
 
@@ -79,7 +79,7 @@ class CallMeanAmplifier(Amplifier):
     def __init__(self) -> None:
         super().__init__()
         self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-        self.mean = HeldMean()
+        self.mean = RunningMean()
 
     @abstractmethod
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
@@ -202,7 +202,7 @@ class HeldMeanAmplifier(Amplifier):
         self.reading = READINGS[reading]
         self.bounded = reading.startswith("listing2")
         self.over_box = over_box
-        self.mean = HeldMean()
+        self.mean = RunningMean()
         if positive:
             self.rho = nn.Parameter(torch.zeros(()))
         else:

@@ -1,19 +1,19 @@
 """The one table of methods. A new method is one file and one line here; being listed is being tested.
 
-Methods of a user's own package are `Method`s as well (`harness.plugins` finds them).
+Methods of a user's own package are `Method`s as well (`harness.plan.plugins` finds them).
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from baselines.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
 from baselines.amplifiers import Amplifier
 from baselines.composition import DENSITY_SCALE, Ladder, Parts
-from baselines.contract import FieldAsked
-from baselines.nerf import NERF, NERF_MATCHED
-from baselines.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
-from baselines.repaired import CANDIDATES, MEANING, REPAIRED
+from baselines.contract import FieldSpec
+from baselines.methods.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
+from baselines.methods.nerf import NERF, NERF_MATCHED
+from baselines.methods.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
+from baselines.methods.repaired import CANDIDATES, MEANING, REPAIRED
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Method:
     title: str
     """What it is, in one line of the report."""
     kind: Literal["network", "voxels_drjit"] = "network"
-    """What it is made of, and so who trains it (`harness.learner`)."""
+    """What it is made of, and so who trains it (`harness.training.learner`)."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
     """Encodings of its own that `parts` names; `amplifiers` and `skips` likewise, in the form of the tables `LADDERS`,
     `AMPLIFIERS` and `SKIPS`, which they are added to."""
     amplifiers: Mapping[str, Callable[[], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
-    make_field: Callable[[FieldAsked], Any] | None = None
+    make_field: Callable[[FieldSpec], Any] | None = None
     """Makes a field that is not made of our parts (`parts` is then None): a `torch.nn.Module` that keeps
     `baselines.contract.TrainableField`."""
 

@@ -1,12 +1,43 @@
 """What passes between a method and those who train and render it."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """All on by default, for every method to which they can apply."""
+
+    fused: bool = True
+    """The field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
+    recurrence: bool = True
+    """Bands of the encoding follow from the bands below them, where that is as accurate as a sine of its own."""
+    grid: bool = True
+    """Empty space is skipped by an occupancy grid (`GridSettings` says how)."""
+    clipping: bool = True
+    """Rays are cut to the scene's box, and those that miss it are not sampled."""
+    early_stop: bool = True
+    """Rendering without gradients leaves a ray once it is opaque (not where density depends on the call)."""
+    directions: bool = True
+    """Scenes that look the same from all sides get no view direction."""
+
+    def without(self, names: tuple[str, ...]) -> "Accelerations":
+        """The named ones switched off; raises `ValueError` naming the known ones."""
+        known = [one.name for one in fields(self)]
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise ValueError(f"unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")
+        return replace(self, **dict.fromkeys(names, False))
+
+
+EVERY_ACCELERATION = Accelerations()
+NO_ACCELERATION = Accelerations(*(False for _ in fields(Accelerations)))
+
 
 UNIT_TOLERANCE = 1e-3
 """By which the length of a direction may differ from 1."""
@@ -106,7 +137,7 @@ Precision = Literal["float32", "bfloat16", "float16"]
 
 
 @dataclass(frozen=True)
-class FieldAsked:
+class FieldSpec:
     """What a field that is not made of our parts is to be made for."""
 
     size: NetworkSize

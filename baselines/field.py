@@ -16,11 +16,18 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
 from baselines import fused_network
-from baselines.accelerations import EVERY_ACCELERATION, Accelerations
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.catalog import Method
 from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
-from baselines.contract import Box, FieldAsked, NetworkSize, Precision, uniform_weights
+from baselines.contract import (
+    EVERY_ACCELERATION,
+    Accelerations,
+    Box,
+    FieldSpec,
+    NetworkSize,
+    Precision,
+    uniform_weights,
+)
 from baselines.numerics.encoding import encode, feature_count
 
 DTYPES: dict[Precision, torch.dtype] = {
@@ -165,7 +172,7 @@ class NetworkField(nn.Module):
         return layer.weight.to(self.dtype)
 
 
-def field_of(method: Method, asked: FieldAsked, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
+def field_of(method: Method, asked: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
     """A fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes itself, of
     which no more may be asked than a `baselines.contract.TrainableField` has.
 

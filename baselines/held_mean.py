@@ -8,7 +8,7 @@ MEAN_SHARE = 0.1
 """By which a held mean moves a step: the momentum of batch normalisation (Ioffe & Szegedy 2015) as torch has it."""
 
 
-class HeldMean(nn.Module):
+class RunningMean(nn.Module):
     """Detached, kept in the checkpoint, moved by training steps alone: a constant within a step and outside of one."""
 
     value: Tensor

@@ -1,1 +1,1 @@
-"""Who trains what on what, for how long: plan, batches, training, clock, evaluation, statistics, records."""
+"""Who trains what on what, for how long, and what comes of it; imports `baselines` and `scenes`."""

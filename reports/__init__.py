@@ -1,1 +1,1 @@
-"""Records → tables, figures, one self-contained page. Knows `harness.records` alone: no torch, no Mitsuba."""
+"""Records in, tables, plots and pages out; imports `harness.records`, `harness.verdicts` and `scenes.files`."""

@@ -11,19 +11,19 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
-from harness.json_record import DamagedRecord
-from harness.judge.record import JUDGEMENT_FILE, read_judgement
-from harness.records import records_folder
-from harness.serving_record import SERVING_FILE
-from harness.speed_record import SpeedRecord
-from harness.stability_record import STABILITY_FILE, StabilityRecord, broken
-from scenes.installed import packages_needed
-from scenes.stopping import stop_on_signals
+from harness.records.cells import records_folder
+from harness.records.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
+from harness.records.json_record import DamagedRecord
+from harness.records.judgements import JUDGEMENT_FILE, read_judgement
+from harness.records.serving_record import SERVING_FILE
+from harness.records.speed_record import SpeedRecord
+from harness.records.stability_record import STABILITY_FILE, StabilityRecord, broken
+from scenes.files.installed import packages_needed
+from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
-    from reports.beside import Beside
-    from reports.load import Records
+    from reports.data.beside import Beside
+    from reports.data.load import Records
 
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
 OUTPUTS_PAGE = "outputs.html"
@@ -91,13 +91,10 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
         if not any(other.exists() for other in others):
             return code
 
-    from reports.beside import Beside
-    from reports.evidence_load import find_evidence
-    from reports.load import NoRecords, NotForPublishing, read_records, refuse_quick
-    from reports.serving_load import find_serving, is_whole
-    from reports.sound import if_sound
-    from reports.speed_load import FILE, find_speed
-    from reports.stability_load import find_stability
+    from reports.data.beside import Beside
+    from reports.data.load import NoRecords, NotForPublishing, if_sound, read_records, refuse_quick
+    from reports.data.serving_load import find_serving, is_whole
+    from reports.data.studies_load import FILE, find_evidence, find_speed, find_stability
 
     try:
         if partial and publish is not None:
@@ -134,7 +131,7 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
         records = read_records(out, partial) if alone or holds_run(out) else None
         left_out = damaged or []
         if partial and records is not None:
-            from reports.kept_pictures import damaged as damaged_pictures
+            from reports.data.kept_pictures import damaged as damaged_pictures
 
             records.left_out.extend([*damaged_pictures(records), *left_out])
             left_out = records.left_out
@@ -164,7 +161,7 @@ def _tell(left_out: list[str]) -> None:
 def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Path | None, partial: bool = False) -> int:
     """The page on which several runs are held against the first, with `partial` what of each is sound; 3 where a cell
     of any of them failed."""
-    from reports.load import NoRecords, read_records
+    from reports.data.load import NoRecords, read_records
 
     twice = sorted({str(out) for out in outs if sum(out.resolve() == other.resolve() for other in outs) > 1})
     if twice or publish is not None:
@@ -176,7 +173,7 @@ def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Pat
     except (NoRecords, DamagedRecord) as problem:
         print(problem, file=sys.stderr)
         return BAD_INPUT
-    from reports.outputs_page import write_outputs_page
+    from reports.run.outputs import write_outputs_page
 
     page = page or outs[0] / OUTPUTS_PAGE
     title = write_outputs_page(found, page)
@@ -195,7 +192,7 @@ def holds_run(out: Path) -> bool:
 
 def build_judgement(out: Path) -> int:
     """The page about somebody's table; raises `DamagedRecord`."""
-    from reports.judgement_page import write_judgement_page
+    from reports.studies.judgement import write_judgement_page
 
     print(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
     return 0
@@ -203,12 +200,12 @@ def build_judgement(out: Path) -> int:
 
 def build_speed(record: SpeedRecord, out: Path, publish: Path | None, beside_report: bool) -> int:
     """The page about speed."""
-    from reports.shell import SPEED_PAGE
-    from reports.speed_page import write_speed_page
+    from reports.page.shell import SPEED_PAGE
+    from reports.studies.speed_page import write_speed_page
 
     write_speed_page(record, out / SPEED_PAGE, beside_report)
     if publish is not None:
-        from reports.speed_publish import write_published_speed
+        from reports.studies.publishing import write_published_speed
 
         write_published_speed(record, publish)
     print(out / SPEED_PAGE)
@@ -217,13 +214,12 @@ def build_speed(record: SpeedRecord, out: Path, publish: Path | None, beside_rep
 
 def build_stability(record: StabilityRecord, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """The page about stability; 3 where something of ours failed."""
-    from reports.stability_page import write_stability_page
-    from reports.stability_view import failure
-    from reports.stability_wording import headline
+    from reports.studies.stability_matrix import headline
+    from reports.studies.stability_page import failure, write_stability_page
 
     page = write_stability_page(record, out, beside_report)
     if publish is not None:
-        from reports.stability_publish import write_published_stability
+        from reports.studies.publishing import write_published_stability
 
         write_published_stability(record, publish)
     if not quiet:
@@ -236,10 +232,10 @@ def build_stability(record: StabilityRecord, out: Path, quiet: bool, publish: Pa
 
 def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """What the studies found, on a page of its own where no report is built; 3 where a check does not hold."""
-    from reports.evidence_view import check_said, headline
+    from reports.studies.evidence_page import check_said, headline
 
     if publish is not None:
-        from reports.evidence_publish import write_published_evidence
+        from reports.studies.publishing import write_published_evidence
 
         write_published_evidence(record, publish)
     if not quiet:
@@ -247,7 +243,7 @@ def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path
         for study, check in failed_checks(record):
             print(f"{study.info.id}: {check_said(check)}")
     if not beside_report:
-        from reports.evidence_page import write_evidence_page
+        from reports.studies.evidence_page import write_evidence_page
 
         print(write_evidence_page(record, out))
     return SOME_FAILED if failed_checks(record) else 0
@@ -255,19 +251,19 @@ def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path
 
 def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:
     """The page and the numbers of a run."""
-    from reports.headline import headline
-    from reports.page import write_page
-    from reports.summary import write_summary
+    from reports.claims.headline import headline
+    from reports.run.publish import write_summary
+    from reports.run.run_page import write_page
 
     out = records.out
     write_summary(records, out / "summary.json", beside)
     write_page(records, out / "report.html", beside)
     if publish is not None:
-        from reports.publish import write_published
+        from reports.run.publish import write_published
 
         write_published(records, publish, beside)
         if beside.serving is not None:
-            from reports.serving_publish import write_published_serving
+            from reports.studies.publishing import write_published_serving
 
             write_published_serving(beside.serving, records.methods, publish)
     if not quiet:

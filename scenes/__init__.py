@@ -1,4 +1,1 @@
-"""What is seen: procedural scenes, cameras, rendering of view sets, and their format on disk.
-
-Importing this package does not import Mitsuba; only `scenes.render` does.
-"""
+"""What is seen, and the images of it on disk; imports no other room of ours, and Mitsuba only in `rendering`."""

@@ -1,9 +1,8 @@
 """`python -m scenes render | export | integrators | noise | …`: in a process of its own, which Dr.Jit may end.
 
-`render` prints one JSON object a line: `{"scene", "done", "total", "kept", "share", "view"}` (`scenes.standing`) once
-all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a scene of the user's own
-`{"scene", "note"}` first.
-Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
+`render` prints one JSON object a line: `{"scene", "done", "total", "kept", "share", "view"}` (`scenes.rendering.store`)
+once all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a scene of the user's own
+`{"scene", "note"}` first. Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
 """
 
 import argparse
@@ -13,10 +12,10 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from scenes.catalog import CATALOG
-from scenes.errors import InputError
-from scenes.installed import packages_needed
-from scenes.stopping import stop_on_signals
+from scenes.catalog.entries import CATALOG
+from scenes.files.errors import InputError
+from scenes.files.installed import packages_needed
+from scenes.files.stopping import stop_on_signals
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,14 +31,14 @@ def main(arguments: list[str] | None = None) -> int:
         elif options.command == "repeats":
             _repeats(options)
         elif options.command == "integrators":
-            from scenes.integrators import compared
+            from scenes.rendering.checks import compared
 
             found = compared(options.name, options.resolution, options.views, options.spp, options.variant)
             print(json.dumps(asdict(found)))
         elif options.command == "noise":
             _noise(options)
         else:
-            from scenes.sheet import write_sheet
+            from scenes.rendering.checks import write_sheet
 
             write_sheet(options.out, options.names or None, options.resolution, options.spp, options.variant)
             print(options.out)
@@ -53,12 +52,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _render(options: argparse.Namespace) -> None:
-    from scenes.manifest import read_manifest
-    from scenes.mitsuba_xml import notes
-    from scenes.scene import Scene
-    from scenes.scene_file import scene_from_file
-    from scenes.standing import Standing
-    from scenes.store import ensure_view_set
+    from scenes.catalog.mitsuba_xml import notes
+    from scenes.catalog.scene_file import scene_from_file
+    from scenes.modelling.scene import Scene
+    from scenes.rendering.store import Standing, ensure_view_set
+    from scenes.view_sets.manifest import read_manifest
 
     counts = {"train": options.train, "val": options.val, "test": options.test}
     spp = {"train": options.spp_train, "val": options.spp_val or options.spp_train, "test": options.spp_test}
@@ -88,7 +86,7 @@ def _render(options: argparse.Namespace) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from scenes.export import export
+    from scenes.view_sets.export import export
 
     for note in export(options.folder, options.format, options.out):
         print(note)
@@ -96,8 +94,8 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _noise(options: argparse.Namespace) -> None:
-    from scenes.noise_study import again, errors
-    from scenes.variant import choose_variant
+    from scenes.rendering.noise_study import again, errors
+    from scenes.rendering.variant import choose_variant
 
     variant, settings = choose_variant(options.variant), (options.resolution, options.spp, options.reference_spp)
     if not options.folders and not options.scenes:
@@ -112,7 +110,7 @@ def _noise(options: argparse.Namespace) -> None:
 def _repeats(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from scenes.repeats import repeated
+    from scenes.rendering.checks import repeated
 
     try:
         options.out.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The tree keeps its shape: arrows one way, no cycles, no drawers, short files, heavy imports only where needed.
+"""The house keeps its shape: arrows run down, lazy and TYPE_CHECKING imports counted, small rooms, plain names.
 
 Each check is a function of a tree that gives a list of complaints, so that each is also shown a bad tree.
 """
@@ -7,7 +7,8 @@ import ast
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,52 +16,65 @@ import pytest
 from tests.harness.ball import write_ball
 
 ROOT = Path(__file__).parent.parent
-ALLOWED = {
-    "scenes": {"scenes"},
-    "baselines": {"baselines"},
-    "harness": {"harness", "scenes", "baselines"},
-    "reports": {
-        "reports",
-        "harness.records",
-        "harness.json_record",
-        "harness.record_types",
-        "harness.comparisons",  # of records alone: what judges methods judges outputs
-        "harness.statistics",  # pure functions of arrays
-        "harness.failures",
-        "harness.pictures_record",
-        "harness.targets_record",
-        "harness.speed_record",
-        "harness.chart_record",
-        "harness.stability_record",
-        "harness.evidence_record",
-        "harness.serving_record",
-        "harness.judge.record",
-        "harness.judge.wording",
-        "scenes.installed",
-        "scenes.stopping",
-    },
+FLOORS = (
+    "reports.__main__",
+    "reports.run",
+    "reports.claims",
+    "reports.studies",
+    "reports.page",
+    "reports.drawing",
+    "reports.data",
+    "harness.__main__",
+    "harness.command",
+    "harness.gate",
+    "harness.studies",
+    "harness.viewer",
+    "harness.execution",
+    "harness.playback",
+    "harness.training",
+    "harness.run_folder",
+    "harness.verdicts",
+    "harness.plan",
+    "harness.machine",
+    "harness.records",
+    "baselines",
+    "scenes.__main__",
+    "scenes.rendering",
+    "scenes.catalog",
+    "scenes.modelling",
+    "scenes.view_sets",
+    "scenes.files",
+)
+"""Every room, from the top: a room imports itself and rooms below it."""
+LEAVES = {
+    "reports": ("reports", "harness.records", "harness.verdicts", "scenes.files"),
+    "harness.verdicts": ("harness.verdicts", "harness.records", "scenes.files"),
+    "harness.records": ("harness.records", "scenes.files"),
+    "baselines": ("baselines",),
+    "baselines.numerics": ("baselines.numerics",),
 }
-"""What a package may import of ours: whole packages, or single modules."""
+"""Rooms that import nothing but these, whatever lies below."""
 DRAWERS = {"utils", "util", "helpers", "helper", "common", "misc"}
+MOST_ENTRIES = {"harness": 14, "reports": 8}
+MOST_FILES = 12
 MOST_LINES = 500
 
 
 def modules(root: Path) -> dict[str, Path]:
     """Dotted name → file of every module of the four packages."""
     found = {}
-    for package in ALLOWED:
+    for package in ("reports", "harness", "baselines", "scenes"):
         for file in sorted((root / package).rglob("*.py")):
             parts = file.relative_to(root).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
     return found
 
 
-def imported(name: str, file: Path, known: set[str], top_level_only: bool) -> set[str]:
-    """The modules of ours that a module imports, as precisely as they are named; relative imports resolved."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+def imported(name: str, file: Path, known: set[str]) -> set[str]:
+    """The modules of ours that a module imports anywhere in it, as precisely as they are named."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in _run_on_import(tree) if top_level_only else ast.walk(tree):
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -71,37 +85,38 @@ def imported(name: str, file: Path, known: set[str], top_level_only: bool) -> se
             for alias in node.names:
                 inner = f"{base}.{alias.name}"
                 found.add(inner if inner in known else base)
-    return {one for one in found if one.partition(".")[0] in ALLOWED}
+    return {one for one in found if one.partition(".")[0] in ("reports", "harness", "baselines", "scenes")}
 
 
-def _run_on_import(tree: ast.AST) -> list[ast.AST]:
-    """Statements that run when the module is imported: not those in functions or under TYPE_CHECKING."""
-    found: list[ast.AST] = []
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
-            continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            continue
-        found += [node, *_run_on_import(node)]
-    return found
-
-
-def wrong_arrows(root: Path) -> list[str]:
+def graph_of(root: Path) -> dict[str, set[str]]:
     found = modules(root)
-    complaints = []
-    for name, file in found.items():
-        allowed = ALLOWED[name.partition(".")[0]]
-        for target in sorted(imported(name, file, set(found), top_level_only=False)):
-            if target.partition(".")[0] not in allowed and target not in allowed:
-                complaints.append(f"{name} imports {target}")
-    return complaints
+    return {name: imported(name, file, set(found)) for name, file in found.items()}
 
 
-def cycles(root: Path) -> list[str]:
-    """Modules that import themselves by way of others, while they are imported."""
-    found = modules(root)
-    graph = {name: imported(name, file, set(found), top_level_only=True) for name, file in found.items()}
-    complaints = []
+def is_in(module: str, room: str) -> bool:
+    return module == room or module.startswith(f"{room}.")
+
+
+def floor_of(module: str) -> int:
+    """Its place in `FLOORS`; a package's own `__init__` lies above all of its rooms."""
+    return next((place for place, room in enumerate(FLOORS) if is_in(module, room)), -1)
+
+
+def wrong_arrows(root: Path) -> Iterator[str]:
+    for name, targets in graph_of(root).items():
+        if floor_of(name) < 0 and "." in name:
+            yield f"{name} is in no room"
+        for target in sorted(targets):
+            if floor_of(target) < floor_of(name):
+                yield f"{name} imports {target}, upwards"
+            for leaf, allowed in LEAVES.items():
+                if is_in(name, leaf) and not any(is_in(target, one) for one in allowed):
+                    yield f"{name} imports {target}, which {leaf} may not"
+
+
+def circles(root: Path) -> Iterator[str]:
+    """Modules that reach themselves by way of others."""
+    graph = graph_of(root)
     for start in graph:
         reached: set[str] = set()
         waiting = list(graph[start])
@@ -111,83 +126,129 @@ def cycles(root: Path) -> list[str]:
                 reached.add(name)
                 waiting += graph.get(name, ())
         if start in reached:
-            complaints.append(f"{start} imports itself by way of others")
-    return complaints
+            yield f"{start} imports itself by way of others"
 
 
-def drawers(root: Path) -> list[str]:
-    return [f"{name} is a drawer" for name in modules(root) if DRAWERS & set(name.split("."))]
+def full_rooms(root: Path) -> Iterator[str]:
+    for folder in sorted({file.parent for file in modules(root).values()}):
+        entries = [one for one in folder.iterdir() if one.name != "__pycache__"]
+        files, name = sum(one.is_file() for one in entries), folder.relative_to(root).as_posix()
+        if files > MOST_FILES:
+            yield f"{name} has {files} files"
+        if len(entries) > MOST_ENTRIES.get(name, len(entries)):
+            yield f"{name} has {len(entries)} entries"
+        introduction = folder / "__init__.py"
+        if not introduction.is_file() or len(introduction.read_text(encoding="utf-8").splitlines()) != 1:
+            yield f"{name} is not introduced in one line of an __init__.py"
 
 
-def long_files(root: Path) -> list[str]:
-    """Of all our folders, tests included."""
-    files = [file for folder in (*ALLOWED, "tests") for file in sorted((root / folder).rglob("*.py"))]
-    lengths = {file: len(file.read_text(encoding="utf-8").splitlines()) for file in files}
-    return [f"{file.relative_to(root)} has {lines} lines" for file, lines in lengths.items() if lines > MOST_LINES]
+def drawers(root: Path) -> Iterator[str]:
+    yield from (f"{name} is a drawer" for name in modules(root) if DRAWERS & set(name.split(".")))
 
 
-CHECKS = [wrong_arrows, cycles, drawers, long_files]
+def long_files(root: Path) -> Iterator[str]:
+    """Tests, scripts and style included."""
+    for folder in ("reports", "harness", "baselines", "scenes", "tests"):
+        for file in sorted((root / folder).rglob("*")):
+            if file.suffix in (".py", ".js", ".css", ".html"):
+                lines = len(file.read_text(encoding="utf-8").splitlines())
+                if lines > MOST_LINES:
+                    yield f"{file.relative_to(root)} has {lines} lines"
+
+
+def names_twice(root: Path) -> Iterator[str]:
+    """Modules and public classes of the harness that share their name with another."""
+    found = {name: file for name, file in modules(root).items() if is_in(name, "harness")}
+    words = Counter(name.rpartition(".")[2] for name in found if "__" not in name)
+    classes = Counter(
+        node.name
+        for file in found.values()
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    yield from (f"{count} modules are called {word}" for word, count in words.items() if count > 1)
+    yield from (f"{count} classes are called {name}" for name, count in classes.items() if count > 1)
+
+
+CHECKS = [wrong_arrows, circles, full_rooms, drawers, long_files, names_twice]
+Check = Callable[[Path], Iterator[str]]
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_the_tree_has_no_complaints(check: Callable[[Path], list[str]]) -> None:
-    assert check(ROOT) == []
+def test_the_house_has_no_complaints(check: Check) -> None:
+    assert list(check(ROOT)) == []
 
 
-def test_the_tree_is_looked_at() -> None:
-    names = modules(ROOT)
-    for package in ALLOWED:
-        assert sum(name.partition(".")[0] == package for name in names) > 5
-    assert imported("harness.lockstep", names["harness.lockstep"], set(names), True) > {
-        "harness.evaluate",  # from harness import evaluate
-        "scenes.view_set",
-    }
+def test_the_house_is_looked_at() -> None:
+    graph = graph_of(ROOT)
+    assert {floor_of(name) for name in graph if "." in name} == set(range(len(FLOORS)))
+    assert graph["harness.training.lockstep"] > {"harness.training.evaluate", "scenes.view_sets.view_set"}
+
+
+def written(files: dict[str, str], folder: Path) -> None:
+    for name, text in files.items():
+        file = folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+
+LAZY = "def f():\n    "
+TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "
 
 
 @pytest.mark.parametrize(
     ("check", "files", "said"),
     [
-        (wrong_arrows, {"scenes/a.py": "import baselines.b"}, "scenes.a imports baselines.b"),
-        (wrong_arrows, {"baselines/a.py": "def f():\n    from harness import x"}, "baselines.a imports harness"),
-        (wrong_arrows, {"baselines/a.py": "from scenes.b import x"}, "baselines.a imports scenes.b"),
-        (wrong_arrows, {"harness/a.py": "import reports"}, "harness.a imports reports"),
-        (wrong_arrows, {"reports/a.py": "from harness import plan", "harness/plan.py": ""}, "reports.a imports"),
-        (wrong_arrows, {"reports/a.py": "from harness.plan import Plan"}, "reports.a imports harness.plan"),
-        (wrong_arrows, {"reports/deep/a.py": "import scenes"}, "reports.deep.a imports scenes"),
-        (cycles, {"harness/a.py": "import harness.b", "harness/b.py": "from harness import a"}, "harness.a imports"),
-        (cycles, {"scenes/a.py": "import scenes.b", "scenes/b.py": "from . import c", "scenes/c.py": "import scenes.a"},
+        (wrong_arrows, {"scenes/files/a.py": "import baselines.b"}, "scenes.files.a imports baselines.b"),
+        (wrong_arrows, {"baselines/a.py": LAZY + "from harness import x"}, "baselines.a imports harness"),
+        (wrong_arrows, {"baselines/a.py": "from scenes.files.b import x"}, "baselines.a imports scenes.files.b"),
+        (wrong_arrows, {"harness/plan/a.py": "import reports"}, "harness.plan.a imports reports"),
+        (wrong_arrows, {"reports/data/a.py": "from harness.plan.b import P"}, "reports.data.a imports harness.plan.b"),
+        (wrong_arrows, {"reports/run/a.py": "import scenes.view_sets"}, "reports.run.a imports scenes.view_sets"),
+        (wrong_arrows, {"harness/training/a.py": LAZY + "import harness.viewer.b"}, "harness.training.a imports"),
+        (wrong_arrows, {"harness/plan/a.py": TYPED + "from harness.execution.b import C"}, "harness.plan.a imports"),
+        (wrong_arrows, {"scenes/view_sets/a.py": "from ..catalog import b"}, "scenes.view_sets.a imports"),
+        (wrong_arrows, {"harness/verdicts/a.py": "import baselines.b"}, "harness.verdicts.a imports baselines.b"),
+        (wrong_arrows, {"harness/cellar/a.py": ""}, "harness.cellar.a is in no room"),
+        (circles, {"harness/plan/a.py": "import harness.plan.b", "harness/plan/b.py": "from harness.plan import a"},
+         "harness.plan.a imports itself"),
+        (circles, {"harness/plan/a.py": LAZY + "import harness.plan.b", "harness/plan/b.py": "import harness.plan.a"},
+         "harness.plan.a imports itself"),
+        (circles, {"harness/plan/a.py": TYPED + "import harness.plan.b", "harness/plan/b.py": "import harness.plan.a"},
+         "harness.plan.b imports itself"),
+        (circles,
+         {"scenes/a.py": "import scenes.b", "scenes/b.py": "from . import c", "scenes/c.py": "import scenes.a"},
          "scenes.c imports itself"),
+        (full_rooms, {f"scenes/files/a{i}.py": "" for i in range(13)}, "scenes/files has 13 files"),
+        (full_rooms, {f"reports/a{i}/b.py": "" for i in range(9)} | {"reports/b.py": ""}, "reports has 10 entries"),
+        (full_rooms, {"scenes/files/__init__.py": "a = 1\nb = 2\n"}, "scenes/files is not introduced"),
         (drawers, {"harness/utils.py": ""}, "harness.utils is a drawer"),
         (drawers, {"baselines/common/a.py": ""}, "baselines.common.a is a drawer"),
         (long_files, {"scenes/a.py": "\n" * 501}, "scenes/a.py has 501 lines"),
         (long_files, {"tests/scenes/test_a.py": "\n" * 600}, "tests/scenes/test_a.py has 600 lines"),
+        (names_twice, {"harness/plan/a.py": "", "harness/machine/a.py": ""}, "2 modules are called a"),
+        (names_twice, {"harness/plan/a.py": "class A: ...", "harness/plan/b.py": "class A: ..."},
+         "2 classes are called A"),
     ],
 )  # fmt: skip
-def test_a_bad_tree_is_complained_about(
-    check: Callable[[Path], list[str]], files: dict[str, str], said: str, tmp_path: Path
-) -> None:
-    for name, text in files.items():
-        file = tmp_path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
+def test_a_bad_house_is_complained_about(check: Check, files: dict[str, str], said: str, tmp_path: Path) -> None:
+    written(files, tmp_path)
     assert any(complaint.startswith(said) for complaint in check(tmp_path))
 
 
 @pytest.mark.parametrize(
     "files",
     [
-        {"reports/a.py": "from harness.records import A\nfrom harness import records", "harness/records.py": ""},
-        {"harness/a.py": "import scenes.b, baselines.c\nfrom harness.d import e"},
-        {"harness/a.py": "def f():\n    import harness.b", "harness/b.py": "import harness.a"},
-        {"harness/a.py": "if TYPE_CHECKING:\n    import harness.b", "harness/b.py": "import harness.a"},
+        {"reports/data/a.py": "from harness.records.b import A\nfrom harness import records",
+         "harness/records/b.py": ""},
+        {"harness/plan/a.py": "import scenes.files.b, baselines.c\nfrom harness.records.d import e"},
+        {"harness/plan/a.py": LAZY + "import harness.plan.b", "harness/plan/b.py": "import harness.records.a"},
     ],
 )  # fmt: skip
-def test_a_good_tree_is_not_complained_about(files: dict[str, str], tmp_path: Path) -> None:
-    for name, text in files.items():
-        file = tmp_path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text)
-    assert [complaint for check in CHECKS for complaint in check(tmp_path)] == []
+def test_a_good_house_is_not_complained_about(files: dict[str, str], tmp_path: Path) -> None:
+    written(files | {f"{Path(name).parent}/__init__.py": '"""A room."""\n' for name in files}, tmp_path)
+    assert [complaint for check in (wrong_arrows, circles, full_rooms, drawers) for complaint in check(tmp_path)
+            if "in one line" not in complaint] == []  # fmt: skip
 
 
 HEAVY = ("torch", "mitsuba", "drjit", "OpenImageIO", "colour", "pandas", "matplotlib", "flip_evaluator")
@@ -227,8 +288,8 @@ def run_module(*arguments: str) -> str:
         run_module("harness", "stability", "--list"),
         run_module("reports", "--help"),
         run_module("scenes", "--help"),
-        "import harness.records, harness.stability_record, harness.speed_record",
-        "import scenes.needs, harness.stability.catalog",
+        "import harness.records.cells, harness.records.stability_record, harness.records.speed_record",
+        "import scenes.modelling.needs, harness.studies.stability.cases",
     ],
 )
 def test_nothing_heavy_is_imported_where_nothing_heavy_is_done(code: str) -> None:
@@ -237,12 +298,13 @@ def test_nothing_heavy_is_imported_where_nothing_heavy_is_done(code: str) -> Non
 
 def test_reading_a_view_set_needs_neither_torch_nor_mitsuba(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball", size=8, train=1, test=1)
-    code = f"from scenes.view_set import read_view_set\nread_view_set({str(tmp_path / 'ball')!r})"
+    code = f"from scenes.view_sets.view_set import read_view_set\nread_view_set({str(tmp_path / 'ball')!r})"
     assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
 
 
 def test_what_a_scene_needs_is_known_without_mitsuba() -> None:
-    code = "from scenes.catalog import scene_named\nfrom scenes.needs import needs\nneeds(scene_named('lego').build())"
+    code = "from scenes.catalog.entries import scene_named\nfrom scenes.modelling.needs import needs\n"
+    code += "needs(scene_named('lego').build())"
     assert heavy_imports_of(code) & {"torch", "mitsuba", "drjit"} == set()
 
 

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from scenes.installed import packages_needed
+from scenes.files.installed import packages_needed
 from tests.harness.shell import ROOT
 
 

@@ -15,9 +15,8 @@ from jaxtyping import TypeCheckError
 from baselines.contract import Box, Rays
 from baselines.numerics.encoding import fourier_features
 from baselines.numerics.quadrature import midpoint
-from harness.batches import Batches
-from harness.rays import Cameras
-from scenes.image_stack import ImageStack
+from harness.training.batches import Batches, Cameras
+from scenes.view_sets.image_stack import ImageStack
 
 ROOT = Path(__file__).parents[1]
 

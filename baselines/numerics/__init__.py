@@ -1,1 +1,1 @@
-"""Pure functions on tensors: no device, no configuration, no files, random generators as arguments."""
+"""Pure functions of tensors: encoding, amplifier, sampling, quadrature, bounds; imports torch alone."""

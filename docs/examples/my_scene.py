@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.scene import Description, Scene
+from scenes.modelling.scene import Description, Scene
 
 
 def block(size: float, height: float, turn: float, colour: list[float]) -> Description:

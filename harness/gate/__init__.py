@@ -1,1 +1,1 @@
-"""Regression gates: what this code gives now against limits that were measured and reviewed (`gates/limits.json`)."""
+"""Has anything changed, and is it worse? Imports `studies` and what is below."""

@@ -18,21 +18,20 @@ import torch
 
 from baselines import fused_network
 from baselines.contract import Box
-from harness import evaluate
-from harness.batches import Batches
-from harness.gate.catalog import FACTORS, Gate
+from harness.gate.gates import FACTORS, Gate
 from harness.gate.limits import Limit
-from harness.gate.outcome import Sample
+from harness.gate.outcome import GateContext, Sample
 from harness.gate.process import classes_here, forced, in_child
 from harness.gate.references import Course, Courses, References
-from harness.gate.situation import Situation
-from harness.lockstep import box_of
-from harness.plan import PROFILES
-from harness.schedule import Budget
-from harness.settings import TrainSettings
-from harness.speed.drawn_views import write_disc
-from harness.trainer import Trainer
-from scenes.view_set import ViewSet, read_view_set
+from harness.plan.profiles import PROFILES
+from harness.plan.schedule import Budget
+from harness.plan.settings import TrainSettings
+from harness.studies.drawn_views import write_disc
+from harness.training import evaluate
+from harness.training.batches import Batches
+from harness.training.lockstep import box_of
+from harness.training.trainer import Trainer
+from scenes.view_sets.view_set import ViewSet, read_view_set
 
 STEPS = 24
 PIXELS_APART = 37
@@ -228,7 +227,7 @@ def profile_settings() -> dict[str, Any]:
     return cast("dict[str, Any]", json.loads(json.dumps(found)))
 
 
-def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     """The first steps again, held to the stored ones."""
     stored, found = situation.references, {}
     names = {gate.name for gate in gates}
@@ -253,7 +252,7 @@ def tolerance(precision: str, stored: References) -> float:
     return FACTORS[precision] * max(stored.reordered[precision].values()) * stored.wider("changed")
 
 
-def renew(situation: Situation) -> References:
+def renew(situation: GateContext) -> References:
     """The references with new first steps, and with what other orders of the same sums make of them."""
     name = situation.references.name
     usual = in_child(courses)

@@ -15,28 +15,27 @@ from torch import Tensor
 
 from baselines.catalog import CATALOG
 from baselines.contract import Rays
-from harness.cell_training import GroupSettings
-from harness.comparisons import compare
-from harness.gate.catalog import TRAINED_METHODS, TRAINED_SCENES, Gate
-from harness.gate.outcome import Sample
-from harness.gate.situation import Situation
+from harness.gate.gates import TRAINED_METHODS, TRAINED_SCENES, Gate
+from harness.gate.outcome import GateContext, Sample
 from harness.gate.worse import gate_plan
-from harness.learner import Learner
-from harness.lockstep import box_of, train_group
-from harness.make_learner import learner_for
-from harness.records import CellRecord
-from harness.schedule import Budget
-from harness.scratch import scratch_folder
-from harness.settings import GridSettings, ScoreSettings, TrainSettings
-from harness.speed.drawn_views import write_disc
-from scenes.view_set import ViewSet, read_view_set
+from harness.plan.schedule import Budget
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
+from harness.records.cells import CellRecord
+from harness.run_folder.folder_lock import scratch_folder
+from harness.studies.drawn_views import write_disc
+from harness.training.cell_training import GroupSettings
+from harness.training.learner import Learner
+from harness.training.lockstep import box_of, train_group
+from harness.training.make_learner import learner_for
+from harness.verdicts.comparisons import compare
+from scenes.view_sets.view_set import ViewSet, read_view_set
 
 COPY_STEPS = 40
 """Far enough for the occupancy grid to leave something out."""
 CPU = torch.device("cpu")
 
 
-def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     names = {gate.name for gate in gates}
     found: dict[str, Sample] = {}
     with scratch_folder(situation.out) as scratch:

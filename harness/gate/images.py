@@ -1,15 +1,18 @@
-"""Image gates: renders by Mitsuba, in a process of its own, against the stored mean and variance."""
+"""Image gates: renders by Mitsuba, in a process of its own, against the stored mean and variance.
+
+Images are `[batches, height, width, 4]`, linear and premultiplied; a batch is one independent render.
+"""
 
 import hashlib
 import subprocess
 import sys
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from harness.gate import image_statistics
-from harness.gate.catalog import (
+from harness.gate.gates import (
     IMAGE_BATCHES,
     IMAGE_RESOLUTION,
     IMAGE_SCENES,
@@ -19,12 +22,87 @@ from harness.gate.catalog import (
     RENEWAL_BLOCKS,
     Gate,
 )
-from harness.gate.image_statistics import Reference
-from harness.gate.outcome import Pictures, Sample
-from harness.gate.situation import Situation
-from scenes.errors import InputError
-from scenes.images import read_channels, write_channels
-from scenes.pixels import display_from_linear, over_white
+from harness.gate.outcome import GateContext, Pictures, Sample
+from scenes.files.errors import InputError
+from scenes.view_sets.images import read_channels, write_channels
+from scenes.view_sets.pixels import display_from_linear, over_white
+
+LARGEST_SQUARE = 25.0
+"""A pixel's squared deviation is cut there, so that the mean is about all pixels; single ones have a test of their own.
+"""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a scene is known to look like."""
+
+    mean: np.ndarray
+    """float64 [height, width, 4]."""
+    variance: np.ndarray
+    """float64 [height, width, 4]: of one render of `spp` samples."""
+    batches: int
+    """Renders that both were made of."""
+    spp: int
+
+    def __post_init__(self) -> None:
+        """Raises `ValueError` for what cannot be compared with."""
+        if not (np.isfinite(self.mean).all() and np.isfinite(self.variance).all() and (self.variance >= 0).all()):
+            raise ValueError("mean or variance is not finite, or a variance is below 0")
+        if self.mean.shape != self.variance.shape or not self.mean[..., :3].any():
+            raise ValueError(f"mean {self.mean.shape} and variance {self.variance.shape} do not fit, or all is black")
+
+    @staticmethod
+    def of(renders: np.ndarray, spp: int) -> "Reference":
+        x = np.asarray(renders, dtype=np.float64)
+        return Reference(x.mean(axis=0), x.var(axis=0, ddof=1), len(x), spp)
+
+    def variances(self) -> np.ndarray:
+        """The stored variance as if one sample more, as bright as the brightest pixel, had hit every pixel once.
+
+        A pixel that a surface touches by a hair may have been missed by all samples of the reference: its variance
+        is then 0, and the first hit would be infinitely unlikely.
+        """
+        return self.variance + (self.mean.max() / self.spp) ** 2 / self.batches
+
+
+def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
+    """How much brighter each render is than the reference, in % [batches]: the least-squares slope of its colour over
+    the reference's, pixels weighted by their precision, less 1."""
+    r = reference.mean[..., :3]
+    weighted = r / reference.variances()[..., :3]
+    difference = np.asarray(renders, dtype=np.float64)[..., :3] - r
+    return 100.0 * np.einsum("hwc,bhwc->b", weighted, difference) / float((weighted * r).sum())
+
+
+def mean_square(renders: np.ndarray, reference: Reference) -> float:
+    """Mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each cut at 25.
+
+    Well below 1 where nothing differs: empty pixels and the opacity of full ones count and do not deviate, and the
+    floor of `variances` makes dark ones deviate by less. What is usual for a scene is measured, not derived.
+    """
+    z2 = standardised(renders, reference) ** 2
+    # a pixel that is not finite makes the whole so: np.minimum hands NaN on
+    return float(np.minimum(z2, LARGEST_SQUARE).mean())
+
+
+def standardised(renders: np.ndarray, reference: Reference) -> np.ndarray:
+    """Deviation of the renders' mean from the reference's [height, width, 4], in standard errors of both."""
+    x = np.asarray(renders, dtype=np.float64)
+    return (x.mean(axis=0) - reference.mean) / np.sqrt(reference.variances() * (1 / len(x) + 1 / reference.batches))
+
+
+def largest(renders: np.ndarray, reference: Reference) -> np.ndarray:
+    """The largest deviation of any pixel of each render [batches], in standard deviations of one render."""
+    x = np.asarray(renders, dtype=np.float64)
+    z = np.abs(x - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
+    return z.max(axis=(1, 2, 3))
+
+
+def pooled(by_scene: list[np.ndarray], spreads: list[float]) -> np.ndarray:
+    """Biases [batches] of several scenes as one, scenes weighted by their precision."""
+    weights = np.array(spreads, dtype=np.float64) ** -2.0
+    return np.asarray(np.einsum("s,sb->b", weights / weights.sum(), np.stack(by_scene)))
+
 
 Renders = dict[str, np.ndarray]
 """Scene → [batches, height, width, 4], linear and premultiplied."""
@@ -36,7 +114,7 @@ def scenes_of(gates: Iterable[Gate]) -> tuple[str, ...]:
     return tuple(scene for scene in IMAGE_SCENES if scene in names or "all" in names)
 
 
-def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     """Renders and compares. Raises `InputError` as `references_for`."""
     scenes = scenes_of(gates)
     references = references_for(situation, gates)
@@ -49,7 +127,7 @@ def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     return samples(gates, shown, references, spreads)
 
 
-def references_for(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Reference]:
+def references_for(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Reference]:
     """Raises `InputError` for a stored reference that is missing, damaged or not the one of the limits."""
     return {scene: stored(situation, scene) for scene in scenes_of(gates)}
 
@@ -58,7 +136,7 @@ def samples(
     gates: Iterable[Gate], renders: Renders, references: dict[str, Reference], spreads: dict[str, float]
 ) -> dict[str, Sample]:
     """One for each gate; `spreads` of the biases weigh the scenes."""
-    biases = {scene: image_statistics.biases(renders[scene], references[scene]) for scene in renders}
+    shifts = {scene: biases(renders[scene], references[scene]) for scene in renders}
     found = {}
     for gate in gates:
         _, scene, test = gate.name.split(".")
@@ -68,7 +146,7 @@ def samples(
                 found[gate.name] = Sample([], "the scenes' own limits, which weigh them, are missing")
             else:
                 found[gate.name] = Sample(
-                    image_statistics.pooled([biases[one] for one in known], [spreads[one] for one in known]).tolist()
+                    pooled([shifts[one] for one in known], [spreads[one] for one in known]).tolist()
                 )
             continue
         values = values_of(test, renders[scene], references[scene])
@@ -79,13 +157,13 @@ def samples(
 def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[float | None]:
     """Of one test: a figure a render, or one of all."""
     if test == "bias":
-        return list(image_statistics.biases(renders, reference))
+        return list(biases(renders, reference))
     if test == "largest":
-        return list(image_statistics.largest(renders, reference))
-    return [image_statistics.mean_square(renders, reference)]
+        return list(largest(renders, reference))
+    return [mean_square(renders, reference)]
 
 
-def renew(situation: Situation) -> dict[str, list[float]]:
+def renew(situation: GateContext) -> dict[str, list[float]]:
     """Renders references anew, stores them, and measures further renders against them, which limits are made of.
 
     Always all scenes: an image and its limits belong together.
@@ -93,18 +171,18 @@ def renew(situation: Situation) -> dict[str, list[float]]:
     reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, situation.out)
     further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, situation.out)
     found: dict[str, list[float]] = {}
-    biases, references = {}, {}
+    shifts, references = {}, {}
     for scene in IMAGE_SCENES:
         # as it is read back, in single precision
         references[scene] = reference = store(situation.images, scene, reference_renders[scene])
-        biases[scene] = image_statistics.biases(further[scene], reference)
-        found[f"images.{scene}.bias"] = biases[scene].tolist()
-        found[f"images.{scene}.largest"] = image_statistics.largest(further[scene], reference).tolist()
+        shifts[scene] = biases(further[scene], reference)
+        found[f"images.{scene}.bias"] = shifts[scene].tolist()
+        found[f"images.{scene}.largest"] = largest(further[scene], reference).tolist()
         found[f"images.{scene}.pixels"] = [
-            image_statistics.mean_square(block, reference) for block in np.split(further[scene], RENEWAL_BLOCKS)
+            mean_square(block, reference) for block in np.split(further[scene], RENEWAL_BLOCKS)
         ]
-    spreads = [float(biases[scene].std(ddof=1)) for scene in sorted(biases)]
-    found["images.all.bias"] = image_statistics.pooled([biases[scene] for scene in sorted(biases)], spreads).tolist()
+    spreads = [float(shifts[scene].std(ddof=1)) for scene in sorted(shifts)]
+    found["images.all.bias"] = pooled([shifts[scene] for scene in sorted(shifts)], spreads).tolist()
     return found
 
 
@@ -159,7 +237,7 @@ def read_reference(folder: Path, scene: str) -> Reference:
         raise InputError(f"{file}: no mean and variance of renders ({error}); {remedy}") from error
 
 
-def stored(situation: Situation, scene: str) -> Reference:
+def stored(situation: GateContext, scene: str) -> Reference:
     """The reference that the limits were measured against; raises `InputError` for another one."""
     facts = situation.limits.kinds.get("images")
     reference = read_reference(situation.images, scene)
@@ -180,9 +258,9 @@ def pictures_of(renders: np.ndarray, reference: Reference, test: str) -> Picture
     """The renders' mean, or for `largest` the render that deviates most; the difference is in standard deviations,
     grey where nothing differs, black and white at ± 5."""
     if test == "largest":
-        image = renders[int(np.argmax(image_statistics.largest(renders, reference)))]
+        image = renders[int(np.argmax(largest(renders, reference)))]
         z = (image - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
     else:
-        image, z = renders.mean(axis=0), image_statistics.standardised(renders, reference)
+        image, z = renders.mean(axis=0), standardised(renders, reference)
     first, second = (over_white(display_from_linear(np.nan_to_num(one))) for one in (image, reference.mean))
     return Pictures(first, second, np.clip(0.5 + np.nan_to_num(z[..., :3]) / 10.0, 0.0, 1.0))

@@ -1,21 +1,27 @@
-"""What was measured of images → limits, and what they find: pure functions.
+"""What was measured of images → limits (`gates/limits.json`), and what they find.
 
 A limit is a prediction interval: what new renders of the same code give lies outside with a probability of `LEVEL`,
 where spreads are normal, their own uncertainty included (Student). How far that holds in the outer tail is not known
-from a few measurements; nothing that was measured is ever left out.
+from a few measurements; nothing that was measured is ever left out. The file holds whatever the processor, and is
+reviewed like code.
 """
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from harness.gate.catalog import Gate
-from harness.statistics import POWER, shift_found
+from harness.gate.gates import Gate, Kind, settings_of
+from harness.records.json_record import load_json
+from harness.verdicts.statistics import POWER, shift_found
+from scenes.files.errors import InputError
 
 LEVEL = 0.01 / 80
 EULER = 0.5772156649
@@ -92,3 +98,132 @@ def excess_of(figure: float, limit: Limit) -> float:
     beyond = [limit.low - figure] if limit.low is not None else []
     beyond += [figure - limit.high] if limit.high is not None else []
     return max(beyond)
+
+
+SCHEMA = 1
+DIGITS = 5
+
+
+@dataclass(frozen=True)
+class KindFacts:
+    """Where and with what the limits of a kind were measured."""
+
+    settings: dict[str, Any]
+    provenance: dict[str, Any]
+    seconds: float
+    files: dict[str, str] = field(default_factory=dict)
+    """File that belongs to them → SHA-256."""
+
+
+@dataclass(frozen=True)
+class LimitsFile:
+    kinds: dict[str, KindFacts] = field(default_factory=dict)
+    values: dict[str, list[float]] = field(default_factory=dict)
+    """Gate → what was measured at renewal; limits follow from it (`harness.gate.limits.limit_from`)."""
+    limits: dict[str, Limit] = field(default_factory=dict)
+    """What is held to."""
+
+    def limit_of(self, gate: Gate) -> tuple[Limit | None, str]:
+        """The limit, or None and why there is none, with the remedy."""
+        remedy = f"renew with `python -m harness gate --renew --only {gate.name}` and review what changed"
+        if gate.name not in self.limits:
+            return None, f"there is no limit for it; {remedy}"
+        facts = self.kinds.get(gate.kind)
+        if facts is None or facts.settings != json.loads(json.dumps(settings_of(gate.kind))):
+            return None, f"its limit was measured with other settings of the gate; {remedy}"
+        return self.limits[gate.name], ""
+
+    def renewed(
+        self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts, table: Sequence[Gate]
+    ) -> "LimitsFile":
+        """With new measurements of one kind; every limit is computed anew."""
+        kept = self.values | {name: [_rounded(one) for one in found] for name, found in values.items()}
+        kept = {gate.name: kept[gate.name] for gate in table if gate.name in kept}
+        limits = {gate.name: _tidy(limit_from(gate, kept[gate.name])) for gate in table if gate.name in kept}
+        return replace(self, kinds={**self.kinds, kind: facts}, values=kept, limits=limits)
+
+
+def read_limits(file: Path) -> LimitsFile:
+    """Raises `InputError`, with the remedy, for a file that is missing or damaged."""
+    remedy = "make it with `python -m harness gate --renew`, review it, and commit it"
+    restore = f"get it back from version control, or {remedy}"
+    try:
+        data = load_json(file)
+    except FileNotFoundError as error:
+        raise InputError(f"--limits {file}: there is no such file; {remedy}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"--limits {file}: {error}; {restore}") from error
+    try:
+        if data["schema"] != SCHEMA:
+            raise ValueError(f"schema {data['schema']}, this version reads {SCHEMA}")
+        kinds = {name: KindFacts(**facts) for name, facts in data["kinds"].items()}
+        limits = {name: Limit(**{key: _number(value) for key, value in one.items()}) for name, one in
+                  data["limits"].items()}  # fmt: skip
+        values = {name: [float(one) for one in found] for name, found in data["values"].items()}
+        for name, limit in limits.items():
+            if limit.low is None and limit.high is None:
+                raise ValueError(f"{name} has neither a lower nor an upper limit")
+        return LimitsFile(kinds, values, limits)
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise InputError(f"--limits {file}: damaged ({error}); {restore}") from error
+
+
+def write_limits(file: Path, limits: LimitsFile) -> None:
+    """Raises `OSError` where it cannot be written."""
+    text = {
+        "schema": SCHEMA,
+        "kinds": {name: asdict(facts) for name, facts in sorted(limits.kinds.items())},
+        "limits": {name: asdict(limit) for name, limit in limits.limits.items()},
+        "values": limits.values,
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    beside = file.with_name(f".{file.name}.part")
+    beside.write_text(a_line_each(text), encoding="utf-8")
+    beside.replace(file)
+
+
+def a_line_each(data: dict[str, Any]) -> str:
+    """JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
+
+    def rows(found: dict[str, Any]) -> str:
+        lines = [f"  {json.dumps(name)}: {json.dumps(one, allow_nan=False)}" for name, one in found.items()]
+        return "{\n" + ",\n".join(lines) + "\n }" if lines else "{}"
+
+    parts = [
+        f" {json.dumps(key)}: {rows(value) if isinstance(value, dict) else json.dumps(value, ensure_ascii=False)}"
+        for key, value in data.items()
+    ]
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def changes(before: LimitsFile, after: LimitsFile) -> list[str]:
+    """Old → new, a line for each gate whose limits changed."""
+    lines = []
+    for name in dict.fromkeys([*before.limits, *after.limits]):
+        old, new = (_words(found.limits.get(name)) for found in (before, after))
+        if old != new:
+            lines.append(f"{name}: {old} → {new}")
+    return lines
+
+
+def _words(limit: Limit | None) -> str:
+    if limit is None:
+        return "none"
+    low, high = ("" if value is None else f"{value:.5g}" for value in (limit.low, limit.high))
+    return f"{low} … {high}"
+
+
+def _number(value: Any) -> Any:
+    if value is not None and (
+        isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
+    ):
+        raise ValueError(f"{value!r} is not a finite number")
+    return value
+
+
+def _tidy(limit: Limit) -> Limit:
+    return Limit(**{name: value if name == "measured" else _rounded(value) for name, value in asdict(limit).items()})
+
+
+def _rounded(value: Any) -> Any:
+    return None if value is None else float(f"{value:.{DIGITS}g}")

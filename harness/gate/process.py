@@ -11,8 +11,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
-from harness.stopping import end_with_parent
-from scenes.errors import InputError
+from harness.machine.stopping import end_with_parent
+from scenes.files.errors import InputError
 
 Result = TypeVar("Result")
 
@@ -109,7 +109,7 @@ def _received(connection: Connection) -> Any:
 
 def _answer(connection: Connection, function: Callable[..., Any], given: tuple[Any, ...]) -> None:
     end_with_parent()
-    from harness.device import keep_freed_memory, use_threads
+    from harness.machine.device import keep_freed_memory, use_threads
 
     use_threads(1)
     keep_freed_memory()

@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from scipy.stats import norm
 
-from harness.cell_training import GroupSettings
-from harness.comparisons import METRICS, compare
-from harness.gate.catalog import (
+from harness.execution.ground_truth import read_views
+from harness.execution.run import view_set_folders
+from harness.gate.gates import (
     DRAWS,
     GATE_SEEDS,
     HEADLINES,
@@ -30,22 +30,21 @@ from harness.gate.catalog import (
     Gate,
 )
 from harness.gate.limits import NONE_DIFFERS, Limit
-from harness.gate.outcome import Sample
+from harness.gate.outcome import GateContext, Sample
 from harness.gate.process import in_children
 from harness.gate.references import References
-from harness.gate.situation import Situation
-from harness.ground_truth import read_views
-from harness.learner import Learner
-from harness.lockstep import train_group
-from harness.make_learner import learner_for
-from harness.plan import SHORT_TRAINING, Plan
-from harness.records import CellRecord, Checkpoint
-from harness.runner import view_set_folders
-from harness.schedule import Budget
-from harness.scratch import scratch_folder
-from harness.seeds import generator_for
-from harness.settings import GridSettings, ScoreSettings, ViewSettings
-from scenes.errors import InputError
+from harness.plan.profiles import SHORT_TRAINING, Plan
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.plan.settings import GridSettings, ScoreSettings, ViewSettings
+from harness.records.cells import CellRecord, Checkpoint
+from harness.run_folder.folder_lock import scratch_folder
+from harness.training.cell_training import GroupSettings
+from harness.training.learner import Learner
+from harness.training.lockstep import train_group
+from harness.training.make_learner import learner_for
+from harness.verdicts.comparisons import METRICS, compare
+from scenes.files.errors import InputError
 
 Scores = dict[str, dict[str, float | None]]
 """scene/method/seed → score → value."""
@@ -71,7 +70,7 @@ def gate_plan(seeds: tuple[int, ...], scenes: Sequence[str], methods: Sequence[s
     )
 
 
-def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
+def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     """Trains what the gates need and nothing else."""
     stored = situation.references
     needed = methods_of(gates)
@@ -89,7 +88,7 @@ def measure(situation: Situation, gates: tuple[Gate, ...]) -> dict[str, Sample]:
     return found
 
 
-def renew(situation: Situation) -> References:
+def renew(situation: GateContext) -> References:
     """The references with new cells. Raises `InputError` where one did not end."""
     draws = []
     for draw in range(DRAWS):
@@ -126,7 +125,7 @@ def methods_of(gates: Iterable[Gate]) -> tuple[str, ...]:
     return tuple(method for method in TRAINED_METHODS if method in named)
 
 
-def trained(situation: Situation, methods: tuple[str, ...], draw: int) -> list[CellRecord]:
+def trained(situation: GateContext, methods: tuple[str, ...], draw: int) -> list[CellRecord]:
     """All cells of `methods`, in as many processes as there are cores."""
     plan = gate_plan(GATE_SEEDS, TRAINED_SCENES, methods)
     folders = view_set_folders(plan, situation.view_sets, situation.show)

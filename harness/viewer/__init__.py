@@ -1,1 +1,1 @@
-"""A local page in which one orbits a trained scene, methods side by side: `python -m harness view OUT`."""
+"""A finished run in the browser; imports `playback` and what is below."""

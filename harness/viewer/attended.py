@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.attention.maps import MAPS, Sight
-from harness.attention.regions import Regions
-from scenes.errors import InputError
-from scenes.images import read_image
-from scenes.pixels import area_weights
+from baselines.numerics.attention.maps import MAPS, MapInputs
+from baselines.numerics.attention.regions import Regions
+from scenes.files.errors import InputError
+from scenes.view_sets.images import read_image
+from scenes.view_sets.pixels import area_weights
 
 RADIUS = 0.2
 """Of the disc about a point, of the picture's longer side."""
@@ -23,7 +23,7 @@ ATTENTIONS: dict[str, str] = {
     "mask": "bright pixels of the mask",
     "none": "none (plain)",
 }
-"""Map of `harness.attention.maps.MAPS` → what a reader is shown."""
+"""Map of `baselines.numerics.attention.maps.MAPS` → what a reader is shown."""
 LARGEST_MASK = 1024
 """Pixels a side that are kept of one."""
 
@@ -66,7 +66,9 @@ def attention_map(
         return np.ones(regions.count)
     radius = RADIUS * max(regions.height, regions.width)
     marked = {} if mask is None else {"mask": lambda: spread(mask, regions.height, regions.width)}
-    return MAPS[attention.kind](Sight(regions, row, column, radius, focal, image=lambda: image, error=error, **marked))
+    return MAPS[attention.kind](
+        MapInputs(regions, row, column, radius, focal, image=lambda: image, error=error, **marked)
+    )
 
 
 def read_mask(file: Path) -> np.ndarray:

@@ -13,18 +13,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from harness.attention.priorities import is_equal
-from harness.attention.progressive import Canvas, coarse, estimated_error, refine, why_plain
-from harness.attention.regions import Regions
-from harness.camera import Camera
-from harness.evaluate import LARGEST_PSNR, View
-from harness.finished import TrainedCell
-from harness.learner import Learner
-from harness.metrics import psnr
-from harness.trainer import Diverged
-from harness.view_cache.cached import CachedMethod
-from harness.view_cache.keys import plain_calls
-from harness.view_cache.store import ViewStore
+from baselines.numerics.attention.priorities import is_equal
+from baselines.numerics.attention.regions import Regions
+from harness.playback.cached import CachedMethod
+from harness.playback.keys import plain_calls
+from harness.playback.progressive import Canvas, coarse, estimated_error, refine, why_plain
+from harness.playback.run_loader import TrainedCell
+from harness.playback.store import ViewStore
+from harness.training.batches import Camera
+from harness.training.evaluate import LARGEST_PSNR, View
+from harness.training.learner import Learner
+from harness.training.metrics import psnr
+from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention, attention_map
 
 COARSE_SECONDS = 0.1
@@ -34,13 +34,13 @@ REGION = 16
 """Least side of a region in pixels: smaller calls cost more than they bring."""
 REGIONS_A_SIDE = 12
 NOT_BY_REGIONS = "Refined plainly: its density depends on which points share a call."
-"""What a reader is told of `harness.attention.progressive.why_plain`."""
+"""What a reader is told of `harness.playback.progressive.why_plain`."""
 
 State = Literal["coarse", "refining", "whole", "failed"]
 
 
 @dataclass
-class Pace:
+class RenderRate:
     """Rays a second of one method, learnt from what was rendered."""
 
     rays_per_second: float = 20_000.0
@@ -57,7 +57,7 @@ class Pace:
 
 
 @dataclass
-class Seat:
+class MethodView:
     """A method that is looked at."""
 
     name: str
@@ -65,11 +65,11 @@ class Seat:
     cached: CachedMethod
     chunk: int
     """Rays a call."""
-    pace: Pace = field(default_factory=Pace)
+    pace: RenderRate = field(default_factory=RenderRate)
 
     @staticmethod
-    def of(cell: TrainedCell, store: ViewStore) -> "Seat":
-        return Seat(
+    def of(cell: TrainedCell, store: ViewStore) -> "MethodView":
+        return MethodView(
             cell.cell.method, cell.learner, CachedMethod(cell.learner, store, cell.chunk, frozen=True), cell.chunk
         )
 
@@ -85,7 +85,7 @@ class Seat:
 
 
 @dataclass(frozen=True)
-class Frame:
+class FreshPixels:
     """Pixels of one method that have just come to be known."""
 
     method: str
@@ -124,14 +124,14 @@ def regions_of(camera: Camera) -> Regions:
 
 
 def frames(
-    seats: Sequence[Seat],
+    seats: Sequence[MethodView],
     camera: Camera,
     attention: Attention,
     truth: np.ndarray | None = None,
     use_cache: bool = True,
     asked_at: float | None = None,
     mask: np.ndarray | None = None,
-) -> Iterator[Frame]:
+) -> Iterator[FreshPixels]:
     """Of each method either one whole picture out of the cache, or a coarse one, the refined parts of it, and a last
     frame that holds the whole picture.
 
@@ -162,7 +162,7 @@ def frames(
 class _Turn:
     """One method at work on one view."""
 
-    seat: Seat
+    seat: MethodView
     camera: Camera
     attention: Attention
     truth: np.ndarray | None
@@ -175,7 +175,7 @@ class _Turn:
     def __post_init__(self) -> None:
         self.regions = regions_of(self.camera)
 
-    def from_cache(self) -> Frame | None:
+    def from_cache(self) -> FreshPixels | None:
         """The picture that rendering now would give, or the plain one, which differs from it by rounding alone."""
         if not self.use_cache:
             return None
@@ -189,7 +189,7 @@ class _Turn:
                 return self._frame("whole", *_all(view), share=1.0, level=level, psnr=psnr_here, note=note)
         return None
 
-    def rendered(self) -> Iterator[Frame]:
+    def rendered(self) -> Iterator[FreshPixels]:
         try:
             yield from self._rendered()
         except Diverged as reason:
@@ -197,7 +197,7 @@ class _Turn:
             nothing = (np.zeros(0, np.int64), np.zeros((0, 3), np.float32), none, none)
             yield self._frame("failed", *nothing, share=0.0, note=f"The picture is not finite: {reason}")
 
-    def _rendered(self) -> Iterator[Frame]:
+    def _rendered(self) -> Iterator[FreshPixels]:
         seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
         stride = seat.pace.stride(size)
         began = time.perf_counter()
@@ -262,9 +262,11 @@ class _Turn:
 
     def _frame(
         self, state: State, pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray, **facts: Any
-    ) -> Frame:
+    ) -> FreshPixels:
         seconds = time.perf_counter() - self.start
-        return Frame(self.seat.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts)
+        return FreshPixels(
+            self.seat.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts
+        )
 
 
 def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -275,21 +277,21 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def first_frame(
     cells: Sequence[TrainedCell], camera: Camera, attention: Attention | None = None, warm_up: bool = True
-) -> list[Frame]:
+) -> list[FreshPixels]:
     """All frames of a view with nothing in the cache (`seconds_of` them). `warm_up` renders a coarse frame first, as
     the viewer does when it loads a method.
     """
-    seats = [Seat.of(cell, ViewStore(0, None, 0)) for cell in cells]
+    seats = [MethodView.of(cell, ViewStore(0, None, 0)) for cell in cells]
     if warm_up:
         for seat in seats:
             warmed(seat, camera)
     return list(frames(seats, camera, attention or Attention(), use_cache=False))
 
 
-def seconds_of(shown: Iterable[Frame], methods: int) -> tuple[float, float]:
+def seconds_of(shown: Iterable[FreshPixels], methods: int) -> tuple[float, float]:
     """When there was something of all methods, and when everything was whole, seconds since the view was asked for.
 
-    Raises `harness.trainer.Diverged` where a picture is not finite: that is no time.
+    Raises `harness.training.trainer.Diverged` where a picture is not finite: that is no time.
     """
     seen: dict[str, float] = {}
     last = 0.0
@@ -303,7 +305,7 @@ def seconds_of(shown: Iterable[Frame], methods: int) -> tuple[float, float]:
     return max(seen.values(), default=0.0), last
 
 
-def warmed(seat: Seat, camera: Camera) -> None:
+def warmed(seat: MethodView, camera: Camera) -> None:
     """Lets a method allocate what it needs, and learns its pace."""
     for _ in range(2):
         began = time.perf_counter()

@@ -22,7 +22,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from harness.viewer.asked import LARGEST_BODY, Asked, BadRequest, parsed, view_number
+from harness.viewer.asked import LARGEST_BODY, BadRequest, ViewRequest, parsed, view_number
 from harness.viewer.shown_run import ShownRun
 from harness.viewer.wire import message
 
@@ -72,7 +72,7 @@ class Desk:
     async def done(self, work: Callable[..., Made], *arguments: Any) -> Made:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
-    def enter(self, asked: Asked) -> None:
+    def enter(self, asked: ViewRequest) -> None:
         """Whatever the page asked for before is given up after the call of rays that it is at.
 
         Raises `Refused` for what is not newer than that.
@@ -85,10 +85,10 @@ class Desk:
         while len(self.newest) > MOST_CLIENTS:
             self.newest.popitem(last=False)
 
-    def wanted(self, asked: Asked) -> bool:
+    def wanted(self, asked: ViewRequest) -> bool:
         return self.newest.get(asked.client) == asked.generation
 
-    async def stream(self, asked: Asked, gone: Callable[[], Any]) -> AsyncIterator[bytes]:
+    async def stream(self, asked: ViewRequest, gone: Callable[[], Any]) -> AsyncIterator[bytes]:
         messages = self.shown.messages(asked)
         try:
             while not await gone():

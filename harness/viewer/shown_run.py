@@ -11,18 +11,63 @@ from typing import Any
 import numpy as np
 import torch
 
-from harness.camera import Camera
-from harness.finished import FinishedRun
-from harness.json_record import DamagedRecord
-from harness.records import SceneRecord, cell_path, read_cell
-from harness.view_cache.store import StoreStatistics, ViewStore
+from harness.playback.run_loader import FinishedRun
+from harness.playback.store import StoreStatistics, ViewStore
+from harness.records.cells import SceneRecord, cell_path, read_cell
+from harness.records.json_record import DamagedRecord
+from harness.training.batches import Camera
 from harness.viewer import engine
-from harness.viewer.asked import LARGEST_WIDTH, Asked, BadRequest
+from harness.viewer.asked import LARGEST_WIDTH, BadRequest, Orbit, ViewRequest, covering, orbit_of
 from harness.viewer.attended import ATTENTIONS
-from harness.viewer.orbit import Orbit, covering, orbit_of
-from harness.viewer.truth import Truth, read_truth
 from harness.viewer.wire import frame_message, message, picture_message
-from scenes.errors import InputError
+from scenes.files.errors import InputError
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import Split
+
+
+@dataclass(frozen=True)
+class TrueViews:
+    """The test views of one scene at one size; without any, `missing` says why."""
+
+    names: tuple[str, ...]
+    poses: np.ndarray
+    """float64 [views, 4, 4], OpenGL axes."""
+    split: Split | None
+    missing: str = ""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def colour(self, view: int) -> np.ndarray:
+        """float32 [h, w, 3], display colour over white."""
+        assert self.split is not None
+        return over_white(self.split.rgba[view])
+
+    def opacity(self, view: int) -> np.ndarray:
+        """float32 [h, w]."""
+        assert self.split is not None
+        return self.split.rgba[view][..., 3]
+
+    def depth(self, view: int) -> np.ndarray | None:
+        """float32 [h, w], 0 where nothing was hit; None for a view set that has no depth."""
+        assert self.split is not None
+        return None if self.split.depth is None else self.split.depth[view]
+
+
+def no_truth(why: str) -> TrueViews:
+    return TrueViews((), np.zeros((0, 4, 4)), None, why)
+
+
+def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int, scratch: Path | None) -> TrueViews:
+    """Of a finished run's scene, at `width` pixels or the views' own width where that is smaller; decoded images go to
+    `scratch`. Never raises for what is wrong with the view set.
+    """
+    try:
+        found = run.views(scene, view_sets, min(width, scene.width), scratch=scratch)
+    except (InputError, OSError) as error:
+        return no_truth(f"No ground truth: {error}")
+    return TrueViews(found.test.names, found.test.camera_to_world, found.test)
+
 
 MEMORY_BYTES = 256 << 20
 DISK_BYTES = 2 << 30
@@ -52,10 +97,10 @@ class ShownRun:
     """Pixels; None: each scene's own."""
     mask: np.ndarray | None = None
     """[h, w] of a user, of any size."""
-    seats: dict[tuple[str, str], engine.Seat] = field(default_factory=dict)
+    seats: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Of the views of each scene, somewhere."""
-    truths: OrderedDict[str, Truth] = field(default_factory=OrderedDict)
+    truths: OrderedDict[str, TrueViews] = field(default_factory=OrderedDict)
     """Of the scenes looked at last."""
     sources: Counter[str] = field(default_factory=Counter)
     """Where whole pictures came from: `level 0` … `level 2` of the cache, or `rendered`."""
@@ -147,7 +192,7 @@ class ShownRun:
                 return scene
         raise BadRequest("scene: the run has no such scene")
 
-    def truth(self, scene: SceneRecord) -> Truth:
+    def truth(self, scene: SceneRecord) -> TrueViews:
         found = self.truths.pop(scene.name, None)
         if found is None:
             while len(self.truths) >= TRUTHS:
@@ -160,17 +205,17 @@ class ShownRun:
     def _attends(self, kind: str) -> bool:
         return kind != "mask" or self.mask is not None
 
-    def seat(self, scene: SceneRecord, method: str) -> engine.Seat:
+    def seat(self, scene: SceneRecord, method: str) -> engine.MethodView:
         """Raises `InputError` where the cell cannot be shown."""
         if (scene.name, method) not in self.seats:
             cell = self.run.trained(scene, method, self.seed, self.device)
-            seat = engine.Seat.of(cell, self.store)
+            seat = engine.MethodView.of(cell, self.store)
             lens = self.lenses.setdefault(scene.name, cell.camera(_start(scene).pose()))
             engine.warmed(seat, self._camera(scene, lens, None))
             self.seats[scene.name, method] = seat
         return self.seats[scene.name, method]
 
-    def checked(self, asked: Asked) -> None:
+    def checked(self, asked: ViewRequest) -> None:
         """Raises `BadRequest` for names and views that are not there."""
         scene = self.scene(asked.scene)
         unknown = [name for name in asked.methods if name not in self.run.run.methods]
@@ -190,7 +235,7 @@ class ShownRun:
         facts = {"name": truth.names[view], "width": width, "height": height, "has_depth": depth is not None}
         return picture_message("truth", colour, opacity, depth, **facts)
 
-    def messages(self, asked: Asked) -> Generator[bytes, None, None]:
+    def messages(self, asked: ViewRequest) -> Generator[bytes, None, None]:
         """All that a page is sent for what it asked, one piece of work after another; `checked` before."""
         scene = self.scene(asked.scene)
         truth = self.truth(scene)

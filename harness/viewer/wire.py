@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.viewer.engine import Frame
+from harness.viewer.engine import FreshPixels
 
 ARRAYS = ("pixels", "colour", "opacity", "depth")
 HIT = 0.5
@@ -27,7 +27,7 @@ def message(kind: str, **header: Any) -> bytes:
     return _packed({"kind": kind, **header, "pixels": 0}, b"")
 
 
-def frame_message(frame: Frame) -> bytes:
+def frame_message(frame: FreshPixels) -> bytes:
     """A last frame whose parts were all sent before holds none of them again."""
     header = {one.name: getattr(frame, one.name) for one in fields(frame) if one.name not in ARRAYS}
     if frame.state == "whole" and frame.level is None:

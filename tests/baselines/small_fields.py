@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.ablations import LADDER, PARTIAL
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import NetworkSize, Rays, Rendering
 from baselines.field import NetworkField
-from harness.conformance.subject import BOX, SMALL, WHITE, rendered, roughened, set_alpha, some_points
+from baselines.methods.ablations import LADDER, PARTIAL
+from harness.studies.conformance.subject import BOX, SMALL, WHITE, rendered, roughened, set_alpha, some_points
 from tests.baselines.analytic import rays_at
 
 __all__ = ["BOX", "EIGHT", "SMALL", "WHITE", "roughened", "set_alpha", "some_points"]

@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.ablations import BANDWIDTH, PARTIAL, PARTS_OF_QNERF, WEAKENED, combination, partial_combinations
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, encoding_bands, reaching
 from baselines.contract import NetworkSize
-from baselines.nerf import NERF, NERF_MATCHED
+from baselines.methods.ablations import BANDWIDTH, PARTIAL, PARTS_OF_QNERF, WEAKENED, combination, partial_combinations
+from baselines.methods.nerf import NERF, NERF_MATCHED
+from baselines.methods.qnerf import QNERF, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
-from baselines.qnerf import QNERF, QNERF_THEOREM
 from tests.baselines.small_fields import field_of, some_points
 
 

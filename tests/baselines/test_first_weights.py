@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from baselines.field import NetworkField
-from baselines.qnerf import QNERF
+from baselines.methods.qnerf import QNERF
 from tests.baselines.small_fields import (
     BOX,
     EIGHT,

@@ -8,14 +8,14 @@ from torch import Tensor
 
 from baselines.amplifiers import AMPLIFIERS, HeldMeanAmplifier
 from baselines.field import MEAN_POINTS, training_step
-from baselines.held_mean import MEAN_SHARE, HeldMean
-from baselines.repaired import CANDIDATES
+from baselines.held_mean import MEAN_SHARE, RunningMean
+from baselines.methods.repaired import CANDIDATES
 from tests.baselines.small_fields import PARTS, field_of, render, roughened, some_points, some_rays
 
 BOX_MEAN, RUNNING = "qnerf_box_mean", [name for name in CANDIDATES if name != "qnerf_box_mean"]
 
 
-def moved_by(mean: HeldMean, *steps: list[Tensor]) -> HeldMean:
+def moved_by(mean: RunningMean, *steps: list[Tensor]) -> RunningMean:
     for calls in steps:
         mean.begin()
         for values in calls:
@@ -25,26 +25,26 @@ def moved_by(mean: HeldMean, *steps: list[Tensor]) -> HeldMean:
 
 
 def test_the_first_steps_average_and_later_ones_fade() -> None:
-    found, expected = HeldMean(), 0.0
+    found, expected = RunningMean(), 0.0
     for step in range(40):
         moved_by(found, [torch.full((7,), float(step % 5))])
         share = max(1.0 / (step + 1), MEAN_SHARE)
         expected += share * (step % 5 - expected)
         assert float(found.value) == pytest.approx(expected, rel=1e-6)
-    assert float(moved_by(HeldMean(), [torch.ones(3)], [3 * torch.ones(3)]).value) == 2.0
+    assert float(moved_by(RunningMean(), [torch.ones(3)], [3 * torch.ones(3)]).value) == 2.0
 
 
 def test_it_does_not_matter_in_how_many_calls_the_values_of_a_step_come() -> None:
     values = 50.0 * torch.rand(1000, generator=torch.Generator().manual_seed(3)) ** 8
-    whole = moved_by(HeldMean(), [values]).value
+    whole = moved_by(RunningMean(), [values]).value
     for size in (1, 7, 256, 999):
-        assert torch.equal(moved_by(HeldMean(), list(values.split(size))).value, whole), size
+        assert torch.equal(moved_by(RunningMean(), list(values.split(size))).value, whole), size
     shuffled = values[torch.randperm(1000, generator=torch.Generator().manual_seed(4))]
-    assert torch.equal(moved_by(HeldMean(), [shuffled]).value, whole)
+    assert torch.equal(moved_by(RunningMean(), [shuffled]).value, whole)
 
 
 def test_nothing_counts_outside_of_a_step_nor_in_one_that_is_dropped_or_saw_nothing() -> None:
-    mean = moved_by(HeldMean(), [torch.full((3,), 2.0)])
+    mean = moved_by(RunningMean(), [torch.full((3,), 2.0)])
     mean.take(torch.full((3,), 9.0))
     mean.begin()
     mean.take(torch.full((3,), 9.0))
@@ -55,7 +55,7 @@ def test_nothing_counts_outside_of_a_step_nor_in_one_that_is_dropped_or_saw_noth
 
 
 def test_no_gradient_flows_through_it() -> None:
-    mean, values = HeldMean(), torch.ones(4, requires_grad=True)
+    mean, values = RunningMean(), torch.ones(4, requires_grad=True)
     moved_by(mean, [values])
     assert not mean.value.requires_grad
     assert not list(mean.parameters())

@@ -7,13 +7,13 @@ import pytest
 import torch
 from torch import nn
 
-from baselines.ablations import LADDER, PARTS_OF_QNERF, combination
 from baselines.composition import Parts, encoding_bands, skip_layer
 from baselines.contract import Box, NetworkSize
 from baselines.field import NetworkField
-from baselines.nerf import NERF, NERF_MATCHED
+from baselines.methods.ablations import LADDER, PARTS_OF_QNERF, combination
+from baselines.methods.nerf import NERF, NERF_MATCHED
+from baselines.methods.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
-from baselines.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from tests.baselines.small_fields import (
     ALL_PARTS,
     BOX,

@@ -8,13 +8,12 @@ import torch
 from torch import Tensor, nn
 
 from baselines import plain
-from baselines.accelerations import Accelerations
-from baselines.contract import Box, NetworkSize, Rays
+from baselines.contract import Accelerations, Box, NetworkSize, Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
-from harness.schedule import Budget
-from harness.seeds import generator_for
-from harness.settings import GridSettings, TrainSettings
-from harness.trainer import Trainer
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.plan.settings import GridSettings, TrainSettings
+from harness.training.trainer import Trainer
 
 SIZE = NetworkSize(depth=8, width=48, colour_layers=2, colour_width=24, position_bands=6, direction_bands=3)
 BOX = Box(torch.tensor([-3.0, -2.6, -2.8]), torch.tensor([3.0, 2.9, 2.7]))

@@ -8,14 +8,14 @@ import torch
 
 from baselines.catalog import CATALOG, Method
 from baselines.contract import Rays
-from baselines.nerf import NERF
+from baselines.methods.nerf import NERF
 from baselines.numerics.checks import BadDensity, BadInterval
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import OPAQUE
-from harness.schedule import Budget
-from harness.settings import GridSettings, TrainSettings
-from harness.trainer import Trainer
+from harness.plan.schedule import Budget
+from harness.plan.settings import GridSettings, TrainSettings
+from harness.training.trainer import Trainer
 from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at, smooth_ball, soft_shell
 from tests.baselines.small_fields import BOX, SMALL
 from tests.baselines.test_rendering import BACKGROUND, over_background, render, straight_ray

@@ -20,10 +20,10 @@ from baselines.amplifiers import (
 from baselines.composition import DENSITY_SCALE
 from baselines.contract import Rays
 from baselines.field import NetworkField, training_step
-from baselines.nerf import NERF
+from baselines.methods.nerf import NERF
+from baselines.methods.qnerf import QNERF
+from baselines.methods.repaired import CANDIDATES, MEANING
 from baselines.numerics.encoding import PHI
-from baselines.qnerf import QNERF
-from baselines.repaired import CANDIDATES, MEANING
 from tests.baselines.small_fields import PARTS, field_of, render, roughened, set_alpha, some_points, some_rays
 
 READINGS = [parts.amplifier for parts in CANDIDATES.values()]

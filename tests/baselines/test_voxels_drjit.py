@@ -124,7 +124,7 @@ def test_what_a_bin_loses_keeps_its_digits_and_its_gradient(exponent: int) -> No
     import drjit as dr
     from drjit.llvm.ad import Float
 
-    from baselines.voxel_grid import lost
+    from baselines.voxels_drjit import lost
 
     tau = torch.tensor([0.3, 0.4999, 0.5001, 0.9]) * 10.0**exponent
     held = Float(tau.numpy())

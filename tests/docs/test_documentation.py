@@ -10,9 +10,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.__main__ import parser
-from harness.json_record import write_json
-from harness.records import read_cells
+from harness.command.main import parser
+from harness.records.cells import read_cells
+from harness.records.json_record import write_json
 from tests.every_command import blocks
 from tests.harness.shell import ROOT
 from tests.reports.fake_run import write_fake_run
@@ -92,8 +92,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from reports.load import read_records
-    from reports.summary import summary
+    from reports.data.load import read_records
+    from reports.run.publish import summary
 
     write_json(run / "summary.json", summary(read_records(run)))
     text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.judge.judgement import judge
-from harness.judge.record import JudgementRecord, changed_pairs
-from harness.judge.table import read_table
-from harness.judge.wording import lines
+from harness.records.judgements import JudgementRecord, changed_pairs
+from harness.verdicts.judgement import judge, lines
+from harness.verdicts.result_table import read_table
 from tests.harness.shell import ROOT
 
 EXAMPLES = ROOT / "docs" / "examples"

@@ -8,14 +8,13 @@ from typing import Any
 
 import pytest
 
-from harness.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord, write_evidence
-from reports.documents import BLOCKS, MARKED, main, pages, rewritten
-from reports.published import SAYS, Published
+from harness.records.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord, write_evidence
+from reports.run.published import BLOCKS, MARKED, SAYS, Published, main, pages, rewritten
 from tests.harness.shell import ROOT
 
 ELSEWHERE = {
     "judge.md": "tests/docs/test_judge_page.py",
-    "scaling.md": "tests/harness/test_scaling.py",
+    "scaling.md": "tests/harness/studies/test_scaling.py",
     "gate-your-ci.md": "tests/harness/gate",
 }
 """Pages whose numbers other tests hold to their data."""
@@ -42,7 +41,7 @@ def outside_of_blocks(text: str) -> str:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_blocks_are_what_the_data_give(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text == rewritten(text, Published(ROOT / "docs")), "python -m reports.documents"
+    assert text == rewritten(text, Published(ROOT / "docs")), "python -m reports.run.published"
     assert text.count("<!-- numbers:") == len(MARKED.findall(text)) == text.count("<!-- end -->")
 
 
@@ -52,7 +51,7 @@ def test_no_measured_number_stands_outside_of_a_block(page: Path) -> None:
     for known in NOT_MEASURED.get(page.name, ()):
         assert known in text, f"{known}: no longer on the page; take it from the list"
         text = text.replace(known, "")
-    assert not (found := MEASURED.findall(text)), f"{found}: put them into a block of reports/documents.py"
+    assert not (found := MEASURED.findall(text)), f"{found}: put them into a block of reports/run/published.py"
 
 
 @pytest.mark.parametrize(

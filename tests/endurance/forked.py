@@ -57,21 +57,21 @@ def prepare() -> None:
     import torch
 
     import scenes.__main__
-    import scenes.render  # noqa: F401
-    from harness import plan
-    from harness.settings import GridSettings
+    import scenes.rendering.render  # noqa: F401
+    from harness.plan import profiles
+    from harness.plan.settings import GridSettings
 
     for name in LATE:
         importlib.import_module(name)
     mitsuba = importlib.import_module("mitsuba")
     mitsuba.set_variant("scalar_rgb")
     torch.set_num_threads(1)
-    smoke = plan.PROFILES["smoke"]
+    smoke = profiles.PROFILES["smoke"]
     network = replace(smoke.train.network, depth=2, width=16, colour_width=8)
     train = replace(smoke.train, network=network, rays=64, bins=12, first_bins=6, precision="float32",
                     grid=GridSettings(cells=8, first_step=4, every=3))  # fmt: skip
     views = replace(smoke.views, resolution=16, train=6, val=0, test=2, spp_train=4, spp_test=4)
-    plan.PROFILES["smoke"] = replace(
+    profiles.PROFILES["smoke"] = replace(
         smoke, train=train, views=views, score=replace(smoke.score, checkpoints=2, train_views=1)
     )
 
@@ -125,16 +125,16 @@ def _child(arguments: list[str], log: Path, point: tuple[str, int] | None) -> No
         sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1, closefd=False) for number in (1, 2))
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
-        import harness.device
-        import harness.ground_truth
-        import harness.local_executor
+        import harness.execution.ground_truth
+        import harness.execution.local_executor
+        import harness.machine.device
         from harness.__main__ import main
-        from scenes.stopping import stop_on_signals
+        from scenes.files.stopping import stop_on_signals
 
-        harness.device.available_cores = lambda: 1
+        harness.machine.device.available_cores = lambda: 1
         fork = multiprocessing.get_context("fork")
-        harness.local_executor.multiprocessing = _With(multiprocessing, get_context=lambda _: fork)  # type: ignore[attr-defined,assignment]
-        harness.ground_truth.subprocess = _With(harness.ground_truth.subprocess, Popen=_Renderer)  # type: ignore[attr-defined,assignment]
+        harness.execution.local_executor.multiprocessing = _With(multiprocessing, get_context=lambda _: fork)  # type: ignore[attr-defined,assignment]
+        harness.execution.ground_truth.subprocess = _With(harness.execution.ground_truth.subprocess, Popen=_Renderer)  # type: ignore[attr-defined,assignment]
         if point is not None:
             _kill_at(*point)
         stop_on_signals()

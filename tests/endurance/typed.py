@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from scenes.variant import FORCE
+from scenes.rendering.variant import FORCE
 from tests.endurance.forked import Ended
 from tests.endurance.kills import NO_RUN_YET, Found, differences, phase_of
 from tests.endurance.same_results import cells_gone_on

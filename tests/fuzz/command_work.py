@@ -12,19 +12,19 @@ from typing import Any
 from unittest import mock
 
 WORK = {
-    "harness.runner": ("run", "view_set_folders"),
-    "harness.speed.runner": ("run",),
-    "harness.stability.runner": ("run",),
-    "harness.evidence.runner": ("run",),
-    "harness.serving.runner": ("run",),
-    "harness.gate.runner": ("run", "renew"),
-    "harness.filming.film": ("filmed",),
-    "harness.cost": ("estimate_lines",),
+    "harness.execution.run": ("run", "view_set_folders"),
+    "harness.studies.speed.speed_run": ("run",),
+    "harness.studies.stability.stability_run": ("run",),
+    "harness.studies.evidence.evidence_run": ("run",),
+    "harness.studies.serving.serving_run": ("run",),
+    "harness.gate.gate_run": ("run", "renew"),
+    "harness.viewer.film.film_making": ("filmed",),
+    "harness.execution.cost": ("estimate_lines",),
     "harness.viewer.server": ("application",),
-    "harness.conformance.catalog": ("conformance",),
-    "harness.doctor.catalog": ("findings",),
-    "harness.board": ("write_board",),
-    "scenes.store": ("write_view_set",),
+    "harness.studies.conformance.method_checks": ("conformance",),
+    "harness.machine.doctor": ("findings",),
+    "harness.command.board": ("write_board",),
+    "scenes.rendering.store": ("write_view_set",),
 }
 """Where options have been read and work would begin."""
 LARGEST_WIDTH = 16384
@@ -114,11 +114,14 @@ def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
     make = getattr(main, name)
     found.append((main, name, lambda: _parser(make)))
     if package == "harness":
-        found.append((importlib.import_module("harness.filming.plan"), "rendered", lambda cell, camera: None))
+        found.append((importlib.import_module("harness.viewer.film.film_plan"), "rendered", lambda cell, camera: None))
         with contextlib.suppress(ImportError):
             found.append((importlib.import_module("ray"), "init", reached))
     if package == "scenes":
-        variant, render = importlib.import_module("scenes.variant"), importlib.import_module("scenes.render")
+        variant, render = (
+            importlib.import_module("scenes.rendering.variant"),
+            importlib.import_module("scenes.rendering.render"),
+        )
         found.append((variant, "_choose", lambda wanted: variant.Variant(wanted or "scalar_rgb", None, "not asked")))
         found.append((render.LoadedScene, "of", staticmethod(loaded)))
     return found
@@ -129,7 +132,8 @@ def _page_stand_ins(package: str) -> list[tuple[Any, str, Any]]:
     """Pages are files of a line: where they go is checked, what is in them is for `tests.fuzz.pages`."""
     if package != "reports":
         return []
-    from reports import outputs_page, page, publish, shell
+    from reports.page import shell
+    from reports.run import outputs, publish, run_page
 
     def of_run(records: Any, path: Path, beside: Any = None) -> None:
         shell.write_whole("a page", path)
@@ -144,6 +148,6 @@ def _page_stand_ins(package: str) -> list[tuple[Any, str, Any]]:
         return []
 
     return [
-        (page, "write_page", of_run), (outputs_page, "write_outputs_page", of_outputs),
+        (run_page, "write_page", of_run), (outputs, "write_outputs_page", of_outputs),
         (publish, "write_published", published),
     ]  # fmt: skip

@@ -53,7 +53,7 @@ def reader(package: str) -> Callable[[Path], None]:
     """`python -m PACKAGE ARGUMENTS`, in the folder that it gets."""
 
     def read(folder: Path) -> None:
-        from scenes.errors import InputError
+        from scenes.files.errors import InputError
         from tests.fuzz.readers import NotTried
 
         data = (folder / "arguments.json").read_bytes()
@@ -94,7 +94,7 @@ def names_its_option(text: str, arguments: list[str], package: str) -> bool:
     """Whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
     given, tells the name that is unknown, or starts with a path that was given or that is meant where none is.
     """
-    from scenes.errors import readable
+    from scenes.files.errors import readable
 
     if OF_THE_PARSER.match(text):
         return True

@@ -44,7 +44,7 @@ VALUE = re.compile(r"\"[^\"\n]*\"|\[[^][\n]*\]|\b\d+\.?\d*\b|\b(?:to_world|build
 
 
 def of_listed(random: Random, valid: bytes) -> bytes:
-    """Of a file of `harness.listed_tensors`: the listing in the header, or the values, or the file as it comes."""
+    """Of a file of `harness.records.pictures`: the listing in the header, or the values, or the file as it comes."""
     words = (b"\0\x7c", b"\0\xfc", b"\0\x7e", b"\xff\x7b", b"\xff\xfb", b"\1\0", b"\0\0")
     if random.randrange(3) == 0:
         return of_safetensors(random, valid)

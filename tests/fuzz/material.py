@@ -25,11 +25,11 @@ def ball(folder: Path) -> None:
 
 def own(folder: Path) -> None:
     """A view set of ours: EXR files and a manifest with every key that the renderer writes."""
-    from scenes.catalog import scene_named
-    from scenes.images import write_channels, write_png
-    from scenes.manifest import write_manifest
-    from scenes.needs import as_rows, left_out, needs
-    from scenes.transforms import write_transforms
+    from scenes.catalog.entries import scene_named
+    from scenes.modelling.needs import as_rows, left_out, needs
+    from scenes.view_sets.images import write_channels, write_png
+    from scenes.view_sets.manifest import write_manifest
+    from scenes.view_sets.transforms import write_transforms
 
     files, views = [], {}
     for split in ("train", "test"):
@@ -72,9 +72,9 @@ def report(folder: Path) -> None:
         write_fake_stability(folder)
         write_fake_evidence(folder)
         write_fake_serving(folder)
-    from harness.records import read_cells, read_run
-    from harness.survival import targets
-    from harness.targets_record import write_targets
+    from harness.records.cells import read_cells, read_run
+    from harness.records.targets import write_targets
+    from harness.verdicts.survival import targets
 
     write_targets(folder, targets(list(read_cells(folder)), list(read_run(folder).methods)))
 
@@ -83,7 +83,7 @@ def trained(folder: Path) -> None:
     """A run with its checkpoints in `run`, its view set in `ball` beside it; its records hold no digests of weights,
     as old ones, or every spoilt file would be refused before it is read.
     """
-    from harness.records import read_cells, write_cell
+    from harness.records.cells import read_cells, write_cell
     from tests.harness.trained_runs import train_run
 
     out = train_run(folder, ["nerf", "qnerf"], steps=2)
@@ -96,7 +96,7 @@ def pictures(folder: Path) -> None:
     import OpenImageIO as oiio
     from PIL import Image
 
-    from scenes.images import write_channels, write_png
+    from scenes.view_sets.images import write_channels, write_png
 
     folder.mkdir(parents=True)
     picture = ball_view(pose(1.0, 0.4), SIZE)
@@ -139,22 +139,22 @@ def gates(folder: Path) -> None:
 
 def started(folder: Path) -> None:
     """A run, a film and a search of which nothing is done yet."""
-    from harness.filming.folder import claim as claim_film
-    from harness.filming.takes import Wish
-    from harness.output_folder import claim
-    from harness.plan import Machine, planned
+    from harness.plan.profiles import Machine, planned
+    from harness.run_folder.output_folder import claim
+    from harness.viewer.film.film_folder import claim as claim_film
+    from harness.viewer.film.takes import FilmSpec
 
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
-    claim_film(folder / "film", Wish("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
-    from harness.repair_search import PUBLISHED
+    claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
+    from harness.studies.choices.repair_search import PUBLISHED
 
     (folder / "search.json").write_bytes(PUBLISHED.read_bytes())
 
 
 def view_cache(folder: Path) -> None:
     """A view cache with two pictures."""
-    from harness.view_cache.disk import DiskPictures
-    from harness.view_cache.pictures import frozen
+    from harness.playback.disk import DiskPictures
+    from harness.playback.float_exr import frozen
 
     disk = DiskPictures(folder / "cache", 1 << 20)
     for number in range(2):

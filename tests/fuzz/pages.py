@@ -14,11 +14,11 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from scenes.errors import InputError
+from scenes.files.errors import InputError
 from tests.fuzz.mutations import TEXTS, of_either, of_its_kind
 from tests.fuzz.seals import record_sealed
 
-DRAWING = ("plots", "series_charts", "work_view")
+DRAWING = ("drawing.figure", "drawing.series_charts", "run.work_precision")
 """Modules of `reports` that ask for drawings."""
 MOST_DRAWN = 5000
 CODE = "<script>alert(1)</script>"
@@ -57,7 +57,7 @@ def page(*options: str) -> Callable[[Path], None]:
 def _made_once() -> Iterator[None]:
     import importlib
 
-    from reports import shell
+    from reports.page import shell
 
     with contextlib.ExitStack() as stack:
         stack.enter_context(mock.patch.object(shell, "Environment", _compiling_once()))
@@ -88,7 +88,7 @@ def _compiling_once() -> Callable[..., Any]:
 
 @cache
 def _remembering() -> Callable[[Any, str], Any]:
-    from reports.figure import svg
+    from reports.drawing.figure import svg
 
     drawn: dict[tuple[str, str], Any] = {}
 

@@ -17,16 +17,16 @@ class NotTried(ValueError):
 
 
 def _view_set(folder: Path) -> None:
-    from scenes.view_set import read_view_set
+    from scenes.view_sets.view_set import read_view_set
 
     read_view_set(folder, geometry=("train", "test"), scratch=folder)
 
 
 def _needed_view_set(folder: Path) -> None:
-    from harness.needed import for_scene, with_needs
-    from harness.plan import PROFILES
-    from scenes.store import is_complete
-    from scenes.view_set import read_view_set
+    from harness.plan.needed import for_scene, with_needs
+    from harness.plan.profiles import PROFILES
+    from scenes.rendering.store import is_complete
+    from scenes.view_sets.view_set import read_view_set
 
     is_complete(folder)
     views = with_needs(read_view_set(folder, scratch=folder), ("view_direction",), ("empty_space",))
@@ -34,13 +34,13 @@ def _needed_view_set(folder: Path) -> None:
 
 
 def _transforms(folder: Path) -> None:
-    from scenes.transforms import read_transforms
+    from scenes.view_sets.transforms import read_transforms
 
     read_transforms(folder, "train")
 
 
 def _image(folder: Path) -> None:
-    from scenes.images import read_channels, read_image
+    from scenes.view_sets.images import read_channels, read_image
 
     for file in _first(folder):
         assert read_image(file).ndim == 3
@@ -56,7 +56,7 @@ def _mask(folder: Path) -> None:
 
 
 def _report_picture(folder: Path) -> None:
-    from reports.inline_png import read
+    from reports.drawing.images import read
 
     for file in _first(folder):
         found = read(folder, file.name)
@@ -68,8 +68,8 @@ def _first(folder: Path) -> list[Path]:
 
 
 def _records(folder: Path) -> None:
-    from harness.records import read_cells, read_comparisons, read_run
-    from reports.load import read_records
+    from harness.records.cells import read_cells, read_comparisons, read_run
+    from reports.data.load import read_records
 
     read_records(folder)
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
@@ -77,10 +77,8 @@ def _records(folder: Path) -> None:
 
 def _beside(find: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        from reports.evidence_load import find_evidence
-        from reports.serving_load import find_serving
-        from reports.speed_load import find_speed
-        from reports.stability_load import find_stability
+        from reports.data.serving_load import find_serving
+        from reports.data.studies_load import find_evidence, find_speed, find_stability
 
         {"speed": find_speed, "stability": find_stability, "evidence": find_evidence, "serving": find_serving}[find](
             folder
@@ -90,21 +88,21 @@ def _beside(find: str) -> Callable[[Path], None]:
 
 
 def _claimed(folder: Path) -> None:
-    from harness.output_folder import claim
-    from harness.plan import Machine, planned
+    from harness.plan.profiles import Machine, planned
+    from harness.run_folder.output_folder import claim
 
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True)
 
 
 def _filmed(folder: Path) -> None:
-    from harness.filming.folder import claim
-    from harness.filming.takes import Wish
+    from harness.viewer.film.film_folder import claim
+    from harness.viewer.film.takes import FilmSpec
 
-    claim(folder / "film", Wish("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
+    claim(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
 
 
 def _search(folder: Path) -> None:
-    from harness.repair_search import read_search
+    from harness.studies.choices.repair_search import read_search
 
     read_search(folder / "search.json")
 
@@ -113,7 +111,7 @@ def _finished(folder: Path) -> None:
     """What the viewer, a film and the measurement of serving look at first."""
     import torch
 
-    from harness.finished import FinishedRun
+    from harness.playback.run_loader import FinishedRun
 
     run = FinishedRun.of(folder / "run")
     scene = run.scenes(None)[0]
@@ -126,8 +124,8 @@ def _finished(folder: Path) -> None:
 
 
 def _limits(folder: Path) -> None:
-    from harness.gate.catalog import gates
-    from harness.gate.limits_file import changes, read_limits
+    from harness.gate.gates import gates
+    from harness.gate.limits import changes, read_limits
 
     found = read_limits(folder / "limits.json")
     for gate in gates():
@@ -136,7 +134,7 @@ def _limits(folder: Path) -> None:
 
 
 def _class(folder: Path) -> None:
-    from harness.gate.catalog import gates
+    from harness.gate.gates import gates
     from harness.gate.references import references_for
 
     found = references_for(folder / "classes", "avx2")
@@ -145,8 +143,7 @@ def _class(folder: Path) -> None:
 
 
 def _reference(folder: Path) -> None:
-    from harness.gate.image_statistics import biases
-    from harness.gate.images import read_reference
+    from harness.gate.images import biases, read_reference
 
     scene = next((folder / "images").glob("*.exr")).stem
     reference = read_reference(folder / "images", scene)
@@ -155,8 +152,8 @@ def _reference(folder: Path) -> None:
 
 def _cache(folder: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
-    from harness.view_cache.disk import DiskPictures
-    from harness.view_cache.pictures import frozen
+    from harness.playback.disk import DiskPictures
+    from harness.playback.float_exr import frozen
 
     if (folder / "cache").is_symlink():
         raise NotTried("a user may have the whole cache elsewhere")
@@ -188,8 +185,8 @@ def _as_parsed() -> Iterator[None]:
 
 
 def _path(folder: Path) -> None:
-    from harness.camera_paths import PATHS
-    from harness.filming.options import MOST_FRAMES
+    from harness.command.look_commands import MOST_FRAMES
+    from harness.playback.camera_paths import PATHS
 
     told = _told(folder, "path.json")
     with _as_parsed():
@@ -205,8 +202,8 @@ def _path(folder: Path) -> None:
 
 
 def _through(folder: Path) -> None:
-    from harness.camera_paths import through
-    from harness.filming.options import MOST_FRAMES
+    from harness.command.look_commands import MOST_FRAMES
+    from harness.playback.camera_paths import through
 
     told = _told(folder, "through.json")
     with _as_parsed():
@@ -217,9 +214,9 @@ def _through(folder: Path) -> None:
 
 
 def _attention(folder: Path) -> None:
-    from harness.attention.maps import MAPS, Sight
-    from harness.attention.priorities import allocated_bins, priorities, region_order
-    from harness.attention.regions import Regions
+    from baselines.numerics.attention.maps import MAPS, MapInputs
+    from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order
+    from baselines.numerics.attention.regions import Regions
 
     told = _told(folder, "attention.json")
     with _as_parsed():
@@ -229,7 +226,7 @@ def _attention(folder: Path) -> None:
         if max(sizes) > 1024 or min(sizes) < 1 or told["map"] not in MAPS:
             raise NotTried("checked before")
     regions = Regions(*sizes)
-    sight = Sight(regions, row, column, radius, focal, lambda: values, lambda: values, lambda: values)
+    sight = MapInputs(regions, row, column, radius, focal, lambda: values, lambda: values, lambda: values)
     found = MAPS[told["map"]](sight)
     assert found.shape == (regions.count,)
     assert np.isfinite(priorities(found)).all()
@@ -238,7 +235,7 @@ def _attention(folder: Path) -> None:
 
 
 def _order(folder: Path) -> None:
-    from scenes.store import checked_order
+    from scenes.rendering.store import checked_order
 
     told = _told(folder, "order.json")
     with _as_parsed():
@@ -250,9 +247,9 @@ def _order(folder: Path) -> None:
 
 def _judged(name: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        from harness.judge.judgement import judge
-        from harness.judge.record import read_judgement, write_judgement
-        from harness.judge.table import read_table
+        from harness.records.judgements import read_judgement, write_judgement
+        from harness.verdicts.judgement import judge
+        from harness.verdicts.result_table import read_table
 
         record = judge(read_table([folder / name]), None, None, {})
         write_judgement(folder / "judgement.json", record)

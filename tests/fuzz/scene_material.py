@@ -32,8 +32,8 @@ def captured(folder: Path) -> None:
 
 def tiny(folder: Path) -> None:
     """A tiny-NeRF file of ten views with all arrays that ours have."""
-    from scenes.source import Region
-    from scenes.tiny_nerf import write_tiny_nerf
+    from scenes.view_sets.foreign import write_tiny_nerf
+    from scenes.view_sets.source import Region
 
     folder.mkdir(parents=True)
     poses = np.array([pose(0.6 * i, 0.4) for i in range(10)])
@@ -43,7 +43,7 @@ def tiny(folder: Path) -> None:
 
 def scene_files(folder: Path) -> None:
     """A Mitsuba file with a part of its own and a picture, and a Python file."""
-    from scenes.images import write_png
+    from scenes.view_sets.images import write_png
 
     folder.mkdir(parents=True)
     text = (EXAMPLES / "my_scene.xml").read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def boxes(folder: Path) -> None:
 
 def kept_pictures(folder: Path) -> None:
     """Truth and renders of two views of 4 × 4 pixels."""
-    from harness.pictures_record import Render, Truth, half, write_renders, write_truth
+    from harness.records.pictures import Render, Truth, half, write_renders, write_truth
 
     colour, grey = half(np.full((4, 4, 3), 0.5)), half(np.full((4, 4), 0.5))
     write_truth(folder / "truth.safetensors", [Truth("r_0", colour, grey, colour, grey), Truth("r_1", colour, grey)])
@@ -85,10 +85,10 @@ def train_on(folder: Path) -> None:
     """One step of the cell, from where it was kept or from the start; it is then kept."""
     import torch
 
-    from harness.cell_training import GroupSettings
-    from harness.lockstep import train_group
-    from harness.schedule import Budget
-    from scenes.view_set import read_view_set
+    from harness.plan.schedule import Budget
+    from harness.training.cell_training import GroupSettings
+    from harness.training.lockstep import train_group
+    from scenes.view_sets.view_set import read_view_set
     from tests.harness.tiny import SCORE, TRAIN
 
     class Stopped(Exception): ...
@@ -104,8 +104,8 @@ def train_on(folder: Path) -> None:
 
 def inside(folder: Path) -> None:
     """A view set of ours and where its matter is."""
-    from scenes.manifest import read_manifest
-    from scenes.occupancy_file import NAME, _bound_to, _write
+    from scenes.rendering.occupancy import NAME, _bound_to, _write
+    from scenes.view_sets.manifest import read_manifest
 
     material.own(folder)
     cells = np.zeros(32**3, dtype=bool)
@@ -115,7 +115,7 @@ def inside(folder: Path) -> None:
 
 def unfinished(folder: Path) -> None:
     """Views that were rendered, with their journal, and the manifest of a set that was whole once."""
-    from scenes.rendered_views import note
+    from scenes.view_sets.manifest import note
 
     donor = folder / "donor"
     material.own(donor)
@@ -139,9 +139,9 @@ def packages(folder: Path) -> None:
 
 def small_run(folder: Path) -> None:
     """Records of two scenes and three methods, with pictures."""
-    from harness.records import read_cells, read_run
-    from harness.survival import targets
-    from harness.targets_record import write_targets
+    from harness.records.cells import read_cells, read_run
+    from harness.records.targets import write_targets
+    from harness.verdicts.survival import targets
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -15,13 +15,13 @@ COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 
 
 
 def nerfstudio(folder: Path) -> None:
-    from scenes.view_set import read_view_set
+    from scenes.view_sets.view_set import read_view_set
 
     read_view_set(folder, scratch=folder)
 
 
 def tiny_nerf(folder: Path) -> None:
-    from scenes.view_set import read_view_set
+    from scenes.view_sets.view_set import read_view_set
 
     views = read_view_set(folder / "tiny.npz", scratch=folder)
     assert np.isfinite(views.bounds).all()
@@ -37,13 +37,13 @@ def python_file(folder: Path) -> None:
 
 
 def _own_scene(file: Path) -> None:
-    """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.store` do."""
+    """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
     from dataclasses import replace
 
-    from scenes.mitsuba_xml import notes
-    from scenes.needs import as_rows, left_out, needs
-    from scenes.scene_file import mistakes_in, scene_from_file
-    from scenes.store import _folder, checked_order
+    from scenes.catalog.mitsuba_xml import notes
+    from scenes.catalog.scene_file import mistakes_in, scene_from_file
+    from scenes.modelling.needs import as_rows, left_out, needs
+    from scenes.rendering.store import _folder, checked_order
 
     known = set(sys.modules)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
@@ -69,7 +69,7 @@ class _Box:
 
 def placed(folder: Path) -> None:
     """Boxes of shapes as Mitsuba might tell them, of a file that it could load."""
-    from scenes.mitsuba_xml import loaded
+    from scenes.catalog.mitsuba_xml import loaded
 
     try:
         told = json.loads((folder / "boxes.json").read_bytes())
@@ -92,14 +92,14 @@ def placed(folder: Path) -> None:
 
 
 def truth(folder: Path) -> None:
-    from harness.pictures_record import read_truth
+    from harness.records.pictures import read_truth
 
     for one in read_truth(folder / "truth.safetensors"):
         assert np.isfinite(one.display).all()
 
 
 def renders(folder: Path) -> None:
-    from harness.pictures_record import last_of, read_renders
+    from harness.records.pictures import last_of, read_renders
 
     found = read_renders(folder / "renders.safetensors")
     assert all(np.isfinite(one.colour).all() for one in last_of(found))
@@ -112,16 +112,16 @@ def half_way(folder: Path) -> None:
 
 
 def occupancy(folder: Path) -> None:
-    from scenes.manifest import read_manifest
-    from scenes.occupancy_file import _read
+    from scenes.rendering.occupancy import _read
+    from scenes.view_sets.manifest import read_manifest
 
     found = _read(folder, read_manifest(folder))
     assert found is None or (found.shape == (32, 32, 32) and found.dtype == bool)
 
 
 def journal(folder: Path) -> None:
-    """Views of an unfinished set, and what `scenes.store.write_view_set` takes of them; damage is a miss."""
-    from scenes.rendered_views import salvaged
+    """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them; damage is a miss."""
+    from scenes.view_sets.manifest import salvaged
 
     into = folder / "into"
     into.mkdir()
@@ -138,8 +138,8 @@ def entry_points(folder: Path) -> None:
     from baselines.amplifiers import AMPLIFIERS
     from baselines.catalog import CATALOG
     from baselines.composition import LADDERS, SKIPS
-    from harness import plugins
-    from scenes.errors import InputError, readable
+    from harness.plan import plugins
+    from scenes.files.errors import InputError, readable
     from tests.fuzz.watch import Fault
 
     tables = (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded)

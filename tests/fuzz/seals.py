@@ -37,8 +37,8 @@ def manifest_sealed(data: bytes) -> bytes:
 
 
 def record_sealed(data: bytes) -> bytes:
-    """A file of `harness.json_record.write_record`."""
-    from harness.json_record import DIGEST, digest_of
+    """A file of `harness.records.json_record.write_record`."""
+    from harness.records.json_record import DIGEST, digest_of
 
     try:
         content = json.loads(data)
@@ -61,7 +61,7 @@ def occupancy_sealed(data: bytes) -> bytes:
 
 
 def journal_sealed(data: bytes) -> bytes:
-    """Every line of `scenes.rendered_views` that is one."""
+    """Every line of `scenes.view_sets.manifest` that is one."""
     return b"\n".join(_line_sealed(line) for line in data.split(b"\n"))
 
 
@@ -76,11 +76,11 @@ def _line_sealed(line: bytes) -> bytes:
 
 
 def listed_sealed(data: bytes) -> bytes:
-    """A file of `harness.listed_tensors` whose tensors can be read."""
+    """A file of `harness.records.pictures` whose tensors can be read."""
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    from harness.listed_tensors import digest_of
+    from harness.records.pictures import digest_of
 
     try:
         header, rest = opened(data)

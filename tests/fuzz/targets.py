@@ -182,11 +182,11 @@ TARGETS: dict[str, Target] = {
 @cache
 def refusals() -> tuple[type[Exception], ...]:
     """What a reader may raise."""
-    from harness.attention.priorities import BadAttention
-    from harness.json_record import DamagedRecord
+    from baselines.numerics.attention.priorities import BadAttention
+    from harness.records.json_record import DamagedRecord
     from harness.viewer.asked import BadRequest
-    from reports.load import NoRecords
-    from scenes.errors import InputError
+    from reports.data.load import NoRecords
+    from scenes.files.errors import InputError
 
     return InputError, DamagedRecord, NoRecords, BadAttention, BadRequest, NotTried
 

@@ -172,7 +172,7 @@ def test_a_refusal_that_blames_what_is_right_is_found(
     assert trial_of("viewer_request", scratch).tried(guard, "request.json", body).kind == "refused"
     ours = asked.parsed
 
-    def blames_another(body: bytes) -> asked.Asked:
+    def blames_another(body: bytes) -> asked.ViewRequest:
         try:
             return ours(body)
         except asked.BadRequest as error:

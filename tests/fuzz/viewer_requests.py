@@ -19,11 +19,11 @@ NEEDED = REQUEST.keys() - {"width"}
 
 def asked(folder: Path) -> None:
     """A fault for a refusal that blames something else than what is wrong."""
-    from harness.viewer.asked import Asked, BadRequest, parsed
+    from harness.viewer.asked import BadRequest, ViewRequest, parsed
 
     body = (folder / "request.json").read_bytes()
     try:
-        assert isinstance(parsed(body), Asked)
+        assert isinstance(parsed(body), ViewRequest)
     except BadRequest as refusal:
         said = str(refusal)
         if said.startswith("the request"):

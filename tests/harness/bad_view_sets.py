@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scenes.images import write_png
+from scenes.view_sets.images import write_png
 
 
 def _edit(folder: Path, change: Callable[[dict[str, Any]], Any], split: str = "train") -> None:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from harness.records import CellRecord, Checkpoint, ViewScore
+from harness.records.cells import CellRecord, Checkpoint, ViewScore
 
 
 def checkpoint(step: int, seconds: float, psnr: float | None, **others: float | None) -> Checkpoint:

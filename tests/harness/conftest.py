@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
 
 

@@ -1,4 +1,4 @@
-"""Workers that die at the worst moments, for `harness.local_executor._work`; quick, as they train nothing."""
+"""Workers that die at the worst moments, for `harness.execution.local_executor._work`; quick, as they train nothing."""
 
 import os
 import signal

@@ -3,9 +3,9 @@
 import torch
 
 from baselines.contract import Box, NetworkSize, Rays
-from harness.schedule import Budget
-from harness.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
-from harness.trainer import Trainer
+from harness.plan.schedule import Budget
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from harness.training.trainer import Trainer
 
 TRAIN = TrainSettings(
     network=NetworkSize(

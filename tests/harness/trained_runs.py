@@ -6,16 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from harness import cell_training
-from harness.group import GroupTask, run_group
-from harness.learner import Learner
-from harness.local_executor import Event
-from harness.output_folder import claim
-from harness.plan import Machine, planned
-from harness.progress import Quiet
-from harness.records import CellRecord
-from harness.runner import run
-from harness.settings import TrainSettings
+from harness.execution.group import GroupTask, run_group
+from harness.execution.local_executor import Event
+from harness.execution.progress import Quiet
+from harness.execution.run import run
+from harness.plan.profiles import Machine, planned
+from harness.plan.settings import TrainSettings
+from harness.records.cells import CellRecord
+from harness.run_folder.output_folder import claim
+from harness.training import cell_training
+from harness.training.learner import Learner
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN
 
@@ -23,7 +23,8 @@ SIZE = 16
 
 
 def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
-    """For `harness.runner.run_locally`: workers take seconds to start, and see nothing that a test has patched."""
+    """For `harness.execution.run.run_locally`: workers take seconds to start, and see nothing that a test has
+    patched."""
     for task in tasks:
         cells: list[CellRecord] = []
         run_group(task, lambda share: None, cells.append)
@@ -60,7 +61,7 @@ def train_run(
     machine = Machine("cpu", 1, 1)
     claim(out, plan, machine, resume=False)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.runner.run_locally", in_this_process)
-        patch.setattr("harness.cell_training.save_checkpoint", saved)
+        patch.setattr("harness.execution.run.run_locally", in_this_process)
+        patch.setattr("harness.training.cell_training.save_checkpoint", saved)
         run(plan, out, folder, machine, "none", Quiet())
     return out

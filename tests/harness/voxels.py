@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from harness.make_learner import NotAvailable, drjit_backend
+from harness.training.make_learner import NotAvailable, drjit_backend
 
 
 def drjit_or_skip() -> None:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from harness.progress import Quiet
-from harness.stability import reference_cases
-from harness.stability.reference_cases import (
+from harness.execution.progress import Quiet
+from harness.records.stability_record import Outcome
+from harness.studies.stability.rays import reference_cases
+from harness.studies.stability.rays.reference_cases import (
     COLOUR_BAR,
     DIRECTION,
     ORIGIN,
@@ -28,10 +29,9 @@ from harness.stability.reference_cases import (
     rendered,
     z_scores,
 )
-from harness.stability.situation import Situation
-from harness.stability_record import Outcome
-from scenes.medium_reference import differentiated, tracked
-from scenes.variant import Variant
+from harness.studies.stability.stability_context import StabilityContext
+from scenes.rendering.medium_reference import differentiated, tracked
+from scenes.rendering.variant import Variant
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_cases, "llvm_libraries", list)
-    situation = Situation(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
+    situation = StabilityContext(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
     outcomes = [one for one in reference_cases.independent(situation) if isinstance(one, Outcome)]
     missing = [one for one in outcomes if one.status == "not_available"]
     assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}

@@ -12,14 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from reports import comparer, palette, shell
-from reports.packing import as_data
-from reports.script import HERE, content_policy, script
-from scenes.pixels import encode_srgb
+from reports.data.packing import as_data
+from reports.drawing import palette
+from reports.page import script as page_script
+from reports.page import shell
+from reports.page.script import content_policy, script
+from reports.run import pictures
+from scenes.view_sets.pixels import encode_srgb
 
 METHODS = ("nerf", "nerf_matched", "qnerf")
 STEPS = (100, 400, 1600)
-FILES = ("state.js", "element.js", "numbers.js", "filter.js", *comparer.SCRIPTS)
+FILES = ("state.js", "element.js", "numbers.js", "filter.js", *pictures.SCRIPTS)
 ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colour_space.js", "delta_e.js", "flip.js")
 """What the arithmetic needs."""
 
@@ -171,7 +174,9 @@ def write_arithmetic_page(path: Path, body: str, packed: Packed | None = None, g
     """A page that runs the named scripts of ours and then `body`, which sets the document's title when it is done and
     leaves JSON in `#found`; `given` is its data.
     """
-    code = "(() => {\n" + "\n".join((HERE / name).read_text(encoding="utf-8") for name in (*ALONE, "error_maps.js"))
+    code = "(() => {\n" + "\n".join(
+        page_script.FILES[name].read_text(encoding="utf-8") for name in (*ALONE, "error_maps.js")
+    )
     code += "\nconst given = element.data('given', null);\n"
     code += "const tell = (found) => { document.getElementById('found').textContent = JSON.stringify(found);"
     code += " document.title = 'done'; };\n" + body + "})();"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from reports.load import Records, read_records
+from reports.data.load import Records, read_records
 from tests.reports.fake_run import write_fake_run
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from harness.records import CellRecord
-from reports.load import Records, read_records
-from reports.page import write_page
+from harness.records.cells import CellRecord
+from reports.data.load import Records, read_records
+from reports.run.run_page import write_page
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'

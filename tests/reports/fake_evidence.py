@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from harness.chart_record import Series, Table
-from harness.evidence_record import (
+from harness.records.charts import Series, Table
+from harness.records.evidence_record import (
     EVIDENCE_FILE,
     Check,
     Effect,

@@ -11,9 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.paper import printed
-from harness.pictures_record import Render, Truth, cell_pictures, half, truth_pictures, write_renders, write_truth
-from harness.records import (
+from harness.records.cells import (
     CellRecord,
     Checkpoint,
     Comparison,
@@ -27,6 +25,8 @@ from harness.records import (
     write_comparisons,
     write_run,
 )
+from harness.records.pictures import Render, Truth, cell_pictures, half, truth_pictures, write_renders, write_truth
+from harness.verdicts.paper import printed
 
 EIGHT = ("chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship")
 METHODS = {

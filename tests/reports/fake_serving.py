@@ -12,8 +12,8 @@ from typing import Any, get_args
 import matplotlib.image
 import numpy as np
 
-from harness.records import records_folder
-from harness.serving_record import (
+from harness.records.cells import records_folder
+from harness.records.serving_record import (
     Allocation,
     Anytime,
     AttentionRecord,

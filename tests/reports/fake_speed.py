@@ -5,8 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from harness.chart_record import Series, Table
-from harness.speed_record import Measurement, SpeedRecord, write_speed
+from harness.records.charts import Series, Table
+from harness.records.speed_record import Measurement, SpeedRecord, write_speed
 
 PROVENANCE: dict[str, Any] = {
     "commit": "0123456789ab",

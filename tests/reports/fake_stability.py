@@ -13,8 +13,8 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
-from harness.chart_record import Series, Table
-from harness.stability_record import (
+from harness.records.charts import Series, Table
+from harness.records.stability_record import (
     PICTURES_FOLDER,
     STABILITY_FILE,
     CaseInfo,

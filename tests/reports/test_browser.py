@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reports.kept_pictures import kept
-from reports.load import read_records
-from reports.page import write_page
+from reports.data.kept_pictures import kept
+from reports.data.load import read_records
+from reports.run.run_page import write_page
 from tests.reports.browsing import opened, until
 from tests.reports.comparer_view import bytes_of
 

@@ -79,7 +79,7 @@ def test_a_folder_that_cannot_be_written_gives_2(out, capsys, monkeypatch):
     def read_only(*_):
         raise PermissionError(13, "Permission denied", str(out / "summary.json"))
 
-    monkeypatch.setattr("reports.summary.write_json", read_only)
+    monkeypatch.setattr("reports.run.publish.write_json", read_only)
     assert main([str(out)]) == 2
     assert capsys.readouterr().err == (
         f"{out / 'summary.json'}: Permission denied; make room or choose a folder that can be written\n"
@@ -116,7 +116,7 @@ def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
-LIGHT = {"scenes", "scenes.errors", "scenes.installed", "scenes.stopping"}
+LIGHT = {"scenes", "scenes.files", "scenes.files.errors", "scenes.files.installed", "scenes.files.stopping"}
 HEAVY = (
     f"print(sorted(name for name in set(sys.modules) - {LIGHT!r} "
     "if name.split('.')[0] in ('torch', 'mitsuba', 'drjit', 'baselines', 'scenes')))"

@@ -7,8 +7,8 @@ import flip_evaluator
 import numpy as np
 import pytest
 
-from harness import metrics
-from scenes.pixels import decode_srgb
+from harness.training import metrics
+from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import opened, until
 from tests.reports.comparer_page import Packed, ball, log_ref, rendered, write_arithmetic_page
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from reports.beside import Beside
-from reports.evidence_page import evidence_page
-from reports.load import read_records
-from reports.page import page
-from reports.speed_page import speed_page
-from reports.stability_page import stability_page
+from reports.data.beside import Beside
+from reports.data.load import read_records
+from reports.run.run_page import page
+from reports.studies.evidence_page import evidence_page
+from reports.studies.speed_page import speed_page
+from reports.studies.stability_page import stability_page
 from tests.reports.browsing import opened, unfold, weakest_contrast
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
@@ -21,7 +21,7 @@ from tests.reports.fake_speed import hostile as hostile_speed
 from tests.reports.fake_stability import fake_stability, write_fake_stability
 from tests.reports.fake_stability import hostile as hostile_stability
 from tests.reports.menus import saveable
-from tests.reports.test_page import HOSTILE, Outline, foreign_scripts, without_code
+from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
 
 
 def _report(out: Path) -> str:

@@ -5,10 +5,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from reports.beside import Beside
-from reports.effects_plot import forests
-from reports.load import read_records
-from reports.page import write_page
+from reports.data.beside import Beside
+from reports.data.load import read_records
+from reports.run.run_page import write_page
+from reports.studies.effects_plot import forests
 from tests.reports.browsing import opened
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_evidence import INTEREST, fake_evidence

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from harness.evidence_record import EVIDENCE_FILE, read_evidence
-from reports import evidence_publish
+from harness.records.evidence_record import EVIDENCE_FILE, read_evidence
 from reports.__main__ import main
+from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence, write_fake_evidence
 from tests.reports.fake_run import write_fake_run
 from tests.reports.test_command import BUILD, HEAVY, fresh
@@ -127,15 +127,15 @@ def test_publishing_writes_the_record_and_two_charts(tmp_path):
 
 
 def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(evidence_publish, "LARGEST", 1_000)
-    evidence_publish.write_published_evidence(fake_evidence(), tmp_path)
+    monkeypatch.setattr(publishing, "LARGEST", 1_000)
+    publishing.write_published_evidence(fake_evidence(), tmp_path)
     published = read_evidence(tmp_path / EVIDENCE_FILE)
     assert not any(study.series for study in published.studies)
     assert [study.checks for study in published.studies] == [study.checks for study in fake_evidence().studies]
 
 
 def test_what_there_is_not_is_not_drawn(tmp_path):
-    evidence_publish.write_published_evidence(replace(GOOD, studies=[]), tmp_path)
+    publishing.write_published_evidence(replace(GOOD, studies=[]), tmp_path)
     assert names(tmp_path) == [EVIDENCE_FILE]
 
 

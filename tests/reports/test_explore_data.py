@@ -8,17 +8,17 @@ from dataclasses import replace
 import pytest
 from markupsafe import Markup
 
-from harness.records import cell_path
-from reports.attributes import of_entry, of_row, value_of
-from reports.figure import svg
-from reports.grid import Entry
-from reports.load import read_records
-from reports.metrics_table import comparisons_grid, metrics_grid
-from reports.psnr_table import scores_grid
-from reports.runs_data import density_data, runs_data
-from reports.selection import Selection
-from reports.trace_data import Panel, Trace, rounded
-from reports.wording import count, number, signed, significant, with_unit
+from harness.records.cells import cell_path
+from reports.claims.psnr_table import scores_grid
+from reports.data.load import read_records
+from reports.data.selection import Selection
+from reports.data.wording import count, number, signed, significant, with_unit
+from reports.drawing.figure import svg
+from reports.drawing.traces import Panel, Trace, rounded
+from reports.page.grid import Entry
+from reports.page.shell import of_entry, of_row, value_of
+from reports.run.metrics_table import comparisons_grid, metrics_grid
+from reports.run.runs_data import density_data, runs_data
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'

@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.comparisons import scores_at
+from harness.verdicts.comparisons import scores_at
 from tests.reports.browsing import address_of, opened
 from tests.reports.exploring import FORMULA, HOSTILE, MACRO, rows_of, saved, write_exploring
 

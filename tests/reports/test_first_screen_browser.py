@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from reports.load import read_records
-from reports.page import write_page
+from reports.data.load import read_records
+from reports.run.run_page import write_page
 from tests.reports.browsing import address_of, opened, unfold
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_run import write_fake_run

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from reports.__main__ import main
-from reports.headline import headline
-from reports.load import Records, read_records
-from reports.metrics_table import metrics_grid
-from reports.page import page
-from reports.psnr_table import scores_grid
+from reports.claims.headline import headline
+from reports.claims.psnr_table import scores_grid
+from reports.data.load import Records, read_records
+from reports.run.metrics_table import metrics_grid
+from reports.run.run_page import page
 from tests.reports.fake_run import GAIN, METHODS, SLOWNESS, write_fake_run
 
 REASON = "no shared library of LLVM 16 or newer"

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.json_record import DamagedRecord
-from harness.records import cell_path
+from harness.records.cells import cell_path
+from harness.records.json_record import DamagedRecord
 from reports.__main__ import main
-from reports.kept_pictures import NOT_KEPT, damaged
-from reports.load import read_records
-from reports.picture_data import picture_data
-from reports.pictures import views
-from reports.summary import summary
+from reports.data.kept_pictures import NOT_KEPT, damaged
+from reports.data.load import read_records
+from reports.run.pictures import picture_data, views
+from reports.run.publish import summary
 from tests.reports.fake_run import write_fake_run
 
 CELL, TRUTH, RENDERS = "chair.nerf.0.json", "drums.safetensors", "chair.qnerf.0.safetensors"

@@ -2,9 +2,9 @@
 
 import pytest
 
-from reports.beside import Beside
-from reports.load import read_records
-from reports.page import write_page
+from reports.data.beside import Beside
+from reports.data.load import read_records
+from reports.run.run_page import write_page
 from tests.reports.browsing import opened
 from tests.reports.exploring import rows_of, saved
 from tests.reports.fake_run import write_fake_run

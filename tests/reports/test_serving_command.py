@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from harness.serving_record import SERVING_FILE, read_serving
+from harness.records.serving_record import SERVING_FILE, read_serving
 from reports.__main__ import main
-from reports.serving_load import find_serving
+from reports.data.serving_load import find_serving
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import fake_attention, fake_serving, write_fake_serving
 from tests.reports.test_command import BUILD, HEAVY, fresh

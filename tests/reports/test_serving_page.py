@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from harness.serving_record import (
-    FirstFrame,
-)
-from reports.beside import Beside
-from reports.load import read_records
-from reports.page import page
+from harness.records.serving_record import FirstFrame
+from reports.data.beside import Beside
+from reports.data.load import read_records
+from reports.run.run_page import page
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import (
     fake_attention,
@@ -20,7 +18,7 @@ from tests.reports.fake_serving import (
     reachings,
     write_fake_serving,
 )
-from tests.reports.test_page import HOSTILE, foreign_scripts
+from tests.reports.run.test_page import HOSTILE, foreign_scripts
 
 
 @pytest.fixture(scope="module")

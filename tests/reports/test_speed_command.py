@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from harness.speed_record import read_speed
+from harness.records.speed_record import read_speed
 from reports.__main__ import main
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_speed import fake_speed, write_fake_speed
+from tests.reports.run.test_page import Outline
 from tests.reports.test_command import BUILD, HEAVY, fresh
-from tests.reports.test_page import Outline
 
 
 def names(folder) -> list[str]:

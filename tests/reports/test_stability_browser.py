@@ -2,7 +2,7 @@
 
 import pytest
 
-from reports.stability_page import write_stability_page
+from reports.studies.stability_page import write_stability_page
 from tests.reports.browsing import opened, unfold
 from tests.reports.fake_stability import fake_stability, write_fake_stability
 

@@ -4,12 +4,12 @@ import re
 
 import pytest
 
-from harness.stability_record import STABILITY_FILE, read_stability
+from harness.records.stability_record import STABILITY_FILE, read_stability
 from reports.__main__ import main
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_stability import fake_stability, write_fake_stability
+from tests.reports.run.test_page import Outline
 from tests.reports.test_command import BUILD, HEAVY, fresh
-from tests.reports.test_page import Outline
 
 GOOD = fake_stability(with_failure=False, with_charts=False)
 BROKEN = fake_stability(with_charts=False)

@@ -4,17 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records import Comparison, LeftOut
-from reports.grid import Entry
-from reports.load import Records, read_records
-from reports.metrics_table import metrics_grid
-from reports.properties import (
-    failures_grid,
-    left_out_grid,
-    properties_grid,
-)
-from reports.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
-from reports.table import Spread, average_of, cells_frame, shared_scenes, spread_of
+from harness.records.cells import Comparison, LeftOut
+from reports.claims.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
+from reports.data.load import Records, read_records
+from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
+from reports.page.grid import Entry
+from reports.run.metrics_table import failures_grid, left_out_grid, metrics_grid, properties_grid
 from tests.reports.fake_run import write_fake_run
 
 

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records import Checkpoint
-from reports.convergence import convergence
-from reports.differences_plot import difference_panels
-from reports.figure import svg
-from reports.histograms import density_histograms
-from reports.load import Records, read_records
-from reports.palette import KNOWN
-from reports.trace_data import Panel, Trace
+from harness.records.cells import Checkpoint
+from reports.data.load import Records, read_records
+from reports.drawing.figure import svg
+from reports.drawing.palette import KNOWN
+from reports.drawing.traces import Panel, Trace
+from reports.run.convergence import convergence, difference_panels
+from reports.run.density import density_histograms
 from tests.reports.fake_run import write_fake_run
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scenes.images import read_image, write_png
+from scenes.view_sets.images import read_image, write_png
 
 Edit = Callable[[dict[str, Any]], object]
 

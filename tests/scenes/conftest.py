@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.scene import Description, Scene
-from scenes.variant import Variant
+from scenes.modelling.scene import Description, Scene
+from scenes.rendering.variant import Variant
 
 COUNTS = {"train": 3, "val": 1, "test": 2}
 SPP = {"train": 4, "val": 4, "test": 8}
@@ -50,7 +50,7 @@ def tiny_scene() -> Scene:
 @pytest.fixture
 def render_tiny(monkeypatch: pytest.MonkeyPatch, tiny_scene: Scene) -> Callable[..., Path]:
     """`ensure_view_set` for the tiny scene; keywords overrule the defaults."""
-    from scenes import store
+    from scenes.rendering import store
 
     monkeypatch.setattr(store, "scene_named", lambda name: tiny_scene)
 
@@ -65,7 +65,7 @@ def render_tiny(monkeypatch: pytest.MonkeyPatch, tiny_scene: Scene) -> Callable[
 
 @pytest.fixture(scope="session")
 def stored_once(tmp_path_factory: pytest.TempPathFactory, tiny_scene: Scene) -> Path:
-    from scenes import store
+    from scenes.rendering import store
 
     cache = tmp_path_factory.mktemp("view_sets")
     with pytest.MonkeyPatch.context() as patch:

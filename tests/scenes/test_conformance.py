@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes.catalog import CLASSICS, scene_named
-from scenes.digest import digest_of
-from scenes.errors import InputError
-from scenes.needs import PARTS, entries, left_out, needs
-from scenes.render import LoadedScene, render_views
-from scenes.scene import Description, Scene
-from scenes.variant import Variant, llvm_libraries, probe
-from scenes.viewpoints import camera_to_world
+from scenes.catalog.entries import CLASSICS, scene_named
+from scenes.files.digest import digest_of
+from scenes.files.errors import InputError
+from scenes.modelling.needs import PARTS, entries, left_out, needs
+from scenes.modelling.scene import Description, Scene
+from scenes.rendering.render import LoadedScene, render_views
+from scenes.rendering.variant import Variant, llvm_libraries, probe
+from scenes.view_sets.viewpoints import camera_to_world
 
 INFINITELY_FAR = {"constant", "envmap", "directional"}
 NEAR = {"area", "point", "spot", "projector", "directionalarea"}

@@ -5,18 +5,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from scenes.catalog import RUNGS, STRESS, scene_named
-from scenes.digest import digest_of
-from scenes.ladders import LADDERS, Ladder
-from scenes.ladders.rungs import BUILDERS
-from scenes.needs import left_out
-from scenes.normalise import FRAMED, box_of, normalised
-from scenes.render import LoadedScene, RenderedView, render_views
-from scenes.scene import Scene
-from scenes.stress.scales import UNIT
-from scenes.truth import pixel_means, pixel_rays
-from scenes.variant import Variant
-from scenes.viewpoints import camera_to_world
+from scenes.catalog.entries import RUNGS, STRESS, scene_named
+from scenes.catalog.ladders.ladders import LADDERS, Ladder
+from scenes.catalog.ladders.rungs import BUILDERS
+from scenes.catalog.stress.scales import UNIT
+from scenes.files.digest import digest_of
+from scenes.modelling.needs import left_out
+from scenes.modelling.normalise import FRAMED, box_of, normalised
+from scenes.modelling.scene import Scene
+from scenes.modelling.truth import pixel_means, pixel_rays
+from scenes.rendering.render import LoadedScene, RenderedView, render_views
+from scenes.rendering.variant import Variant
+from scenes.view_sets.viewpoints import camera_to_world
 
 SIZE = 12
 REPEATS = 6

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
-from harness.gate import runner
-from harness.gate.catalog import KINDS, Gate, gates, settings_of
-from harness.gate.limits import Limit
-from harness.gate.limits_file import KindFacts, LimitsFile, write_limits
-from harness.gate.outcome import Pictures, Sample
+from harness.gate import gate_run
+from harness.gate.gates import KINDS, Gate, gates, settings_of
+from harness.gate.limits import KindFacts, Limit, LimitsFile, write_limits
+from harness.gate.outcome import GateContext, Pictures, Sample
 from harness.gate.process import class_here
 from harness.gate.references import Course, References, write_references
-from harness.gate.situation import Situation
 
 CENTRE = 25.0
 
@@ -63,13 +61,13 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, Sample]:
     """Gates that give something else than what is sound, by name."""
     changed: dict[str, Sample] = {}
 
-    def measure(situation: Situation, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
+    def measure(situation: GateContext, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
         return {gate.name: changed.get(gate.name, sound(gate)) for gate in of_kind}
 
-    monkeypatch.setattr(runner, "MEASURES", dict.fromkeys(KINDS, measure))
-    monkeypatch.setattr(runner, "INPUTS", {})
+    monkeypatch.setattr(gate_run, "MEASURES", dict.fromkeys(KINDS, measure))
+    monkeypatch.setattr(gate_run, "INPUTS", {})
     return changed
 
 
-def gate_command(limits: Path, out: Path, *others: str) -> int:
+def gate_line(limits: Path, out: Path, *others: str) -> int:
     return main(["gate", "--limits", str(limits), "--out", str(out), *others])

@@ -17,11 +17,12 @@ from torch import Tensor
 from baselines import amplifiers, composition, field, held_mean, occupancy, rendering
 from baselines.contract import Box
 from baselines.numerics import amplifier, encoding, quadrature
-from harness import evaluate, plan, trainer
-from harness.clipping import Clipping
 from harness.gate import early
-from harness.gate.catalog import STARTS
+from harness.gate.gates import STARTS
 from harness.gate.references import USUAL, Courses, References, read_references
+from harness.plan import profiles
+from harness.training import evaluate, trainer
+from harness.training.learner import Clipping
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "gates" / "mutations.json"
@@ -94,16 +95,16 @@ def _cameras(patch: Patch, side: str) -> None:
 
 def _training(patch: Patch, **changed: Any) -> None:
     """A setting of the default profile."""
-    usual = plan.PROFILES["reduced"]
-    patch.setitem(plan.PROFILES, "reduced", replace(usual, train=replace(usual.train, **changed)))
+    usual = profiles.PROFILES["reduced"]
+    patch.setitem(profiles.PROFILES, "reduced", replace(usual, train=replace(usual.train, **changed)))
 
 
 def _grid(patch: Patch, **changed: Any) -> None:
-    _training(patch, grid=replace(plan.PROFILES["reduced"].train.grid, **changed))
+    _training(patch, grid=replace(profiles.PROFILES["reduced"].train.grid, **changed))
 
 
 def _network(patch: Patch, **changed: Any) -> None:
-    _training(patch, network=replace(plan.PROFILES["reduced"].train.network, **changed))
+    _training(patch, network=replace(profiles.PROFILES["reduced"].train.network, **changed))
 
 
 def _points(patch: Patch, random: float, middle: float) -> None:
@@ -125,7 +126,7 @@ def _normalised(self: Box, x: Tensor) -> Tensor:
     return (x - 0.5 * (self.lower + self.upper)) / (MORE * 0.5 * (self.upper - self.lower).max())
 
 
-TRAIN = plan.PROFILES["reduced"].train
+TRAIN = profiles.PROFILES["reduced"].train
 MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("encoding", "base φ", "× 1.01"): lambda patch: _ladder(patch, "phi"),
     ("encoding", "base 2", "× 1.01"): lambda patch: _ladder(patch, "base2"),
@@ -184,13 +185,13 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
 
 def _held_mean(patch: Patch) -> None:
     """The default of a parameter."""
-    usual = held_mean.HeldMean.move
+    usual = held_mean.RunningMean.move
     share = MORE * held_mean.MEAN_SHARE
 
-    def move(self: held_mean.HeldMean, *given: Any, **named: Any) -> None:
+    def move(self: held_mean.RunningMean, *given: Any, **named: Any) -> None:
         usual(self, *given, **(named if given or named else {"share": share}))
 
-    patch.setattr(held_mean.HeldMean, "move", move)
+    patch.setattr(held_mean.RunningMean, "move", move)
 
 
 def _depth(patch: Patch) -> None:

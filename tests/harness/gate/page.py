@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.gate import early, speed, worse
-from harness.gate.catalog import SLOWER_FOUND
+from harness.gate import early, gate_speed, worse
+from harness.gate.gates import SLOWER_FOUND
 from harness.gate.references import References, read_references
 
 ROOT = Path(__file__).parents[3]
@@ -48,7 +48,7 @@ def spread_table(stored: list[References]) -> str:
     )
     apart = between_classes(*stored)
     rows.append(("… cells of the two classes differ by, dB RMS", [f"{apart:.3f}"] * len(stored)))
-    slow = [max(speed.limit_of(ratios).detects or 0.0 for ratios in one.speed.values()) for one in stored]
+    slow = [max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in one.speed.values()) for one in stored]
     rows.append(
         (
             f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})",

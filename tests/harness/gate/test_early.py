@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from harness.gate import early
-from harness.gate.catalog import STARTS
+from harness.gate.gates import STARTS
 from harness.gate.references import Course, Courses, References, read_references
 from tests.harness.gate import page
 from tests.harness.gate.mutations import FILE, MUTATIONS, seen

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
-from harness.gate import early, images, options
+from harness.command import gate_command
+from harness.gate import early, images
 from harness.gate.images import Renders
 from tests.harness.gate.mutations import MUTATIONS
 
@@ -20,7 +21,7 @@ def test_sound_code_passes_and_broken_code_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def gate(out: str, *names: str) -> int:
-        places = ["--limits", str(ROOT / options.LIMITS), "--view-sets", str(tmp_path / "view_sets")]
+        places = ["--limits", str(ROOT / gate_command.LIMITS), "--view-sets", str(tmp_path / "view_sets")]
         return main(["gate", "--only", *names, *places, "--out", str(tmp_path / out)])
 
     assert gate("sound", *GATES) == 0, capsys.readouterr().out

@@ -6,18 +6,11 @@ from typing import Any
 import pytest
 
 from baselines.catalog import CATALOG
-from harness.batches import Batches
 from harness.gate import fairness
-from harness.gate.catalog import TRAINED_METHODS
-from harness.gate.fairness import (
-    copied,
-    copy_of,
-    drawn,
-    first_weights,
-    other_batches,
-    seen_differences,
-)
-from scenes.view_set import ViewSet
+from harness.gate.fairness import copied, copy_of, drawn, first_weights, other_batches, seen_differences
+from harness.gate.gates import TRAINED_METHODS
+from harness.training.batches import Batches
+from scenes.view_sets.view_set import ViewSet
 
 METHODS = ("nerf", "qnerf")
 

@@ -7,13 +7,21 @@ import numpy as np
 import pytest
 
 from harness.gate import images
-from harness.gate.catalog import IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
-from harness.gate.image_statistics import Reference, biases, largest, mean_square, pooled, standardised
-from harness.gate.images import Renders, read_reference, samples
-from harness.gate.limits import LEVEL, limit_from
-from harness.gate.limits_file import LimitsFile
-from harness.gate.outcome import Outcome, judged
-from scenes.errors import InputError
+from harness.gate.gates import IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
+from harness.gate.images import (
+    Reference,
+    Renders,
+    biases,
+    largest,
+    mean_square,
+    pooled,
+    read_reference,
+    samples,
+    standardised,
+)
+from harness.gate.limits import LEVEL, LimitsFile, limit_from
+from harness.gate.outcome import GateOutcome, judged
+from scenes.files.errors import InputError
 
 SIZE, SPP, REFERENCE_RENDERS = 24, 256, 96
 SCENES = ("lego", "drums")
@@ -62,13 +70,13 @@ def limits(references: dict[str, Reference]) -> dict[str, object]:
     return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}
 
 
-def outcomes(references: dict[str, Reference], limits: dict, shown: Renders) -> dict[str, Outcome]:
+def outcomes(references: dict[str, Reference], limits: dict, shown: Renders) -> dict[str, GateOutcome]:
     spreads = {scene: limits[f"images.{scene}.bias"].spread for scene in SCENES}
     found = samples(GATES, shown, references, spreads)
     return {gate.name: judged(gate, found[gate.name], limits[gate.name], "") for gate in GATES}
 
 
-def failing(found: dict[str, Outcome]) -> set[str]:
+def failing(found: dict[str, GateOutcome]) -> set[str]:
     """Which tests fail, for any scene."""
     return {name.rpartition(".")[2] for name, one in found.items() if one.status == "fail"}
 

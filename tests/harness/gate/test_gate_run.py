@@ -9,28 +9,27 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
-from harness.folder_lock import lock_folder
-from harness.gate import options, runner
-from harness.gate.catalog import KINDS, Gate, gates
-from harness.gate.limits import Limit
-from harness.gate.limits_file import LimitsFile, read_limits
-from harness.gate.outcome import Pictures, Sample
+from harness.command import gate_command
+from harness.gate import gate_run
+from harness.gate.gates import KINDS, Gate, gates
+from harness.gate.limits import Limit, LimitsFile, read_limits
+from harness.gate.outcome import GateContext, Pictures, Sample
 from harness.gate.process import class_here
 from harness.gate.references import References, write_references
-from harness.gate.situation import Situation
-from scenes.images import read_image
-from tests.harness.gate.gate_runs import CENTRE, facts, gate_command, measured_values, references, sound
+from harness.run_folder.folder_lock import lock_folder
+from scenes.view_sets.images import read_image
+from tests.harness.gate.gate_runs import CENTRE, facts, gate_line, measured_values, references, sound
 from tests.harness.shell import refused
 
 FAMILY = len(gates())
 ROOT = Path(__file__).parents[3]
-INPUTS = dict(runner.INPUTS)
+INPUTS = dict(gate_run.INPUTS)
 
 
 def test_all_pass(
     limits: Path, tmp_path: Path, measuring: dict[str, Sample], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert gate_command(limits, tmp_path / "out") == 0
+    assert gate_line(limits, tmp_path / "out") == 0
     said = capsys.readouterr().out
     assert said.count("PASS") == FAMILY
     record = json.loads((tmp_path / "out" / "gate.json").read_text())
@@ -49,7 +48,7 @@ def test_a_failure_says_everything_and_leaves_pictures(
     picture = np.linspace(0, 1, 48).reshape(4, 4, 3)
     measuring[name] = Sample([20.0] * 16, pictures=Pictures(picture, 1 - picture, np.abs(1 - 2 * picture)))
     out = tmp_path / "out"
-    assert gate_command(limits, out, "--only", "images.lego") == 4
+    assert gate_line(limits, out, "--only", "images.lego") == 4
     said = capsys.readouterr().out
     limit = read_limits(limits).limits[name]
     assert limit.low is not None
@@ -78,7 +77,7 @@ def test_what_is_no_number_fails_and_is_written_as_none(
 ) -> None:
     gate = next(one for one in gates() if one.name == name)
     measuring[name] = Sample([CENTRE] * (gate.new - 1) + [value], "seed 1001 diverged", limit=sound(gate).limit)
-    assert gate_command(limits, tmp_path / "out", "--only", name, "--quiet") == 4
+    assert gate_line(limits, tmp_path / "out", "--only", name, "--quiet") == 4
     row = json.loads((tmp_path / "out" / "gate.json").read_text())["gates"][0]
     assert (row["measured"], row["status"], row["why"]) == (None, "fail", "seed 1001 diverged")
 
@@ -86,11 +85,11 @@ def test_what_is_no_number_fails_and_is_written_as_none(
 def test_an_error_in_one_kind_fails_its_gates_and_no_others(
     limits: Path, tmp_path: Path, measuring: dict[str, Sample], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(situation: Situation, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
+    def broken(situation: GateContext, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
         raise RuntimeError("rendering ended with exit code 1")
 
-    monkeypatch.setitem(runner.MEASURES, "images", broken)
-    assert gate_command(limits, tmp_path / "out", "--quiet") == 4
+    monkeypatch.setitem(gate_run.MEASURES, "images", broken)
+    assert gate_line(limits, tmp_path / "out", "--quiet") == 4
     rows = json.loads((tmp_path / "out" / "gate.json").read_text())["gates"]
     assert {row["kind"] for row in rows if row["status"] == "fail"} == {"images"}
     assert {row["why"] for row in rows if row["status"] == "fail"} == {"RuntimeError: rendering ended with exit code 1"}
@@ -101,15 +100,15 @@ def test_a_reference_image_that_is_missing_is_told_before_anything_is_measured(
 ) -> None:
     measured: list[Gate] = []
 
-    def measure(situation: Situation, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
+    def measure(situation: GateContext, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
         measured.extend(of_kind)
         return {gate.name: sound(gate) for gate in of_kind}
 
-    monkeypatch.setattr(runner, "MEASURES", dict.fromkeys(KINDS, measure))
-    assert runner.INPUTS == INPUTS
+    monkeypatch.setattr(gate_run, "MEASURES", dict.fromkeys(KINDS, measure))
+    assert gate_run.INPUTS == INPUTS
     assert "lego.exr" in refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
     assert measured == []
-    assert gate_command(limits, tmp_path / "others", "--only", "worse", "speed", "--quiet") == 0
+    assert gate_line(limits, tmp_path / "others", "--only", "worse", "speed", "--quiet") == 0
     assert {gate.kind for gate in measured} == {"worse", "speed"}
 
 
@@ -123,7 +122,7 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
     stored = references(class_here())
     write_references(folder, References(**{**vars(stored), "kinds": {"worse": facts("worse")}}))
     names = ("speed.score", "images.lego.bias", "worse.all.psnr", "fairness.batches")
-    assert gate_command(limits, tmp_path / "out", "--only", *names) == 4
+    assert gate_line(limits, tmp_path / "out", "--only", *names) == 4
     said = capsys.readouterr().out
     assert f"class {class_here()} has no references for it; renew with `python -m harness gate --renew --only" in said
     assert "measured with other settings" in said
@@ -137,7 +136,7 @@ def test_both_questions_are_answered_apart(
     measuring[name] = Sample([0.01], "loss of step 3", limit=Limit(None, 1e-10))
     note = "changed, -0.030 ± 0.110 dB: not worse"
     measuring["worse.all.psnr"] = Sample([-0.03], limit=Limit(-0.1, None), note=note)
-    assert gate_command(limits, tmp_path / "out", "--only", "changed", "worse") == 4
+    assert gate_line(limits, tmp_path / "out", "--only", "changed", "worse") == 4
     said = capsys.readouterr().out
     assert f"Has anything changed? yes: {name}" in said
     assert f"Is it worse? {note}" in said
@@ -180,11 +179,11 @@ def test_names_that_are_none_and_folders_in_use(
 
 def test_names_are_chosen_by_their_beginning() -> None:
     def names(*given: str) -> list[str]:
-        return [gate.name for gate in options.chosen(list(given))]
+        return [gate.name for gate in gate_command.chosen(list(given))]
 
     assert names("speed.render") == ["speed.render.nerf", "speed.render.qnerf"]
     assert names("worse.nerf") == [f"worse.nerf.{score}" for score in ("psnr", "ssim", "depth_rmse")]
-    assert options.chosen(None) == gates()
+    assert gate_command.chosen(None) == gates()
 
 
 def test_the_list_names_every_gate(capsys: pytest.CaptureFixture[str]) -> None:
@@ -199,9 +198,9 @@ def test_a_renewal_of_images_says_what_changed(
 ) -> None:
     before = read_limits(limits)
     brighter = {name: [1.2 * value for value in values] for name, values in measured_values().items()}
-    monkeypatch.setattr(runner.images, "renew", lambda situation: brighter)
-    monkeypatch.setattr(runner.images, "digest", lambda file: "")
-    assert gate_command(limits, tmp_path / "out", "--renew", "--only", "images.lego") == 0
+    monkeypatch.setattr(gate_run.images, "renew", lambda situation: brighter)
+    monkeypatch.setattr(gate_run.images, "digest", lambda file: "")
+    assert gate_line(limits, tmp_path / "out", "--renew", "--only", "images.lego") == 0
     old, new = (found.limits["images.lego.largest"].high for found in (before, read_limits(limits)))
     assert old is not None
     assert new == pytest.approx(1.2 * old, rel=1e-3)
@@ -222,7 +221,7 @@ def test_a_gate_that_is_no_more_leaves_the_file_and_a_line_is_a_gate(limits: Pat
 
 def test_the_committed_limits_are_those_that_follow_from_their_measurements() -> None:
     """A limit that was changed by hand would follow from nothing: it needs a renewal instead."""
-    stored = read_limits(ROOT / options.LIMITS)
+    stored = read_limits(ROOT / gate_command.LIMITS)
     again = stored.renewed("images", {}, stored.kinds["images"], gates())
     for name, limit in again.limits.items():
         for side in ("low", "high", "detects"):

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gate import speed
-from harness.gate.catalog import SLOWER_FOUND, SPEED_REPEATS, gates
+from harness.gate import gate_speed
+from harness.gate.gates import SLOWER_FOUND, SPEED_REPEATS, gates
 from harness.gate.outcome import Sample, judged
 from harness.gate.references import read_references
-from scenes.view_set import ViewSet
+from scenes.view_sets.view_set import ViewSet
 
 GATES = [gate for gate in gates() if gate.kind == "speed"]
 CLASSES = Path(__file__).parents[3] / "gates" / "classes"
@@ -41,9 +41,9 @@ def machine() -> Machine:
 
 
 def test_a_ratio_is_of_the_plain_code_whatever_the_machine_does(machine: Machine) -> None:
-    assert speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
+    assert gate_speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
     machine.load = 7.0
-    assert speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
+    assert gate_speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
 
 
 def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
@@ -54,7 +54,7 @@ def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
         calls += 1
         machine.now += 0.5 if calls % 4 == 0 else 0.025
 
-    assert speed.ratio(side, machine.work(0.010), machine.clock) == pytest.approx(2.5)
+    assert gate_speed.ratio(side, machine.work(0.010), machine.clock) == pytest.approx(2.5)
     assert calls > SPEED_REPEATS
 
 
@@ -63,7 +63,7 @@ def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
 def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate: Any) -> None:
     """In nine of ten runs at least, and what did not change passes in as many."""
     ratios = read_references(CLASSES, name).speed[gate.name]
-    limit = speed.limit_of(ratios)
+    limit = gate_speed.limit_of(ratios)
     assert limit.detects is not None
     assert limit.detects <= SLOWER_FOUND
     generator = np.random.default_rng(0)
@@ -77,14 +77,14 @@ def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate
 
 def test_faster_is_welcome_and_a_foreign_class_has_more_room() -> None:
     ratios = [2.4, 2.5, 2.6]
-    assert speed.limit_of(ratios).low is None
-    assert speed.centre_of(ratios) == pytest.approx(2.499, abs=0.001)
-    assert speed.limit_of(ratios, 1.5).high == pytest.approx(1.5 * 1.5**0.5)
+    assert gate_speed.limit_of(ratios).low is None
+    assert gate_speed.centre_of(ratios) == pytest.approx(2.499, abs=0.001)
+    assert gate_speed.limit_of(ratios, 1.5).high == pytest.approx(1.5 * 1.5**0.5)
 
 
 def test_each_gate_has_something_to_measure(ball: ViewSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "STEPS_BEFORE", 2)
+    monkeypatch.setattr(gate_speed, "STEPS_BEFORE", 2)
     for name in ("speed.train.qnerf", "speed.render.nerf", "speed.score"):
-        for side in speed.sides_of(name, ball):
+        for side in gate_speed.sides_of(name, ball):
             side()
             side()

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from harness.gate import limits
-from harness.gate.catalog import Gate
+from harness.gate.gates import Gate
 from harness.gate.limits import NONE_DIFFERS, Limit, excess_of, figure_of, limit_from
 from harness.gate.outcome import Sample, judged, line_of
-from harness.statistics import POWER
+from harness.verdicts.statistics import POWER
 
 MEAN = Gate("images.lego.bias", "images", "brightness", "%", "mean", 2)
 LARGEST = Gate("images.lego.largest", "images", "largest", "σ", "largest", 16)

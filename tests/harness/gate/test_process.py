@@ -5,7 +5,7 @@ import os
 import pytest
 
 from harness.gate.process import OWN, class_here, classes_here, environment_of, forced, in_child, in_children
-from scenes.errors import InputError
+from scenes.files.errors import InputError
 
 
 def test_a_child_is_of_the_class_that_is_forced() -> None:

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
-from harness.gate.rank import RANK_FILE, publish, ranks
-from harness.gate.references import References, write_references
+from harness.gate.references import RANK_FILE, References, publish, ranks, write_references
 from tests.harness.shell import refused
 
 OURS = {("lego", "nerf"): 20.0, ("lego", "qnerf"): 18.0, ("hotdog", "nerf"): 25.0, ("hotdog", "qnerf"): 26.0}

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.gate import options, runner
-from harness.gate.catalog import gates
-from harness.gate.outcome import Sample
+from harness.command import gate_command
+from harness.gate import gate_run
+from harness.gate.gates import gates
+from harness.gate.outcome import GateContext, Sample
 from harness.gate.process import class_here
 from harness.gate.references import References, read_references, write_references
-from harness.gate.situation import Situation
-from tests.harness.gate.gate_runs import gate_command, references
+from tests.harness.gate.gate_runs import gate_line, references
 from tests.harness.shell import refused
 
 ROOT = Path(__file__).parents[3]
@@ -26,7 +26,7 @@ def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
     assert "avx2.json" in refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
     write_references(folder, references("avx2"))
     if class_here() != "avx2":
-        assert gate_command(limits, tmp_path / "others") == 0
+        assert gate_line(limits, tmp_path / "others") == 0
         assert "of which nothing is stored: held to avx2 with wider limits" in capsys.readouterr().out
         record = json.loads((tmp_path / "others" / "gate.json").read_text())
         assert (record["class"], record["references"]) == (class_here(), "avx2")
@@ -64,13 +64,13 @@ def test_a_renewal_writes_what_it_measured_class_by_class(
 ) -> None:
     asked: list[str] = []
 
-    def renew(situation: Situation) -> References:
+    def renew(situation: GateContext) -> References:
         asked.append(situation.references.name)
         return References(**{**vars(situation.references), "speed": {"speed.score": [3.0, 3.1]}})
 
-    monkeypatch.setattr(runner, "RENEWALS", {"speed": renew})
-    monkeypatch.setattr(runner, "RENEWED_CLASSES", (class_here(),))
-    assert gate_command(limits, tmp_path / "out", "--renew", "--only", "speed.train.nerf") == 0
+    monkeypatch.setattr(gate_run, "RENEWALS", {"speed": renew})
+    monkeypatch.setattr(gate_run, "RENEWED_CLASSES", (class_here(),))
+    assert gate_line(limits, tmp_path / "out", "--renew", "--only", "speed.train.nerf") == 0
     after = read_references(limits.parent / "classes", class_here())
     assert asked == [class_here()]
     assert after.speed == {"speed.score": [3.0, 3.1]}
@@ -81,7 +81,7 @@ def test_a_renewal_writes_what_it_measured_class_by_class(
 
 @pytest.mark.parametrize("name", ["avx2", "avx512"])
 def test_the_committed_references_are_of_these_gates(name: str) -> None:
-    stored = read_references(ROOT / options.LIMITS.parent / "classes", name)
+    stored = read_references(ROOT / gate_command.LIMITS.parent / "classes", name)
     assert stored.name == name
     assert [stored.missing(gate) for gate in gates() if gate.kind in ("changed", "worse", "speed")] == [""] * sum(
         gate.kind in ("changed", "worse", "speed") for gate in gates()

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from harness.gate import worse
-from harness.gate.catalog import (
+from harness.gate.gates import (
     GATE_SEEDS,
     LARGEST_LOSS,
     SCORES,
@@ -19,11 +19,11 @@ from harness.gate.catalog import (
     gates,
     settings_of,
 )
-from harness.gate.limits_file import KindFacts
-from harness.gate.outcome import Outcome, judged
+from harness.gate.limits import KindFacts
+from harness.gate.outcome import GateOutcome, judged
 from harness.gate.references import References, read_references
 from harness.gate.worse import Scores
-from harness.schedule import Budget
+from harness.plan.schedule import Budget
 from tests.harness import tiny
 from tests.harness.cells import diverged
 
@@ -56,7 +56,7 @@ def scores_with(psnr: np.ndarray, ssim: float = 0.8, depth: float = 0.2) -> Scor
     return {key: {"psnr": float(one), "ssim": ssim, "depth_rmse": depth} for key, one in zip(KEYS, psnr, strict=True)}
 
 
-def outcome(name: str, new: Scores, stored: References) -> Outcome:
+def outcome(name: str, new: Scores, stored: References) -> GateOutcome:
     _, method, score = name.split(".")
     return judged(BY_NAME[name], worse.loss_sample(method, score, new, stored), None, "")
 
@@ -197,7 +197,7 @@ def test_nothing_is_trained_that_no_gate_asks_for() -> None:
 
 
 def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:
-    from harness.lockstep import box_of
+    from harness.training.lockstep import box_of
 
     def first_weights(draw: int) -> dict[str, torch.Tensor]:
         make = worse.rounded_otherwise(draw)

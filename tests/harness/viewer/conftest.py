@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from harness.finished import FinishedRun, TrainedCell
+from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.viewer.shown_run import ShownRun
 from tests.harness.viewer.site import Site, served
 from tests.harness.viewer.small_run import train

@@ -14,8 +14,8 @@ from typing import Any
 
 import uvicorn
 
-from harness.device import use_threads
-from harness.viewer.options import bound, config_of, hosts_of
+from harness.command.look_commands import bound, config_of, hosts_of
+from harness.machine.device import use_threads
 from harness.viewer.server import application
 from harness.viewer.shown_run import ShownRun
 

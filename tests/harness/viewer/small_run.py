@@ -6,14 +6,14 @@ from pathlib import Path
 
 import torch
 
-from harness.cell_training import GroupSettings
-from harness.checkpoints import checkpoint_path
-from harness.ground_truth import read_views
-from harness.lockstep import train_group
-from harness.needed import for_scene
-from harness.records import RunRecord, SceneRecord, cell_path, read_cell, read_run, write_cell, write_run
-from harness.schedule import Budget
-from harness.settings import ViewSettings
+from harness.execution.ground_truth import read_views
+from harness.plan.needed import for_scene
+from harness.plan.schedule import Budget
+from harness.plan.settings import ViewSettings
+from harness.records.cells import RunRecord, SceneRecord, cell_path, read_cell, read_run, write_cell, write_run
+from harness.training.cell_training import GroupSettings
+from harness.training.checkpoints import checkpoint_path
+from harness.training.lockstep import train_group
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN
 

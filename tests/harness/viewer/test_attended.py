@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.attention.regions import Regions
+from baselines.numerics.attention.regions import Regions
 from harness.viewer.attended import Attention, attention_map, read_mask, spread
-from scenes.errors import InputError
-from scenes.images import write_channels, write_png
+from scenes.files.errors import InputError
+from scenes.view_sets.images import write_channels, write_png
 
 REGIONS = Regions(12, 20, 4)
 

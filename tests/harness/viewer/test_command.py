@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.viewer.options import hosts_of
+from harness.command.look_commands import hosts_of
 from tests.harness.shell import ROOT, refused
 
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import torch
 
-from harness.camera import Camera
-from harness.evaluate import View, render_view
-from harness.finished import TrainedCell
-from harness.metrics import psnr
-from harness.trainer import Diverged
-from harness.view_cache.store import ViewStore
+from harness.playback.run_loader import TrainedCell
+from harness.playback.store import ViewStore
+from harness.training.batches import Camera
+from harness.training.evaluate import View, render_view
+from harness.training.metrics import psnr
+from harness.training.trainer import Diverged
+from harness.viewer.asked import Orbit
 from harness.viewer.attended import Attention
-from harness.viewer.engine import Frame, Seat, frames
-from harness.viewer.orbit import Orbit
+from harness.viewer.engine import FreshPixels, MethodView, frames
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
 PLAIN, FOVEAL = Attention("none"), Attention("foveal", 0.2, 0.8)
@@ -27,20 +27,22 @@ def camera(cells: list[TrainedCell]) -> Camera:
 
 
 @pytest.fixture
-def seats(cells: list[TrainedCell]) -> list[Seat]:
-    return [Seat.of(cell, ViewStore(1 << 24, None, 0)) for cell in cells]
+def seats(cells: list[TrainedCell]) -> list[MethodView]:
+    return [MethodView.of(cell, ViewStore(1 << 24, None, 0)) for cell in cells]
 
 
-def plain(seat: Seat, camera: Camera) -> View:
+def plain(seat: MethodView, camera: Camera) -> View:
     return render_view(seat.learner, camera.cameras(torch.device("cpu")), 0, seat.chunk)
 
 
-def of(shown: list[Frame], method: str) -> list[Frame]:
+def of(shown: list[FreshPixels], method: str) -> list[FreshPixels]:
     return [frame for frame in shown if frame.method == method]
 
 
 @pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "error", "mask", "none"])
-def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(seats: list[Seat], camera: Camera, kind: str) -> None:
+def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(
+    seats: list[MethodView], camera: Camera, kind: str
+) -> None:
     shown = list(frames(seats, camera, Attention(kind), mask=np.eye(5)))
     for method in ("nerf", "qnerf"):
         first, *parts, last = of(shown, method)
@@ -62,7 +64,7 @@ def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(seats: list[Seat
 
 
 @pytest.mark.parametrize("attention", [PLAIN, FOVEAL])
-def test_the_last_picture_is_the_plain_one(seats: list[Seat], camera: Camera, attention: Attention) -> None:
+def test_the_last_picture_is_the_plain_one(seats: list[MethodView], camera: Camera, attention: Attention) -> None:
     shown = list(frames(seats, camera, attention, use_cache=False))
     for seat in seats:
         last, wanted = of(shown, seat.name)[-1], plain(seat, camera)
@@ -75,7 +77,7 @@ def test_the_last_picture_is_the_plain_one(seats: list[Seat], camera: Camera, at
                 np.testing.assert_allclose(getattr(last, name), expected, rtol=0, atol=2e-5)
 
 
-def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Seat], camera: Camera) -> None:
+def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[MethodView], camera: Camera) -> None:
     shown = list(frames(seats, camera, FOVEAL))
     assert [seat.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
@@ -83,7 +85,7 @@ def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Seat]
     assert all(frame.note == "" for frame in frames(seats, camera, PLAIN, use_cache=False))
 
 
-def test_the_second_time_it_is_out_of_the_cache(seats: list[Seat], camera: Camera) -> None:
+def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera: Camera) -> None:
     first = {frame.method: frame for frame in frames(seats, camera, FOVEAL) if frame.state == "whole"}
     again = list(frames(seats, camera, Attention("point", 0.9, 0.1)))
     assert [(frame.method, frame.state, frame.level) for frame in again] == [
@@ -102,12 +104,12 @@ def test_the_second_time_it_is_out_of_the_cache(seats: list[Seat], camera: Camer
 
 def test_the_cache_outlives_the_program(cells: list[TrainedCell], camera: Camera, tmp_path: Path) -> None:
     for level in (None, 2):
-        seat = Seat.of(cells[0], ViewStore(1 << 24, tmp_path / "views", 1 << 24))
+        seat = MethodView.of(cells[0], ViewStore(1 << 24, tmp_path / "views", 1 << 24))
         assert list(frames([seat], camera, FOVEAL))[-1].level == level
 
 
 def test_nothing_is_rendered_that_is_not_asked_for(
-    seats: list[Seat], camera: Camera, monkeypatch: pytest.MonkeyPatch
+    seats: list[MethodView], camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = []
     for seat in seats:
@@ -128,7 +130,7 @@ def test_nothing_is_rendered_that_is_not_asked_for(
     assert all(seat.cached.lookup(camera, None) is None for seat in seats)
 
 
-def test_psnr_is_that_of_the_whole_picture(seats: list[Seat], camera: Camera) -> None:
+def test_psnr_is_that_of_the_whole_picture(seats: list[MethodView], camera: Camera) -> None:
     truth = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
     shown = list(frames(seats[:1], camera, FOVEAL, truth))
     assert shown[-1].psnr == psnr(shown[-1].colour.reshape(truth.shape), truth)
@@ -140,7 +142,7 @@ def test_psnr_is_that_of_the_whole_picture(seats: list[Seat], camera: Camera) ->
 
 
 def test_a_picture_that_is_not_finite_fails_alone(
-    seats: list[Seat], camera: Camera, monkeypatch: pytest.MonkeyPatch
+    seats: list[MethodView], camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*_: Any) -> None:
         raise Diverged(3, "rendered colour of ray 7")

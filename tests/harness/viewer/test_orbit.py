@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from harness.camera import Camera
-from harness.camera_paths import look_at
-from harness.viewer.orbit import STEEPEST, Orbit, covering, orbit_of
+from harness.playback.camera_paths import look_at
+from harness.training.batches import Camera
+from harness.viewer.asked import STEEPEST, Orbit, covering, orbit_of
 from tests.harness.ball import pose
 
 CENTRE = np.array([0.3, -0.2, 0.1])

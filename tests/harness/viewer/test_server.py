@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.evaluate import LARGEST_PSNR
-from harness.metrics import psnr
-from harness.records import read_cells
+from harness.records.cells import read_cells
+from harness.training.evaluate import LARGEST_PSNR
+from harness.training.metrics import psnr
 from harness.viewer import engine, server
 from harness.viewer.server import FILES
 from harness.viewer.shown_run import ShownRun
-from scenes.errors import InputError
-from scenes.images import read_image
-from scenes.pixels import over_white
+from scenes.files.errors import InputError
+from scenes.view_sets.images import read_image
+from scenes.view_sets.pixels import over_white
 from tests.harness.viewer.site import BYTES_PER_PIXEL, ORBIT, Site, unpacked, wanted
 from tests.harness.viewer.small_run import SIZE
 

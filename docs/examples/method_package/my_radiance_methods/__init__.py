@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from baselines.catalog import Method
 from baselines.composition import Ladder
-from baselines.nerf import NERF
+from baselines.methods.nerf import NERF
 from my_radiance_methods.blobs import Blobs
 
 NERF_BASE3 = Method(

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from baselines.contract import FieldAsked, uniform_weights
+from baselines.contract import FieldSpec, uniform_weights
 
 COUNT = 64
 PEAK = 20.0
@@ -19,7 +19,7 @@ class Blobs(nn.Module):
     pointwise = True
     density_limit = float("inf")
 
-    def __init__(self, asked: FieldAsked) -> None:
+    def __init__(self, asked: FieldSpec) -> None:
         super().__init__()
         self.box = asked.box
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from harness.conformance.catalog import conformance
-from harness.conformance.subject import Subject
+from harness.studies.conformance.method_checks import conformance
+from harness.studies.conformance.subject import Subject
 
 
 @pytest.mark.parametrize("method", ["nerf_base3", "blobs"])

@@ -1,0 +1,1 @@
+"""Methods as choices of parts; imports the parts in `baselines`."""

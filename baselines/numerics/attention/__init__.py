@@ -1,0 +1,1 @@
+"""Eq. 7 as pure arrays: regions, priorities, maps; imports numpy alone."""

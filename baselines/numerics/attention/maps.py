@@ -1,0 +1,137 @@
+"""What may be attended to: each function gives the attention of every region, float64 [regions].
+
+All raise `BadAttention`, naming region and value, where what they are given is no attention.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from baselines.numerics.attention.priorities import BadAttention, checked
+from baselines.numerics.attention.regions import Regions
+
+HALF_ACUITY_DEGREES = 2.3
+"""Eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998)."""
+
+
+def from_mask(regions: Regions, mask: np.ndarray) -> np.ndarray:
+    """A user's mask [height, width]: true or false, or any number ≥ 0. One without a mark is plain rendering."""
+    return _mean(regions, mask, "mask")
+
+
+def around_point(regions: Regions, row: float, column: float, radius: float) -> np.ndarray:
+    """A point of interest in pixels, counted as in `CONVENTIONS.md`: 1 / (1 + (distance / radius)²), half at `radius`.
+
+    It falls slowly enough that the order of regions is that of their distance all over the picture.
+    """
+    _require_point(row, column)
+    if not (math.isfinite(radius) and radius > 0.0):
+        raise BadAttention(f"point of interest: radius {radius:g} px; must be finite and above 0")
+    down, right = _offsets(regions, row, column)
+    return _mean(regions, 1.0 / (1.0 + (down / radius) ** 2 + (right / radius) ** 2), "point of interest")
+
+
+def foveal(
+    regions: Regions, row: float, column: float, focal: float, half_at: float = HALF_ACUITY_DEGREES
+) -> np.ndarray:
+    """The acuity of an eye that looks at a point of the picture, relative to its best: 1 / (1 + e / e₂).
+
+    e is a pixel's eccentricity in degrees, the angle at the camera between its ray and that of the point looked at;
+    it is the eye's where the picture is seen from its centre of projection. e₂ = `half_at`. The formula is the highest
+    frequency seen at full contrast in Geisler & Perry (1998), "A real-time foveated multiresolution system for
+    low-bandwidth video communication". `focal` is in pixels.
+    """
+    _require_point(row, column)
+    if not (math.isfinite(focal) and focal > 0.0 and math.isfinite(half_at) and half_at > 0.0):
+        raise BadAttention(f"fovea: focal length {focal:g} px, half acuity at {half_at:g}°; must be finite and above 0")
+    centre = np.array([column - 0.5 * regions.width, row - 0.5 * regions.height, focal])
+    down, right = _offsets(regions, 0.5 * regions.height, 0.5 * regions.width)
+    down, right = np.broadcast_arrays(down, right)
+    ray = np.stack([right, down, np.full_like(down, focal)], axis=-1)
+    # the arc cosine of a scalar product would lose half of the digits near the centre
+    angle = np.arctan2(np.linalg.norm(np.cross(ray, centre), axis=-1), ray @ centre)
+    return _mean(regions, 1.0 / (1.0 + np.degrees(angle) / half_at), "fovea")
+
+
+def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
+    """Where an image [height, width] or [height, width, channels] changes: the length of its gradient over all
+    channels, by central differences. One of a single colour is plain rendering.
+    """
+    given = np.asarray(image, dtype=np.float64)
+    if given.ndim not in (2, 3) or given.shape[:2] != (regions.height, regions.width):
+        raise _wrong_shape(regions, given, "image")
+    slopes = [np.gradient(given, axis=axis) for axis in (0, 1) if given.shape[axis] > 1]
+    square = sum((slope**2 for slope in slopes), np.zeros_like(given))
+    return _mean(regions, np.sqrt(square.sum(axis=-1) if given.ndim == 3 else square), "gradient")
+
+
+def from_error(regions: Regions, estimate_of_error: np.ndarray) -> np.ndarray:
+    """An estimate of error or variance [height, width], ≥ 0, for instance that of `progressive.estimated_error`."""
+    return _mean(regions, estimate_of_error, "estimated error")
+
+
+def _nothing() -> np.ndarray:
+    raise BadAttention("there is nothing of that kind to look at here")
+
+
+@dataclass(frozen=True)
+class MapInputs:
+    """What maps look at. What has to be rendered first is a call, so that only a map that uses it pays for it."""
+
+    regions: Regions
+    row: float
+    column: float
+    """The point looked at, in pixels."""
+    radius: float
+    """Pixels at which a point of interest has half of its attention."""
+    focal: float
+    """Pixels."""
+    mask: Callable[[], np.ndarray] = _nothing
+    """[height, width]."""
+    image: Callable[[], np.ndarray] = _nothing
+    """A coarse frame [height, width, 3]."""
+    error: Callable[[], np.ndarray] = _nothing
+    """An estimate of its error [height, width]."""
+
+
+MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
+    "point": lambda sight: around_point(sight.regions, sight.row, sight.column, sight.radius),
+    "mask": lambda sight: from_mask(sight.regions, sight.mask()),
+    "gradients": lambda sight: from_gradients(sight.regions, sight.image()),
+    "error": lambda sight: from_error(sight.regions, sight.error()),
+    "foveal": lambda sight: foveal(sight.regions, sight.row, sight.column, sight.focal),
+}
+"""Every map by the name that records, the viewer and its address use."""
+
+
+def _mean(regions: Regions, values: Any, what: str) -> np.ndarray:
+    """The mean of each region; a pixel that is no attention is named, as a mean could hide it."""
+    given = np.asarray(values, dtype=np.float64)
+    if given.shape != (regions.height, regions.width):
+        raise _wrong_shape(regions, given, what)
+    bad = ~(np.isfinite(given) & (given >= 0.0))
+    if bad.any():
+        row, column = divmod(int(bad.argmax()), regions.width)
+        raise BadAttention(
+            f"{what}: region {regions.of_pixel[row, column]} has {given[row, column]:g} at row {row}, column {column}; "
+            "must be finite and not below 0"
+        )
+    return checked(regions.mean(given), regions.count)
+
+
+def _wrong_shape(regions: Regions, given: np.ndarray, what: str) -> BadAttention:
+    return BadAttention(f"{what} {list(given.shape)}: the picture is [{regions.height}, {regions.width}]")
+
+
+def _require_point(row: float, column: float) -> None:
+    if not (math.isfinite(row) and math.isfinite(column)):
+        raise BadAttention(f"point at row {row:g}, column {column:g}: must be finite")
+
+
+def _offsets(regions: Regions, row: float, column: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pixel centres from a point, downwards [height, 1] and to the right [1, width], in pixels."""
+    down = np.arange(regions.height)[:, None] + 0.5 - row
+    return down, np.arange(regions.width)[None, :] + 0.5 - column

@@ -1,1 +1,0 @@
-"""The same plan on a Ray cluster: which nodes there are, what travels to them, and what comes back."""

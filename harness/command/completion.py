@@ -1,0 +1,66 @@
+"""`python -m harness completion SHELL`: a script that completes commands, options, scenes, methods and profiles.
+
+Shells complete by the name of a program, and that of `python -m harness` is python's. The script therefore defines a
+function (in tcsh an alias) `harness`, which is `python -m harness`, and completes that.
+"""
+
+import argparse
+import copy
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+SHELLS = {
+    "bash": 'harness() {\n  python -m harness "$@"\n}\n',
+    # its compdef is there once compinit was called, which a fresh account does not do
+    "zsh": "whence compdef >/dev/null || { autoload -Uz compinit && compinit -i }\n"
+    'harness() {\n  python -m harness "$@"\n}\n',
+    "tcsh": "alias harness 'python -m harness'\n",
+    "fish": "function harness\n  python -m harness $argv\nend\n",
+}
+"""Shell → what `harness` is there."""
+
+
+def add_completion_options(command: argparse.ArgumentParser) -> None:
+    how = 'bash and zsh: eval "$(python -m harness completion SHELL)"; fish: … | source; tcsh: … > FILE; source FILE'
+    command.add_argument("shell", choices=tuple(SHELLS), help=how)
+
+
+def run_completion(options: argparse.Namespace, show: "Progress") -> int:
+    """Prints the script alone, so that a shell may evaluate it."""
+    sys.stdout.write(script(options.shell, options.parser))
+    return 0
+
+
+def script(shell: str, parser: argparse.ArgumentParser) -> str:
+    """Of the commands that `parser` has, with the names that this installation knows."""
+    import shtab
+
+    from harness.plan.plugins import method_names
+    from harness.plan.profiles import PROFILES
+    from scenes.catalog.entries import CATALOG
+
+    parser = copy.deepcopy(parser)
+    parser.prog = "harness"
+    values = {"scenes": list(CATALOG), "methods": method_names(), "profile": list(PROFILES)}
+    for action in _actions(parser):
+        if action.dest in values and not action.choices:
+            action.choices = values[action.dest]
+        elif action.metavar == "DIR":
+            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif action.metavar in ("FILE", "OUT"):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+    return SHELLS[shell] + shtab.complete(parser, shell)
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Of the parser and of its commands, whose names are told from its own."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for name, command in action.choices.items():
+                command.prog = f"{parser.prog} {name}"
+                yield from _actions(command)

@@ -1,0 +1,87 @@
+"""`python -m harness gate`: its options, and how they are checked. Nothing heavy is imported to show the help."""
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from harness.gate.gates import KINDS, Gate, gates
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+LIMITS = Path("gates/limits.json")
+
+
+def add_gate_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--only", nargs="+", metavar="NAME", help="gates, or beginnings of their names: changed worse.qnerf images …")
+    add("--renew", action="store_true", help="measure limits and references anew, write them and print what changed")
+    add("--class", dest="of_class", metavar="NAME", help="be a processor of this class: default avx2 avx512")
+    add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh one)")
+    add("--list", action="store_true", help="print the gates, do nothing")
+    add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
+    add("--quiet", action="store_true", help="no progress, and no table")
+
+
+def run_gate(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 4 where a gate failed; raises `InputError` for what cannot be."""
+    table = chosen(options.only)
+    if options.list:
+        for gate in table:
+            print(f"{gate.name:34} {gate.what}{gate.unit and f', {gate.unit}'}")
+        print(f"{len(gates())} gates")
+        return 0
+    if options.rank is not None:
+        from harness.gate.references import publish
+
+        show.line(publish(options.rank, options.limits.parent))
+        return 0
+
+    from harness.gate.gate_run import GATE_FILE, cleared, renew, run
+    from harness.gate.limits import read_limits
+    from harness.gate.process import environment_of
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.run_folder.output_folder import claim_for, fresh_folder
+
+    if options.of_class is not None:
+        environment_of(options.of_class)
+    if not options.renew:
+        read_limits(options.limits)  # before a folder is made
+    out = options.out or fresh_folder("gate", resume=False)
+    with locked_folder(out):
+        claim_for(out, GATE_FILE, resume=False)
+        try:
+            if options.renew:
+                return renew(table, options.limits, out, options.view_sets, show, options.of_class)
+            replay = ["python", "-m", "harness", "gate"]
+            if options.limits != LIMITS:
+                replay += ["--limits", str(options.limits)]
+            if options.of_class is not None:
+                replay += ["--class", options.of_class]
+            return run(table, options.limits, out, options.view_sets, show, shlex.join(replay), options.of_class)
+        finally:
+            cleared(out)
+
+
+def chosen(names: list[str] | None) -> tuple[Gate, ...]:
+    """Gates of these names, or whose names begin with them; raises `InputError` for one that is none's."""
+    from scenes.files.errors import InputError
+
+    table = gates()
+    if names is None:
+        return table
+    found = [gate for gate in table if any(_begins(gate.name, name) for name in names)]
+    unknown = [name for name in names if not any(_begins(gate.name, name) for gate in table)]
+    if unknown:
+        raise InputError(
+            f"--only: no gate's name begins with {' '.join(map(repr, unknown))}; known: {' '.join(KINDS)}, "
+            "and what --list prints"
+        )
+    return tuple(found)
+
+
+def _begins(name: str, start: str) -> bool:
+    return name == start or name.startswith(start.removesuffix(".") + ".")

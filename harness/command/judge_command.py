@@ -1,0 +1,74 @@
+"""`python -m harness judge TABLE` and `compare A B`: their options, and what they do."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+
+def add_judge_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add(
+        "tables",
+        type=Path,
+        nargs="+",
+        metavar="TABLE",
+        help="CSV, Parquet (extra parquet) or JSON with columns scene, method, a metric, perhaps seed, steps, seconds; "
+        "nerfbaselines' result files or a folder of them; summary.json of a run",
+    )
+    add("--metric", metavar="NAME", help="column to judge (default: psnr, else the first one)")
+    add("--lower", nargs="+", default=[], metavar="NAME", help="metrics that are better when lower")
+    add("--margin", type=float, metavar="SIZE", help="smallest effect of interest (default: 0.2 dB of psnr, …)")
+    add("--baseline", metavar="METHOD", help="compare each method with this one alone (default: all pairs)")
+    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/judge-TIME)")
+
+
+def run_judge(options: argparse.Namespace, show: "Progress") -> int:
+    """Writes judgement.json and judgement.html; raises `InputError` for a table that cannot be judged."""
+    import subprocess
+    import sys
+    import time
+
+    from harness.records.json_record import file_digest
+    from harness.records.judgements import JUDGEMENT_FILE, write_judgement
+    from harness.verdicts.judgement import judge, lines
+    from harness.verdicts.result_table import read_table
+    from scenes.files.errors import InputError
+
+    table = read_table(options.tables, options.metric, options.lower)
+    digests = {str(path): file_digest(path) for path in options.tables if path.is_file()}
+    record = judge(table, options.margin, options.baseline, digests)
+    out = options.out or Path("out") / f"judge-{time.strftime('%Y%m%d-%H%M%S')}"
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; name a folder")
+    write_judgement(out / JUDGEMENT_FILE, record)
+    for line in lines(record):
+        show.line(line)
+    # the page is made from the record alone, as every page is
+    return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
+
+
+def add_compare_options(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "How far two outputs of the same plan differ: scores cell by cell, verdicts, headline. Made on two machines, "
+        "or on one with ATEN_CPU_CAPABILITY=avx2 in the environment of the second run, which makes torch leave out "
+        "AVX-512 (ONEDNN_MAX_CPU_ISA=AVX2 does so for products of matrices); the provenance of every cell says which."
+    )
+    command.add_argument("first", type=Path, metavar="A", help="output folder of a run")
+    command.add_argument("second", type=Path, metavar="B", help="output folder of the same run, made again")
+    command.add_argument("--json", type=Path, metavar="FILE", help="write everything that is printed, as JSON")
+
+
+def run_compare(options: argparse.Namespace, show: "Progress") -> int:
+    """Raises `InputError` for outputs of different plans, and `DamagedRecord`."""
+    from harness.records.json_record import write_json
+    from harness.verdicts.two_runs import as_json, lines_of, two_runs
+
+    found = two_runs(options.first, options.second)
+    sys.stdout.write("\n".join(lines_of(found)) + "\n")
+    if options.json is not None:
+        write_json(options.json, as_json(found))
+    return 0

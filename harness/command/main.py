@@ -1,0 +1,121 @@
+"""Which commands there are; parse, call, exit code."""
+
+import argparse
+import errno
+import shlex
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from harness.command import (
+    completion,
+    doctor_command,
+    gate_command,
+    judge_command,
+    look_commands,
+    run_command,
+    settings_commands,
+    study_commands,
+    tensorboard_command,
+)
+from harness.execution.executors import leave
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+
+class Command(NamedTuple):
+    """One command of `python -m harness`."""
+
+    help: str
+    add_options: Callable[[argparse.ArgumentParser], None]
+    call: "Callable[[argparse.Namespace, Progress], int]"
+    """Returns the exit code."""
+
+
+# fmt: off
+COMMANDS: dict[str, Command] = {
+    "run": Command("render, train, score and record a comparison", run_command.add_run_options, run_command.run_run),
+    "judge": Command("verdicts on anybody's table of results",
+                     judge_command.add_judge_options, judge_command.run_judge),
+    "compare": Command("how far two outputs of the same plan differ",
+                       judge_command.add_compare_options, judge_command.run_compare),
+    "gate": Command("has anything changed, and is it worse? (exit code 4)",
+                    gate_command.add_gate_options, gate_command.run_gate),
+    "view": Command("look at a finished run in the browser", look_commands.add_view_options, look_commands.run_view),
+    "render": Command("a camera path through a finished run, its methods side by side",
+                      look_commands.add_render_options, look_commands.run_render),
+    "evidence": Command("the studies that a verdict rests on",
+                        study_commands.add_evidence_options, study_commands.run_evidence),
+    "stability": Command("try the catalogue of stiff and extreme cases",
+                         study_commands.add_stability_options, study_commands.run_stability),
+    "speed": Command("measure how fast training, rendering and scoring are on this machine",
+                     study_commands.add_speed_options, study_commands.run_speed),
+    "serving": Command("measure view cache, attention and first frame on a finished run",
+                       study_commands.add_serving_options, study_commands.run_serving),
+    "conformance": Command("hold methods to the contract of the catalogue (exit code 3)",
+                           study_commands.add_conformance_options, study_commands.run_conformance),
+    "sweep": Command("learning rates of every method on validation views, as JSON",
+                     settings_commands.add_sweep_options, settings_commands.run_sweep),
+    "repair": Command("which candidate becomes qnerf_repaired, by a fixed protocol, as JSON",
+                      settings_commands.add_repair_options, settings_commands.run_repair),
+    "equivalence": Command("what empty-space skipping and precision change in scores, as JSON",
+                           settings_commands.add_equivalence_options, settings_commands.run_equivalence),
+    "omissions": Command("what leaving out what a scene does not need saves and costs, as JSON",
+                         settings_commands.add_omissions_options, settings_commands.run_omissions),
+    "scaling": Command("the paper's full table on GPUs, on paper",
+                       study_commands.add_scaling_options, study_commands.run_scaling),
+    "doctor": Command("what this machine has, and how to get the rest",
+                      doctor_command.add_doctor_options, doctor_command.run_doctor),
+    "tensorboard": Command("write a run's cells for TensorBoard",
+                           tensorboard_command.add_tensorboard_options, tensorboard_command.run_tensorboard),
+    "completion": Command("print a completion script for your shell",
+                          completion.add_completion_options, completion.run_completion),
+}
+# fmt: on
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options of each command; those of `run` are the same in every nox session."""
+    top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, command in COMMANDS.items():
+        one = commands.add_parser(name, help=command.help)
+        command.add_options(one)
+        one.allow_abbrev = False  # `--with` is no `--without`
+    return top
+
+
+def main(arguments: list[str]) -> int:
+    """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
+    top = parser()
+    options = top.parse_args(arguments)
+    # after the parsing, so that --help and a mistyped option answer at once
+    from harness.execution.progress import chosen_progress
+    from harness.records.json_record import DamagedRecord, as_text
+    from scenes.files.errors import InputError, readable
+
+    show = chosen_progress(getattr(options, "quiet", False) or getattr(options, "dry_run", False))
+    try:
+        options.line = as_text(shlex.join(["python", "-m", "harness", *arguments]))
+        options.parser = top
+        return COMMANDS[options.command].call(options, show)
+    except (InputError, DamagedRecord) as mistake:
+        show.close()
+        print(f"error: {mistake}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST, errno.EIO)
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
+            raise
+        show.close()
+        print(f"error: {readable(str(error.filename))}: {error.strerror}; repair that, then --resume", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as stop:
+        show.close()
+        left = "finished cells are kept; go on with --resume and --out" if "resume" in options else "nothing is kept"
+        print(f"interrupted: {str(stop) or left}", file=sys.stderr)
+        return 130
+    finally:
+        show.close()
+        leave()

@@ -1,0 +1,192 @@
+"""`python -m harness run`: its options, and what it does; the options of a plan serve other commands as well."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.command import tensorboard_command
+from harness.execution.executors import add_executor_options, chosen_machine, device_and_bfloat16
+from harness.plan.defaults import RENDER_LIMIT
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+    from harness.execution.progress import Progress
+    from harness.execution.run import Serve, Verify
+    from harness.plan.profiles import Plan
+
+LEAST_SEEDS = 3
+"""With which omissions are verified: the interval of two is six times as wide."""
+PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
+
+
+def add_run_options(run: argparse.ArgumentParser) -> None:
+    add_plan_options(run)
+    add_executor_options(run)
+    run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
+    run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
+    run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
+    run.add_argument(
+        "--verify-omissions",
+        action="store_true",
+        help="train with and without everything that is left out (exit code 3)",
+    )
+    tensorboard_command.add_run_option(run)
+    run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
+    run.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def add_plan_options(command: argparse.ArgumentParser) -> None:
+    """What is trained on what, for how long."""
+    add = command.add_argument
+    add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
+    add("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
+    add("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
+    add("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
+    add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
+    add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
+    add("--resolution", type=int, metavar="PX", help="width of the views")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add(
+        "--precision",
+        default="auto",
+        choices=("auto", "float32", "bfloat16", "float16"),
+        help="of matrix products alone (default: the profile's, where the processor has such products)",
+    )
+    add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
+    add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
+    add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
+    add("--ray-attention", metavar="none|gradients", help="how the pixels of a batch are chosen (default: all alike)")
+    add_scene_options(command)
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+
+
+def add_scene_options(command: argparse.ArgumentParser) -> None:
+    """Images, or a scene to render, of the user's own."""
+    add = command.add_argument
+    add(
+        "--view-set",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="train on these images, a scene each: a folder in the Blender format or nerfstudio's, a tiny-NeRF .npz",
+    )
+    add(
+        "--scene-file",
+        type=Path,
+        metavar="FILE",
+        help="render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, "
+        "and an XML file can make Mitsuba read any file; use what you trust",
+    )
+    add(
+        "--render-limit",
+        type=float,
+        metavar="S",
+        help="seconds that --scene-file, or one of its views, may take "
+        f"(default: {RENDER_LIMIT:g}, more where views are large)",
+    )
+    corners = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
+    add("--bounds", nargs=6, type=float, metavar=corners, help="box that holds what is seen, for every --view-set")
+    add("--near", type=float, metavar="D", help="distance from the camera at which anything is seen, for --view-set")
+    add("--far", type=float, metavar="D", help="distance up to which anything is seen, for --view-set")
+
+
+def scene_source(options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `harness.plan.profiles.planned`; raises `InputError` for numbers that are no region."""
+    from scenes.view_sets.source import Region
+
+    given = [f"--{name}" for name in ("bounds", "near", "far") if getattr(options, name) is not None]
+    if given and options.view_set is None:
+        raise InputError(f"{' '.join(given)}: only for --view-set; what we render says where it lies")
+    try:
+        region = Region(tuple(options.bounds) if options.bounds else None, options.near, options.far)
+    except InputError as error:
+        raise InputError(f"{' '.join(given)}: {error}") from error
+    return {
+        "view_set": options.view_set,
+        "scene_file": options.scene_file,
+        "render_limit": options.render_limit,
+        "region": region if given else None,
+    }
+
+
+def run_run(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.execution.run import outcome, plan_lines, run
+    from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
+    from scenes.files.errors import InputError
+
+    tensorboard_command.checked(options)
+    plan, device = planned_by(options, show.line)
+    if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
+        raise InputError(
+            f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
+        )
+    machine = chosen_machine(options, device, len(plan.groups()), show.line)
+    if options.dry_run:
+        from harness.execution.cost import estimate_lines
+
+        before = options.out if options.resume else None
+        extras = options.verify_omissions, not options.no_serving
+        lines = estimate_lines(plan, machine, options.view_sets, *extras, before)
+        print(*plan_lines(plan, machine), *lines, sep="\n")
+        return 0
+    for line in plan_lines(plan, machine):
+        show.line(line)
+    out = options.out or fresh_folder(options.profile, options.resume)
+    before = latest_folder()
+    try:
+        with claimed(out, plan, machine, options.resume, show.line):
+            point_latest_to(out)
+            told = tensorboard_command.also_written(options, out, show)
+            code = run(plan, out, options.view_sets, machine, options.line, told, *_afterwards(options))
+    except InputError:
+        if before is not None and latest_folder() is None:  # its folder was given up again
+            point_latest_to(before)
+        raise
+    show.line(f"{outcome(out)}; records in {out / 'records'}")
+    return code
+
+
+def _afterwards(options: argparse.Namespace) -> "tuple[Verify | None, Serve | None]":
+    """What is measured once a run is trained."""
+    verify = serve = None
+    if options.verify_omissions:
+        from harness.studies.choices.verification import verify_run
+
+        verify = verify_run
+    if not options.no_serving:
+        from harness.studies.serving.serving_run import after_run
+
+        serve = after_run
+    return verify, serve
+
+
+def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
+    from dataclasses import replace
+
+    from harness.plan.profiles import planned
+
+    plan = planned(
+        options.profile,
+        scenes=options.scenes,
+        methods=options.methods,
+        seeds=options.seeds,
+        budget_steps=options.budget_steps,
+        budget_seconds=options.budget_seconds,
+        resolution=options.resolution,
+        **scene_source(options),
+        precision=None if options.precision == "auto" else options.precision,
+        without=options.without,
+        need=options.need,
+        no_need=options.no_need,
+        ray_attention=options.ray_attention,
+    )
+    if options.command != "run":  # what explains a run's result is no part of other measurements
+        plan = replace(plan, extras=())
+    # last, as it may join a cluster
+    device, bfloat16 = device_and_bfloat16(options, *say)
+    if options.precision == "auto" and not bfloat16:
+        plan = plan.in_float32()  # the processor is faster in it
+    return plan, device

@@ -1,0 +1,275 @@
+"""`python -m harness evidence | stability | speed | serving | conformance | scaling`: their options, and what they do.
+
+Nothing heavy is imported to show the help.
+"""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from harness.records.speed_record import QUESTIONS
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+
+def add_evidence_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--studies", nargs="+", metavar="STUDY", help="calibration factorial …: studies to do (default: all)")
+    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder; that of a finished run gets the studies into its report (default: a fresh one)",
+    )
+    add("--resume", action="store_true", help="do what --out lacks")
+    add("--list", action="store_true", help="print the studies, do nothing")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 3 where a check fails; raises `InputError` for what cannot be."""
+    from harness.studies.evidence.evidence_run import STUDIES
+
+    if options.list:
+        for study in STUDIES.values():
+            print(f"{study.info.id:18} {study.seconds / 60:3.0f} min  {study.info.question}")
+        return 0
+
+    from harness.machine.device import available_cores, chosen_device
+    from harness.plan.profiles import Machine, known_names
+    from harness.records.evidence_record import EVIDENCE_FILE
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.run_folder.output_folder import fresh_folder
+    from scenes.files.errors import InputError
+
+    studies = known_names("--studies", options.studies or list(STUDIES), list(STUDIES))
+    if options.resume and options.out is None:
+        raise InputError("--resume: name the folder to go on with, --out DIR")
+    if options.workers is not None and not 1 <= options.workers <= 256:
+        raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
+
+    from harness.studies.evidence.evidence_run import run
+
+    device, cores = chosen_device(options.device), available_cores()
+    workers = options.workers or (cores if device.type == "cpu" else 1)
+    machine = Machine(device.type, workers, max(1, cores // workers))
+    out = options.out or fresh_folder("evidence", resume=False)
+    with locked_folder(out):
+        code = run(list(studies), out, options.view_sets, machine, options.quick, options.resume, show)
+    show.line(f"studies in {out / EVIDENCE_FILE}")
+    return code
+
+
+def add_stability_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--cases", nargs="+", metavar="CASE", help="Q1 Q2 … R1: cases to try (default: all)")
+    add("--methods", nargs="+", metavar="METHOD", help="methods to try them on (default: those worth comparing)")
+    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the catalogue itself")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/stability-TIME)")
+    add("--resume", action="store_true", help="try what --out lacks")
+    add("--list", action="store_true", help="print the catalogue, try nothing")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def run_stability(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 3 where a case that must pass failed; raises `InputError` for what cannot be."""
+    from harness.studies.stability.cases import CASES
+
+    if options.list:  # before anything that imports torch
+        for case in CASES.values():
+            print(f"{case.info.id:4} {case.info.title}: {case.info.bar}")
+        return 0
+
+    from baselines.catalog import CATALOG
+    from harness.plan.profiles import known_names
+    from harness.records.stability_record import STABILITY_FILE
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.run_folder.output_folder import fresh_folder
+    from harness.studies.stability.stability_context import METHODS
+    from scenes.files.errors import InputError
+
+    cases = known_names("--cases", options.cases or list(CASES), list(CASES))
+    methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
+    if options.resume and options.out is None:
+        raise InputError("--resume: name the folder to go on with, --out DIR")
+
+    from harness.studies.stability.stability_run import run
+
+    out = options.out or fresh_folder("stability", resume=False)
+    with locked_folder(out):
+        code = run(list(cases), methods, out, options.view_sets, options.quick, options.resume, show)
+    show.line(f"outcomes in {out / STABILITY_FILE}")
+    return code
+
+
+PLAIN_SECONDS = 420.0
+QUICK_PLAIN_SECONDS = 1.5
+
+
+def add_speed_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    questions = "; ".join(f"{number} {title}" for number, title in QUESTIONS.items())
+    add("--items", nargs="+", type=int, metavar="N", help=f"questions to answer (default: all). {questions}")
+    add("--plain-seconds", type=float, metavar="S", help=f"training of the plain side, question 3 ({PLAIN_SECONDS:g})")
+    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the benchmark itself")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/speed-TIME)")
+    add("--resume", action="store_true", help="answer what --out lacks")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def run_speed(options: argparse.Namespace, show: "Progress") -> int:
+    """0; raises `InputError` for what cannot be."""
+    from harness.machine.device import chosen_device
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.run_folder.output_folder import fresh_folder
+    from scenes.files.errors import InputError
+
+    items = options.items or list(QUESTIONS)
+    unknown = [str(item) for item in items if item not in QUESTIONS]
+    if unknown:
+        raise InputError(f"--items {' '.join(unknown)}: choose from {' '.join(map(str, QUESTIONS))}")
+    seconds = options.plain_seconds
+    if seconds is None:
+        seconds = QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS
+    if not (math.isfinite(seconds) and 1.0 <= seconds <= 86400.0):
+        raise InputError(f"--plain-seconds {seconds:g}: must lie between 1 and 86400")
+    if options.resume and options.out is None:
+        raise InputError("--resume: name the folder to go on with, --out DIR")
+    device = chosen_device(options.device)
+
+    from harness.studies.speed.speed_run import run, speed_file
+
+    out = options.out or fresh_folder("speed", resume=False)
+    with locked_folder(out):
+        run(sorted(set(items)), out, device, options.view_sets, seconds, options.quick, options.resume, show)
+    show.line(f"figures in {speed_file(out)}")
+    return 0
+
+
+NARROWEST, WIDEST = 8, 4096
+MOST_THREADS = 256
+
+
+def add_serving_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    finished = "output folder of a finished run (default: out/latest)"
+    add("out", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
+    add("--scenes", nargs="+", metavar="SCENE", help="scenes of the run to look at (default: all)")
+    add("--methods", nargs="+", metavar="METHOD", help="methods of the run to look at (default: all)")
+    add("--seed", type=int, default=0, metavar="N", help="whose weights are shown (default: 0)")
+    add("--width", type=int, default=100, metavar="PX", help="of the pictures that are timed (default: 100)")
+    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    add("--threads", type=int, default=1, metavar="N", help="of rendering (default: 1; more wait for a busy machine)")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def run_serving(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 3 where nothing of the run could be rendered or a study failed; raises `InputError` for what cannot be."""
+    from scenes.files.errors import InputError
+
+    if not NARROWEST <= options.width <= WIDEST:
+        raise InputError(f"--width {options.width}: must lie between {NARROWEST} and {WIDEST}")
+    if not 1 <= options.threads <= MOST_THREADS:
+        raise InputError(f"--threads {options.threads}: must lie between 1 and {MOST_THREADS}")
+
+    from harness.machine.device import chosen_device
+    from harness.machine.stopping import told_when_stopped
+    from harness.playback.run_loader import FinishedRun
+    from harness.records.serving_record import SERVING_FILE
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.studies.serving.serving_run import ServingRequest, run
+
+    finished = FinishedRun.of(options.out)
+    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
+    if options.seed not in finished.run.seeds:
+        known = " ".join(map(str, finished.run.seeds))
+        raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
+    asked = ServingRequest(
+        [one.name for one in scenes], methods, options.seed, options.width, options.quick, options.threads
+    )
+    kept = f"studies that were finished are kept in {options.out / SERVING_FILE}; the same command begins again"
+    with told_when_stopped(lambda: kept), locked_folder(options.out):
+        record = run(finished, asked, chosen_device(options.device), options.view_sets, show)
+    show.line(f"figures in {options.out / SERVING_FILE}")
+    return 3 if record.failed or (record.cache is None and record.attention is None) else 0
+
+
+def add_conformance_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("methods", nargs="*", metavar="METHOD", help="of the catalogue or of an installed package")
+    command.add_argument("--list", action="store_true", help="print all methods and checks, with what they mean")
+
+
+def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
+    """0, or 3 where a check is broken. Raises `InputError` for a method that nobody has or that cannot be loaded."""
+    import torch
+
+    from harness.machine.device import use_threads
+    from harness.plan.plugins import method_names, require_methods, title_of
+    from harness.plan.profiles import known_names
+    from harness.studies.conformance.method_checks import CHECKS, conformance, meaning
+    from harness.studies.conformance.subject import Subject
+    from scenes.files.errors import InputError
+
+    if options.list:
+        for line in methods_lines():
+            show.line(line)
+        for name in CHECKS:
+            show.line(f"check   {name}: {meaning(name)}")
+        return 0
+    if not options.methods:
+        raise InputError("conformance: name at least one method; --list prints them")
+    names = known_names("conformance", options.methods, method_names())
+    require_methods(names)
+    threads, deterministic = torch.get_num_threads(), torch.get_deterministic_debug_mode()
+    use_threads(1)
+    broken = 0
+    try:
+        for name in names:
+            show.line(f"{name}: {title_of(name)}")
+            counts = {"held": 0, "broken": 0, "not applicable": 0}
+            for outcome in conformance(Subject(name)):
+                counts[outcome.verdict] += 1
+                show.line(f"  {outcome.verdict:14} {outcome.check}" + (f": {outcome.reason}" if outcome.reason else ""))
+            broken += counts["broken"]
+            show.line(f"  {', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)}")
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_deterministic_debug_mode(deterministic)
+    return 3 if broken else 0
+
+
+def methods_lines() -> list[str]:
+    """All methods that can be named; those of packages by package, which is not imported for it."""
+    from baselines.catalog import CATALOG
+    from harness.plan.plugins import OURS, offered, said_of
+
+    ours = [f"method  {name}: {CATALOG[name].title}" for name in CATALOG if name in OURS]
+    return ours + [f"method  {point.name}: {said_of(point)}" for points in offered().values() for point in points]
+
+
+def add_scaling_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--speed", type=Path, default=Path("docs/speed.json"), metavar="FILE", help="what `nox -s speed` measured here"
+    )
+
+
+def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
+    """Prints the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
+    import sys
+
+    from harness.records.speed_record import read_speed
+    from harness.studies.full_setting import page
+
+    sys.stdout.write(page(read_speed(options.speed)))
+    return 0

@@ -1,0 +1,73 @@
+"""`run --tensorboard` and `python -m harness tensorboard OUT`: their options, and what they do."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+    from harness.records.cells import CellRecord
+
+
+def add_run_option(run: argparse.ArgumentParser) -> None:
+    run.add_argument("--tensorboard", action="store_true", help="write each cell to OUT/tensorboard as it ends")
+
+
+def add_tensorboard_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("run", type=Path, metavar="OUT", help="output folder of a run, finished or not")
+
+
+def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
+    """Writes every cell that has a record; raises `InputError` where there is none, or no tensorboard."""
+    from harness.command.board import require_tensorboard, write_board
+    from harness.records.cells import read_cells
+    from scenes.files.errors import InputError
+
+    require_tensorboard("tensorboard")
+    count = 0
+    for cell in read_cells(options.run):
+        write_board(options.run, cell)
+        count += 1
+    if not count:
+        raise InputError(
+            f"{options.run}: holds no cell of a run; give the output folder of one, for instance out/latest"
+        )
+    show.line(f"{count} cells written; look at them with: tensorboard --logdir {options.run / 'tensorboard'}")
+    return 0
+
+
+def checked(options: argparse.Namespace) -> None:
+    """Raises `InputError` where `--tensorboard` is asked for and cannot be done."""
+    if options.tensorboard:
+        from harness.command.board import require_tensorboard
+
+        require_tensorboard("--tensorboard")
+
+
+def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "Progress":
+    """`show`, which also writes each cell where `--tensorboard` asks for it; those from before a resume first."""
+    if not options.tensorboard:
+        return show
+    from harness.command.board import board_folder, write_board
+    from harness.records.cells import read_cells
+
+    for cell in read_cells(out):
+        if not board_folder(out, cell).is_dir():
+            write_board(out, cell)
+    return _Written(out, show)
+
+
+class _Written:
+    """Told of everything that happens, as the one inside it is."""
+
+    def __init__(self, out: Path, show: "Progress") -> None:
+        self._out, self._show = out, show
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._show, name)
+
+    def cell(self, cell: "CellRecord") -> None:
+        from harness.command.board import write_board
+
+        write_board(self._out, cell)
+        self._show.cell(cell)

@@ -1,0 +1,1 @@
+"""The Ray cluster: joining it, its nodes, files and messages; imports `execution.group` and what is below."""

@@ -1,0 +1,265 @@
+"""To a Ray cluster and away from it, and what its nodes are."""
+
+import contextlib
+import io
+import os
+import platform
+import signal
+import socket
+import threading
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.execution.cluster.node_work import wrong_node
+from harness.execution.cluster.room import fits, needs_of
+from harness.execution.cluster.view_set_files import node_folder
+from harness.machine.cores import own_siblings, physical_cores
+from harness.machine.provenance import differences, our_folders, versions
+from scenes.files.errors import InputError
+
+HOW_TO_INSTALL = (
+    "--executor ray: Ray is not installed; `python -m pip install ray==2.60.0` (or the extra `ray` of pyproject.toml) "
+    "puts it into this environment, and every node of a cluster needs the same version"
+)
+CHECK_SECONDS = 300.0
+"""For a first process on every node, which imports torch, perhaps from a slow disk."""
+ANSWER_SECONDS = 10.0
+"""For a head to take a connection; Ray itself would go on trying for a minute, and log it."""
+_given_up = False
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """Of the cluster as a whole, as far as a plan depends on it."""
+
+    gpus: int
+    cores: int
+    """Schedulable: what the nodes offer to Ray."""
+    bfloat16: bool
+    """Every node that would run a cell multiplies bfloat16."""
+    nodes: int
+    processors: tuple[str, ...]
+    """Kinds."""
+    crowded: tuple[str, ...]
+    """Of machines that offer more cores than they have, in words: cells that share one slow each other's clocks."""
+
+    def line(self) -> str:
+        """For a reader."""
+        gpus = f", {self.gpus} GPUs" if self.gpus else ""
+        return f"Ray cluster: {self.nodes} nodes, {self.cores} cores{gpus} ({'; '.join(self.processors)})"
+
+
+def connect(address: str | None) -> None:
+    """Join the cluster at `address`; None: `RAY_ADDRESS`, else a Ray of one node on this machine, ended with us.
+
+    Raises `InputError` without Ray, and where there is no cluster.
+    """
+    try:
+        import ray
+    except ImportError as error:
+        raise InputError(HOW_TO_INSTALL) from error
+    if ray.is_initialized():
+        return
+    wanted = address or os.environ.get("RAY_ADDRESS") or None
+    if wanted and wanted.startswith(("ray://", "http")):
+        raise InputError(
+            f"--ray-address {wanted}: a driver outside of the cluster is not supported; run this command on one of its "
+            "nodes (`ray job submit`, or a shell there) with --ray-address auto"
+        )
+    # our own sources alone, so that a node needs no checkout; without a working folder Ray would look for them in a
+    # folder named as this one first, where that is there, and what is edited during a run would stop it
+    environment = {
+        "py_modules": [str(folder) for folder in our_folders()],
+        "excludes": ["__pycache__"],
+        "working_dir": _empty_folder(),
+    }
+    # a Ray that we start ourselves tells nobody about it
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        with _without_chatter(), _our_signals():
+            _check_head(wanted)
+            ray.init(
+                # None would join whatever cluster was last started on this machine
+                address=wanted or "local",
+                runtime_env=environment,
+                log_to_driver=False,
+                logging_level="ERROR",
+                **({} if wanted else {"include_dashboard": False, "num_cpus": physical_cores()}),
+            )
+        # twenty lines of a dead node's log; what happened is said by the executor
+        ray._private.worker._worker_logs_enabled = False
+    except ray.exceptions.AuthenticationError as error:
+        raise InputError(
+            f"--ray-address {wanted or 'unset'}: the Ray cluster asks for a token; set RAY_AUTH_MODE=token, its token "
+            "in ~/.ray/auth_token or RAY_AUTH_TOKEN (`ray get-auth-token` on a node of it prints it)"
+        ) from error
+    except (ConnectionError, ValueError, RuntimeError, OSError) as error:
+        said = " ".join(str(error).split())[:300]
+        if "Version mismatch" in said:
+            raise InputError(
+                f"--ray-address {wanted}: the cluster runs another Ray or Python than this command ({said}); install "
+                "the same versions on every node"
+            ) from error
+        if wanted is None:
+            raise InputError(f"--executor ray: a Ray of this machine alone does not start ({said})") from error
+        raise InputError(
+            f"--ray-address {wanted}: no Ray cluster there ({said}); start one with `ray start --head`, "
+            "or leave the option out for a Ray on this machine alone"
+        ) from error
+
+
+def _empty_folder() -> str:
+    folder = node_folder() / "nothing"
+    folder.mkdir(exist_ok=True)
+    return str(folder)
+
+
+def _check_head(wanted: str | None) -> None:
+    """Raises `OSError` where nothing takes connections at an address of host and port; of others Ray knows more."""
+    host, _, port = (wanted or "").rpartition(":")
+    if host and port.isdecimal() and int(port) < 1 << 16:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_SECONDS).close()
+
+
+def disconnect() -> None:
+    """Ends what `connect` began; nothing where nothing was, or where the cluster was given up."""
+    import sys
+
+    if not _given_up and (ray := sys.modules.get("ray")) is not None:
+        ray.shutdown()  # of a cluster that refused us as well
+
+
+def give_up() -> None:
+    """Of a cluster without a head, which nobody can leave: Ray would wait for it, and end this process."""
+    global _given_up
+    _given_up = True
+
+
+def hardware(threads: int) -> Hardware:
+    """Asks every node; raises `InputError` that names a node whose packages are not ours, or that nothing can run.
+
+    `threads` are those of a group, which has to fit on one node.
+    """
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    alive = [node for node in ray.nodes() if node["Alive"]]
+    able = [node for node in alive if fits(needs_of(threads, "cpu"), node)]
+    if not able:
+        most = max((node["Resources"].get("CPU", 0) for node in alive), default=0)
+        raise InputError(f"--threads {threads}: no node of the Ray cluster has so many cores (the largest: {most:g})")
+    ask = ray.remote(num_cpus=0, max_retries=0)(_this_node)
+    asked = {
+        node["NodeID"]: ask.options(
+            scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+        ).remote()
+        for node in able
+    }
+    found: list[dict[str, Any]] = []
+    offered: dict[str, float] = defaultdict(float)
+    for node in able:
+        name = node["NodeID"][:8]
+        answer = _answered(asked[node["NodeID"]], f"node {name} runs nothing")
+        if wrong := differences(versions(), answer["versions"]):
+            raise InputError(wrong_node(name, wrong))
+        found.append(answer)
+        offered[answer["machine"]] += node["Resources"]["CPU"]
+    return Hardware(
+        gpus=sum(int(node["Resources"].get("GPU", 0)) for node in able),
+        cores=int(sum(node["Resources"].get("CPU", 0) for node in able)),
+        bfloat16=all(answer["bfloat16"] for answer in found),
+        nodes=len(able),
+        processors=tuple(sorted({answer["processor"] for answer in found})),
+        crowded=crowded(offered, found),
+    )
+
+
+def crowded(offered: Mapping[str, float], answers: list[dict[str, Any]]) -> tuple[str, ...]:
+    """Of machines whose nodes offer more cores to Ray (`offered`) than they answered to have; nodes of one machine may
+    be containers with cores of their own."""
+    own: dict[str, set[tuple[int, ...]]] = defaultdict(set)
+    for answer in answers:
+        own[answer["machine"]] |= set(answer["cores"])
+    return tuple(
+        f"{amount:g} cores are offered to Ray where there are {len(own[machine])}; cells that share one are not timed "
+        "alike (`ray start --num-cpus`)"
+        for machine, amount in offered.items()
+        if amount > len(own[machine])
+    )
+
+
+def gpus_multiply_bfloat16() -> bool:
+    """Asks one GPU of the cluster; raises `InputError` where the node that offers it has none for torch."""
+    import ray
+
+    reference = ray.remote(num_gpus=1, num_cpus=0, max_retries=0)(_gpu_multiplies_bfloat16).remote()
+    answer = _answered(reference, f"no GPU of the cluster was free for {CHECK_SECONDS:g} s")
+    if isinstance(answer, str):
+        raise InputError(answer)
+    return answer
+
+
+def _answered(reference: Any, otherwise: str) -> Any:
+    """What a node was asked for; raises `InputError` where it does not come."""
+    import ray
+
+    try:
+        return ray.get(reference, timeout=CHECK_SECONDS)
+    except ray.exceptions.RayError as error:
+        ray.cancel(reference, force=True)
+        said = " ".join(str(error).split())[:300]
+        raise InputError(f"--executor ray: {otherwise} ({said})") from error
+
+
+def _this_node() -> dict[str, Any]:
+    import torch
+
+    from harness.machine.device import multiplies_bfloat16
+    from harness.machine.provenance import processor
+
+    products = multiplies_bfloat16(torch.device("cpu"))
+    return {
+        "versions": versions(),
+        "processor": processor(),
+        "bfloat16": products,
+        "cores": own_siblings(),
+        "machine": _machine(),
+    }
+
+
+def _machine() -> str:
+    """The same for all containers on one."""
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    return boot.read_text(encoding="utf-8").strip() if boot.exists() else platform.node()
+
+
+def _gpu_multiplies_bfloat16() -> bool | str:
+    import ray
+
+    from harness.machine.device import chosen_device, multiplies_bfloat16
+
+    try:
+        return multiplies_bfloat16(chosen_device("cuda"))
+    except InputError as error:
+        node = ray.get_runtime_context().get_node_id()[:8]
+        return f"--executor ray: node {node} offers a GPU to Ray, but {str(error).removeprefix('--device cuda: ')}"
+
+
+@contextmanager
+def _our_signals() -> Iterator[None]:
+    """Ray takes SIGTERM for itself; what a run does on it (`scenes.files.stopping`) is put back."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    if before is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _without_chatter() -> Iterator[None]:
+    """Ray greets on standard error; what it has to complain about it raises."""
+    with contextlib.redirect_stderr(io.StringIO()):
+        yield

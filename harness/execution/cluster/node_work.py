@@ -1,0 +1,137 @@
+"""What a node does with a group: check that it may, fetch the view set, train, and send every cell back at once."""
+
+import shutil
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from harness.execution.cluster.mailbox import Began, Delivered, Handle, Kept, Key, Said, TrainedShare
+from harness.execution.cluster.view_set_files import Listing, node_folder, on_this_node
+from harness.execution.group import GroupTask, run_group
+from harness.machine.provenance import differences, versions
+from harness.records.cells import CellRecord
+from harness.records.snapshot import FOLDER as UNFINISHED
+from scenes.files.errors import InputError
+
+SENT = ("checkpoints", "records")
+"""Folders of a node's output whose files the driver gets; records of cells travel as what they are."""
+LEAST_SECONDS_BETWEEN = 0.5
+"""Reports of progress."""
+
+
+@dataclass(frozen=True)
+class GroupOrder:
+    """A group, as it travels."""
+
+    task: GroupTask
+    attempt: int
+    view_set: Listing
+    versions: dict[str, str]
+    """The driver's."""
+    commit: str
+    """The driver's: sources that were sent know none."""
+    unfinished: dict[str, bytes] = field(default_factory=dict, repr=False)
+    """What is kept of its cells, path inside the output folder → content."""
+
+
+def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | None:
+    """Train the group of `order` here; the driver's refusal in words where this node may not, else None.
+
+    Raises `OSError` where this node's disk takes nothing.
+    """
+    import ray
+
+    from harness.machine.cores import own_cores
+    from harness.machine.device import available_cores
+
+    node = ray.get_runtime_context().get_node_id()[:8]
+    if wrong := differences(order.versions, versions()):
+        return wrong_node(node, wrong)
+    key: Key = (order.task.scene, order.task.seed)
+    awaited(mailbox.put.remote(Began(key, order.attempt, node)))
+
+    def fetch(relative: str, offset: int) -> bytes:
+        return awaited(files.piece.remote(order.view_set.digest, relative, offset))
+
+    last = 0.0
+    times: dict[Path, int] = {}
+
+    def on_progress(share: float) -> None:
+        nonlocal last
+        if kept := _kept_since(scratch, times):
+            mailbox.put.remote(Kept(key, order.attempt, kept))
+        if time.monotonic() - last >= LEAST_SECONDS_BETWEEN:
+            last = time.monotonic()
+            mailbox.put.remote(TrainedShare(key, order.attempt, share))
+
+    scratch = Path(tempfile.mkdtemp(prefix="group.", dir=node_folder()))
+    try:
+        try:
+            view_set = on_this_node(order.view_set, fetch)
+        except InputError as error:
+            return str(error)
+        for relative, content in order.unfinished.items():
+            (scratch / UNFINISHED).mkdir(exist_ok=True)
+            (scratch / relative).write_bytes(content)
+        _kept_since(scratch, times)
+        sent: set[Path] = set()
+
+        def on_cell(cell: CellRecord) -> None:
+            # waits until the driver's node has it: whatever happens here then, this cell is not trained again
+            awaited(mailbox.put.remote(Delivered(key, order.attempt, cell, _new_files(scratch, sent))))
+
+        def on_notice(text: str) -> None:
+            mailbox.put.remote(Said(key, order.attempt, f"{text} (node {node})"))
+
+        machine = available_cores()
+        with own_cores(order.task.threads) as cores:
+            placed = {"commit": order.commit, "node": node, "cores": machine, "own_cores": cores}
+            run_group(replace(order.task, view_set=view_set, out=scratch), on_progress, on_cell, placed, on_notice)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror} on node {node}", error.filename) from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return None
+
+
+def awaited(reference: Any) -> Any:
+    """What `reference` becomes, waited for in another thread: while a task's main thread waits, Ray gives the task's
+    cores to the next group, and two clocks would run on one core."""
+    import ray
+
+    with ThreadPoolExecutor(1) as waiting:
+        return waiting.submit(ray.get, reference).result()
+
+
+def wrong_node(node: str, wrong: str) -> str:
+    """The refusal of a node whose packages are not the driver's."""
+    return (
+        f"--executor ray: node {node} has {wrong}; install the same versions on every node (the same container image "
+        "or environment), and start Ray there outside of any checkout of this program"
+    )
+
+
+def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
+    """Cells in training that were kept since `times`, which is brought up to date."""
+    found = {}
+    for file in (scratch / UNFINISHED).glob("*.safetensors"):
+        if times.get(file) != (now := file.stat().st_mtime_ns):
+            times[file] = now
+            found[file.relative_to(scratch).as_posix()] = file.read_bytes()
+    return found
+
+
+def _new_files(scratch: Path, sent: set[Path]) -> dict[str, bytes]:
+    """Whole files that were not sent before, without records of cells and without files that are being written."""
+    found = {}
+    for folder in SENT:
+        for file in sorted((scratch / folder).rglob("*")):
+            relative = file.relative_to(scratch)
+            if file in sent or not file.is_file() or file.name.startswith(".") or relative.parts[1:2] == ("cells",):
+                continue
+            sent.add(file)
+            found[relative.as_posix()] = file.read_bytes()
+    return found

@@ -1,0 +1,76 @@
+"""Whether a cluster has room for a group: what lacks for good is said at once, and is not waited for for ever."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from scenes.files.errors import InputError
+
+LONGEST_WAIT_SECONDS = 300.0
+"""For a node to join that is large enough, where none is left: a cluster that grows by itself takes minutes."""
+IDLE_SECONDS = 60.0
+"""Without any group in training, until it is said why; a node's first process imports torch meanwhile."""
+
+
+def needs_of(threads: int, device: str) -> dict[str, int]:
+    """What Ray sets aside for a group: processor cores, and the GPU that it trains on, of either vendor."""
+    return {"CPU": threads, "GPU": 1} if device == "cuda" else {"CPU": threads}
+
+
+def fits(needs: Mapping[str, int], node: Mapping[str, Any]) -> bool:
+    """Whether `node`, as `ray.nodes()` tells it, is alive and could hold `needs` if it were idle."""
+    return node["Alive"] and all(node["Resources"].get(name, 0) >= least for name, least in needs.items())
+
+
+def lack(needs: Mapping[str, int], nodes: list[dict[str, Any]]) -> str:
+    """Why no node holds `needs`, in words: the most that a living one offers."""
+    alive = [node["Resources"] for node in nodes if node["Alive"]]
+    most = {name: max((one.get(name, 0) for one in alive), default=0) for name in needs}
+    return (
+        f"a group of cells takes {_in_words(needs)}, and none of the {len(alive)} nodes alive has that "
+        f"(the most of one: {_in_words(most)})"
+    )
+
+
+class Room:
+    """Looks at the cluster from time to time, and says what a waiting reader should know."""
+
+    def __init__(self, needs: Mapping[str, int], clock: Callable[[], float] = time.monotonic) -> None:
+        self._needs = needs
+        self._clock = clock
+        self._lacking_since: float | None = None
+        self._idle_since: float | None = None
+        self._idle_said = False
+
+    def look(self, nodes: list[dict[str, Any]], free: Mapping[str, float], in_training: int) -> str | None:
+        """A line, where there is something new to say: of `nodes` and what is `free` of their sum, and how many of our
+        groups are in training. Raises `InputError` where no node was large enough for too long."""
+        now = self._clock()
+        if not any(fits(self._needs, node) for node in nodes):
+            if self._lacking_since is None:
+                self._lacking_since = now
+                return f"Ray: {lack(self._needs, nodes)}; waiting up to {LONGEST_WAIT_SECONDS:g} s for one that joins"
+            if now - self._lacking_since > LONGEST_WAIT_SECONDS:
+                raise InputError(
+                    f"--executor ray: {lack(self._needs, nodes)}; finished cells are kept: start Ray on more nodes and "
+                    "go on with --resume"
+                )
+            return None
+        self._lacking_since = None
+        if in_training:
+            self._idle_since = None
+            return None
+        self._idle_since = now if self._idle_since is None else self._idle_since
+        if self._idle_said or now - self._idle_since < IDLE_SECONDS:
+            return None
+        self._idle_said = True
+        all_in_all = {name: sum(one["Resources"].get(name, 0) for one in nodes if one["Alive"]) for name in self._needs}
+        return (
+            f"Ray: no group is in training yet; of the cluster's {_in_words(all_in_all)} are free: "
+            f"{_in_words({name: free.get(name, 0) for name in self._needs})}"
+        )
+
+
+def _in_words(resources: Mapping[str, float]) -> str:
+    names = {"CPU": "cores", "GPU": "GPUs"}
+    return " and ".join(f"{amount:g} {names.get(name, name)}" for name, amount in resources.items())

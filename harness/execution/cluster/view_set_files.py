@@ -1,0 +1,121 @@
+"""View sets on nodes that do not share the driver's disk: listed by content, fetched file by file, kept on the node."""
+
+import hashlib
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenes.files.errors import InputError
+
+PIECE_BYTES = 32 << 20
+"""A file travels in pieces of at most this, so that nothing large is in memory."""
+
+
+@dataclass(frozen=True)
+class Listing:
+    """The files of a view set."""
+
+    folder: Path
+    """Where the driver has it; a node with a shared disk has it there too."""
+    files: dict[str, int]
+    """Path inside the folder → bytes."""
+    digest: str
+    """Of every path and content."""
+
+
+def listed(folder: Path) -> Listing:
+    """Raises `InputError` for a folder that cannot be read."""
+    found = hashlib.sha256()
+    files = {}
+    try:
+        for file in sorted(folder.rglob("*")):
+            relative = file.relative_to(folder)
+            if file.is_file() and not any(part.startswith(".") for part in relative.parts):
+                files[relative.as_posix()] = file.stat().st_size
+                with file.open("rb") as handle:
+                    content = hashlib.file_digest(handle, "sha256").hexdigest()
+                found.update(f"{relative.as_posix()} {content}\n".encode())
+    except OSError as error:
+        raise InputError(f"{error.filename or folder}: cannot be read ({error.strerror})") from error
+    return Listing(folder.resolve(), files, found.hexdigest())
+
+
+def piece(listing: Listing, relative: str, offset: int) -> bytes:
+    """Up to `PIECE_BYTES` of a listed file; raises `KeyError` for any other."""
+    if relative not in listing.files:
+        raise KeyError(relative)
+    with (listing.folder / relative).open("rb") as handle:
+        handle.seek(offset)
+        return handle.read(PIECE_BYTES)
+
+
+def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
+    """The folder of the view set on this node: the driver's own where it is shared, else a copy, made once a node.
+
+    `fetch` gives a piece of a file from an offset on. Raises `OSError` where the copy cannot be written, and
+    `InputError` where what arrives is not what was listed.
+    """
+    if _same(listing.folder, listing):
+        return listing.folder
+    cache = node_folder() / "view_sets"
+    target = cache / listing.digest[:32] / listing.folder.name
+    if _same(target, listing):
+        return target
+    cache.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{listing.digest[:8]}.", dir=cache))
+    try:
+        copy = partial / listing.folder.name
+        for relative, size in listing.files.items():
+            _fetched(copy / relative, relative, size, fetch)
+        if listed(copy).digest != listing.digest:
+            raise InputError(f"{listing.folder}: changed while it was copied to a node; leave it alone during a run")
+        shutil.rmtree(target.parent, ignore_errors=True)  # what was there is incomplete
+        try:
+            partial.rename(target.parent)
+        except OSError:
+            if not _same(target, listing):  # or another cell of this node was faster
+                raise
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return target
+
+
+def node_folder() -> Path:
+    """Where a node keeps what it was sent: of this user alone, in the node's temporary folder (`TMPDIR`).
+
+    Raises `InputError` where somebody else made it, or could change what is in it: code is run from there.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else None
+    folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700, parents=True)
+    found = folder.lstat()
+    shared = user is not None and (found.st_uid != user or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    if shared or not stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{folder}: is no folder of this user alone; remove it, or set TMPDIR to a folder of your own")
+    return folder
+
+
+def _same(folder: Path, listing: Listing) -> bool:
+    """Sizes first, so that a large set that is not there costs nothing."""
+    try:
+        if any((folder / relative).stat().st_size != size for relative, size in listing.files.items()):
+            return False
+        return listed(folder).digest == listing.digest
+    except (OSError, InputError):
+        return False
+
+
+def _fetched(file: Path, relative: str, size: int, fetch: Callable[[str, int], bytes]) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("wb") as handle:
+        while handle.tell() < size:
+            data = fetch(relative, handle.tell())
+            if not data:
+                return  # the digest will tell
+            handle.write(data)

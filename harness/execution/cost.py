@@ -1,0 +1,171 @@
+"""What a plan will cost on this machine, as a range; printed before anything is done."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from harness.execution.ground_truth import MEGASAMPLE, MEGASAMPLE_CORES, is_cached
+from harness.execution.progress import span
+from harness.plan.profiles import Machine, Plan
+from harness.records.cells import cell_path, read_cell
+from harness.records.json_record import DamagedRecord
+from harness.records.snapshot import ENDED
+
+if TYPE_CHECKING:
+    from harness.execution.probe import Pace, Probe
+
+SERVED_VIEWS = 1000
+"""Rendered to measure view cache and attention at the end of a run."""
+BESIDE = (1.0, 1.3)
+"""Reading views, batches, writing records and pictures, scores that only the last checkpoint has: on top of all."""
+HISTOGRAM_POINTS = 32**3
+PROPERTY_POINTS = 48**3
+BUSY = 1.3
+"""Wall seconds a processor second from which the machine is not ours alone."""
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much of a plan is still to be done, and what besides."""
+
+    missing: int
+    """View sets of the catalogue that are not in the cache."""
+    groups: tuple[tuple[str, ...], ...]
+    """The methods of each group that lacks a cell."""
+    verify: bool
+    """What is left out is tried with and without."""
+    serving: bool
+    """View cache and attention are measured at the end."""
+
+
+def estimate_lines(
+    plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
+) -> list[str]:
+    """Estimated wall time in words, by phase; nothing of a cluster, on which nothing was trained yet.
+
+    `view_sets` is the cache of rendered ones, `before` the output folder that is gone on with.
+    """
+    if machine.executor == "ray":
+        return ["estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"]
+    import torch
+
+    from harness.execution.probe import probed
+    from harness.machine.device import available_cores
+
+    probe = probed(plan, torch.device(machine.device), machine.threads)
+    rendered = () if plan.view_set or plan.scene_file else plan.scenes
+    missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
+    extent = Extent(missing, groups_left(plan, before), verify, serving)
+    return lines_of(plan, machine, probe, extent, available_cores())
+
+
+def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
+    """The methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
+
+    def is_there(scene: str, method: str, seed: int) -> bool:
+        path = cell_path(before, scene, method, seed) if before is not None else None
+        try:
+            return path is not None and path.exists() and read_cell(path).status in ENDED
+        except DamagedRecord:
+            return False
+
+    groups = ((scene, seed, plan.methods_of(scene, seed)) for scene, seed in plan.groups())
+    return tuple(methods for scene, seed, methods in groups if not all(is_there(scene, name, seed) for name in methods))
+
+
+def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
+    """As `estimate_lines`, from what was measured, on a machine of so many `cores`."""
+    paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
+    groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
+    phases = {
+        "rendering": rendering_seconds(plan, extent.missing, cores),
+        "training": shared([[training_seconds(plan, pace) for pace in group] for group in groups], machine),
+        "scoring": shared([[scoring_seconds(plan, pace, probe) for pace in group] for group in groups], machine),
+    }
+    # this process and the workers, one after the other
+    low, high = (2 * probe.start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
+    if extent.serving:
+        name = "view cache and attention"
+        phases[name] = serving_seconds(plan, paces, (low, high))
+        low, high = low + phases[name][0], high + phases[name][1]
+    at_most = {"scoring"} if plan.view_set else set()  # how many test views it has was not read
+    notes = {"rendering": _where_from(plan, extent.missing)}
+    found = [f"estimated cost: {span(low, high)}"]
+    if probe.delayed > BUSY:
+        found[0] += " if nothing else ran here; now others use this machine, and it takes "
+        found[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
+    for name, phase in phases.items():
+        if phase[1] > 0 or name in notes:
+            length = span(*phase) if phase[1] > 0 else "none"
+            most = "at most, " if name in at_most else ""
+            note = f" ({notes[name]})" if notes.get(name) else ""
+            found.append(f"  {name} {most}{length}{note}")
+    if len(groups) < len(plan.groups()):
+        ended = len(plan.groups()) - len(groups)
+        found.append(f"  {ended} of {len(plan.groups())} groups of cells are finished, not in it")
+    if extent.verify:
+        found.append("  verification of omissions is not in it: it trains cells again")
+    if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
+        found.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
+    found += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
+    return found
+
+
+def training_seconds(plan: Plan, pace: "Pace") -> Range:
+    """Of a cell, on its own clock."""
+    most = plan.budget.seconds or float("inf")
+    if not plan.budget.steps:
+        return most, most
+    first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0
+    low, high = (first * pace.first_step + (plan.budget.steps - first) * step for step in pace.step)
+    return min(low, most), min(high, most)
+
+
+def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
+    """Of a cell: its checkpoints, and what is measured once at its end."""
+    score, views = plan.score, plan.views
+    rendered = score.checkpoints * views.test + score.train_views + 2
+    points = score.checkpoints * HISTOGRAM_POINTS + PROPERTY_POINTS
+    compared = (score.checkpoints + 1) * views.test * probe.compared + points * pace.point
+    low, high = (rendered * views.resolution**2 * ray + compared for ray in pace.ray)
+    return low, high
+
+
+def shared(groups: list[list[Range]], machine: Machine) -> Range:
+    """Seconds of groups of cells on the machine's workers, each of which does one group after the other.
+
+    At best they are evenly loaded, and no sooner done than the longest group; at worst the longest one begins when all
+    others are done (Graham's bound of list scheduling).
+    """
+    least, most = ([sum(cell[end] for cell in group) for group in groups] for end in (0, 1))
+    even = sum(least) / machine.workers
+    late = (sum(most) - max(most, default=0.0)) / machine.workers + max(most, default=0.0)
+    return BESIDE[0] * max(even, max(least, default=0.0)), BESIDE[1] * late
+
+
+def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
+    """On all cores, at best so much faster than on those that it was measured on, or slower on fewer."""
+    views, scale = plan.views, MEGASAMPLE_CORES / cores
+    samples = (views.train + views.val) * views.spp_train + views.test * views.spp_test
+    megasamples = missing * samples * views.resolution**2 / 1e6
+    return scale * MEGASAMPLE[0] * megasamples, max(scale, 1.0) * MEGASAMPLE[1] * megasamples
+
+
+def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:
+    """After a run of so many seconds, a part of which it may take; nothing is measured where it would take longer."""
+    from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
+
+    rays = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2
+    low, high = (max((pace.ray[end] for pace in paces), default=0.0) * rays for end in (0, 1))
+    least, most = (max(SERVING_SECONDS, SERVING_SHARE * seconds) for seconds in run)
+    return (0.0 if high > least else low), min(high, most)
+
+
+def _where_from(plan: Plan, missing: int) -> str:
+    if plan.view_set:
+        return "the images are yours"
+    if plan.scene_file:
+        return "that of a scene of your own is not known beforehand, and not in it"
+    return f"{missing} of {len(plan.scenes)} view sets are not in the cache" if missing else "all view sets are cached"

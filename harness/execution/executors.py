@@ -1,0 +1,140 @@
+"""Where cells run: the options, what they make of this machine or a cluster, and who runs the groups."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from harness.plan.defaults import KEPT_EVERY
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+    from harness.execution.group import GroupTask
+    from harness.execution.local_executor import Event
+    from harness.plan.profiles import Machine
+
+EXECUTORS = ("local", "ray")
+MOST_WORKERS = 256
+
+
+def add_executor_options(command: argparse.ArgumentParser) -> None:
+    """Of `run`."""
+    add = command.add_argument
+    add("--workers", type=int, metavar="N", help="processes on this machine (default: one a core, or one a GPU)")
+    add("--threads", type=int, metavar="N", help="threads of each cell (default: cores over workers; on Ray 1)")
+    add("--executor", default="local", choices=EXECUTORS, help="where cells run (ray: an optional extra)")
+    add(
+        "--keep-every", type=float, default=KEPT_EVERY, metavar="S",
+        help="seconds between two times that cells are kept in the middle of their training; 0: after every step "
+        "(default: %(default)g)",
+    )  # fmt: skip
+    add("--ray-address", metavar="ADDRESS", help="of a Ray cluster (default: RAY_ADDRESS, else a Ray of this machine)")
+
+
+def device_and_bfloat16(
+    options: argparse.Namespace, say: Callable[[str], None] = lambda line: None
+) -> "tuple[torch.device, bool]":
+    """What cells train on, and whether that multiplies bfloat16; `options` of any command that has a `--device`. Of a
+    cluster it is said what it has.
+
+    Raises `InputError` where it is not there, or there is no cluster.
+    """
+    import torch
+
+    from harness.machine.device import chosen_device, multiplies_bfloat16
+
+    if getattr(options, "executor", "local") == "local":
+        device = chosen_device(options.device)
+        return device, multiplies_bfloat16(device)
+    from harness.execution.cluster.connection import connect, gpus_multiply_bfloat16, hardware
+
+    if options.workers is not None:
+        raise InputError("--workers: on Ray the cluster decides how many cells run at once; --threads sets their cores")
+    threads = _threads(options) or 1
+    say("asking the nodes of the Ray cluster what they have")
+    connect(options.ray_address)
+    found = hardware(threads)
+    say(found.line())
+    for warning in found.crowded:
+        say(f"warning: {warning}")
+    if options.device == "cuda" and not found.gpus:
+        raise InputError("--device cuda: the Ray cluster offers no GPU; use --device cpu, or start Ray with --num-gpus")
+    if options.device == "cpu" or not found.gpus:
+        return torch.device("cpu"), found.bfloat16
+    return torch.device("cuda"), gpus_multiply_bfloat16()
+
+
+def chosen_machine(
+    options: argparse.Namespace, device: "torch.device", groups: int, say: Callable[[str], None]
+) -> "Machine":
+    """What `options` and this machine, or the cluster, make of `groups`; a word of warning where clocks suffer."""
+    import torch
+
+    from harness.machine.cores import physical_cores
+    from harness.machine.device import available_cores
+    from harness.plan.profiles import Machine
+
+    cores = available_cores()
+    if options.workers is not None and not 1 <= options.workers <= MOST_WORKERS:
+        raise InputError(f"--workers {options.workers}: must lie between 1 and {MOST_WORKERS}")
+    if not 0 <= options.keep_every <= 1e9:
+        raise InputError(f"--keep-every {options.keep_every:g}: must lie between 0 and 1e9 seconds")
+    threads, keep = _threads(options), options.keep_every
+    if options.executor == "ray":
+        return Machine(device.type, max(1, cores // (threads or 1)), threads or 1, "ray", keep)
+    # hardware threads of one core would slow each other down
+    own = min(physical_cores(), cores)
+    usual = max(1, own // (threads or 1)) if device.type == "cpu" else torch.cuda.device_count()
+    workers = min(options.workers or usual, groups)
+    machine = Machine(device.type, workers, threads or max(1, own // workers), keep_every=keep)
+    for warning in shared_by(machine, own, torch.cuda.device_count() if device.type == "cuda" else 0):
+        say(f"warning: {warning}")
+    return machine
+
+
+def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
+    """What timed cells would have to share of the physical `cores` and the GPUs, in words: their clocks then measure
+    each other."""
+    found = []
+    if machine.workers * machine.threads > cores:
+        found.append(
+            f"{machine.workers} workers of {machine.threads} threads share {cores} cores; training seconds are not "
+            f"comparable (--workers {max(1, cores // machine.threads)}, or fewer --threads)"
+        )
+    if machine.device == "cuda" and machine.workers > gpus:
+        found.append(f"{machine.workers} workers share {gpus} GPUs; training seconds are not comparable")
+    return found
+
+
+def run_groups(
+    machine: "Machine", tasks: "list[GroupTask]", commit: str, locally: "Callable[..., Iterator[Event]]"
+) -> "Iterator[Event]":
+    """Events of all groups, from where `machine` has them run."""
+    if machine.executor == "ray":
+        from harness.execution.ray_executor import run_on_ray
+
+        return run_on_ray(tasks, commit)
+    return locally(tasks, machine.workers)
+
+
+def device_here(machine: "Machine") -> str:
+    """Of what runs on this machine beside the cells: the head of a cluster may lack their GPU."""
+    import torch
+
+    return machine.device if machine.device != "cuda" or torch.cuda.is_available() else "cpu"
+
+
+def leave() -> None:
+    """Away from a cluster that was joined; a Ray that was started for this command ends."""
+    if "ray" in sys.modules:
+        from harness.execution.cluster.connection import disconnect
+
+        disconnect()
+
+
+def _threads(options: argparse.Namespace) -> int | None:
+    if options.threads is not None and not 1 <= options.threads <= 1024:
+        raise InputError(f"--threads {options.threads}: must lie between 1 and 1024")
+    return options.threads

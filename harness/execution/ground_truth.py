@@ -1,0 +1,246 @@
+"""View sets for a plan: rendered by Mitsuba in a process of its own, or taken from the cache.
+
+The harness never imports Mitsuba: if Dr.Jit aborts, only that process ends.
+"""
+
+import contextlib
+import io
+import json
+import math
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from harness.plan.defaults import RENDER_LIMIT
+from harness.plan.settings import ViewSettings
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    from scenes.view_sets.view_set import ViewSet
+
+
+@dataclass(frozen=True)
+class RenderProgress:
+    """Progress of one scene, and its folder once it is complete."""
+
+    scene: str
+    done: int
+    total: int
+    path: Path | None = None
+    note: str = ""
+    """What a user should know before anything is rendered."""
+    doing: str = ""
+    """What the renderer is at."""
+    kept: int = 0
+    """Of what is done, views that were there before."""
+    share: float = 0.0
+    """Done, of the samples that were to be taken."""
+
+
+def read_views(
+    folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test"
+) -> "ViewSet":
+    """What a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a folder on a disk.
+
+    Raises `InputError` for whatever is wrong with the folder.
+    """
+    from harness.plan.needed import with_needs
+    from scenes.view_sets.view_set import read_view_set
+
+    found = read_view_set(
+        folder,
+        resolution=views.resolution,
+        splits=("train", scored_on),
+        train_count=views.train,
+        val_count=views.val,
+        test_count=views.test,
+        scratch=scratch,
+        region=views.region,
+    )
+    return with_needs(found, views.need, views.no_need)
+
+
+def render_view_sets(
+    scenes: tuple[str, ...],
+    views: ViewSettings,
+    cache: Path,
+    scene_file: str | None = None,
+    limit: float | None = None,
+) -> Iterator[RenderProgress]:
+    """Yields progress, and a `path` for each scene. Raises `InputError` with what the renderer said.
+
+    With `scene_file`, that one is rendered, and what takes its process down is an `InputError` that names it. So is a
+    view, or loading the scene, that takes longer than `limit` seconds (`usual_limit`, if not given): its process is
+    ended, finished views are kept. Without `scene_file` and `limit` there is none.
+
+    Where Dr.Jit takes its process down in the middle, the scenes that are missing are rendered with `scalar_rgb`.
+    """
+    missing = list(scenes)
+    if scene_file is not None and limit is None:
+        limit = usual_limit(views)
+    try:
+        for event in _render(missing, views, cache, (), scene_file, limit):
+            if event.path is not None:
+                missing.remove(event.scene)
+            yield event
+    except _Aborted:
+        try:
+            yield from _render(missing, views, cache, ("--variant", "scalar_rgb"), scene_file, limit)
+        except _Aborted as error:
+            if scene_file is None:
+                raise
+            raise InputError(f"--scene-file {scene_file}: {error}; mend or simplify the scene") from error
+
+
+def is_cached(scene: str, views: ViewSettings, cache: Path) -> bool:
+    """Whether a scene of the catalogue need not be rendered, if what bears its name is whole."""
+    from scenes.rendering.store import is_stored
+
+    counts = {"train": views.train, "val": views.val, "test": views.test}
+    spp = {"train": views.spp_train, "val": views.spp_train, "test": views.spp_test}
+    return is_stored(scene, views.resolution, counts, spp, cache, _forced_integrator(views))
+
+
+def _forced_integrator(views: ViewSettings) -> str | None:
+    if "participating_media" in views.no_need:
+        return "path"
+    return "volpath" if "participating_media" in views.need else None
+
+
+MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), 2
+"""Seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
+
+
+def usual_limit(views: ViewSettings) -> float:
+    """Seconds that a view may take, four times what the slower variant takes of most where views are large."""
+    megasamples = views.resolution**2 * max(views.spp_train, views.spp_test) / 1e6
+    return max(RENDER_LIMIT, 4 * MEGASAMPLE[1] * megasamples)
+
+
+BEAT_SECONDS = 15.0
+"""Between two signs of life while nothing is finished."""
+
+
+class _Aborted(RuntimeError):
+    """The renderer's process was ended by a signal."""
+
+
+def _render(
+    scenes: list[str],
+    views: ViewSettings,
+    cache: Path,
+    options: tuple[str, ...],
+    scene_file: str | None = None,
+    limit: float | None = None,
+) -> Iterator[RenderProgress]:
+    named = scenes if scene_file is None else ["--scene-file", scene_file]
+    command = [sys.executable, "-m", "scenes", "render", *named, "--view-sets", str(cache), *options]
+    for option, value in {
+        "resolution": views.resolution,
+        "train": views.train,
+        "val": views.val,
+        "test": views.test,
+        "spp-train": views.spp_train,
+        "spp-test": views.spp_test,
+    }.items():
+        command += [f"--{option}", str(value)]
+    if (integrator := _forced_integrator(views)) is not None:
+        command += ["--integrator", integrator]
+    with tempfile.TemporaryFile("w+") as complaints:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
+        try:
+            coming = iter(tuple(scenes))  # who is told takes finished ones out of the list
+            now, began = RenderProgress(next(coming), 0, 0, doing="loading"), time.monotonic()
+            for message in _messages(process, min(BEAT_SECONDS, (limit or math.inf) / 10)):
+                seconds = time.monotonic() - began
+                if message is not None:
+                    event = _event(message)
+                    yield event
+                    now = replace(event, note="")
+                    if event.path is not None:
+                        now = RenderProgress(next(coming, event.scene), 0, 0, doing="loading")
+                    began = time.monotonic()  # what was done with the event is not the renderer's time
+                elif limit is not None and seconds >= limit:
+                    process.kill()
+                    where = f"--scene-file {scene_file}" if scene_file else now.scene
+                    raise InputError(
+                        f"{where}: {now.doing} took more than {limit:g} s; simplify the scene, lower --resolution or "
+                        "raise --render-limit; finished views are kept"
+                    )
+                else:
+                    yield replace(now, doing=f"{now.doing} for {seconds:.0f} s")
+            code = process.wait()
+        finally:
+            if process.poll() is None:
+                process.kill()  # at once: it may be in the middle of something long
+                process.wait()
+        complaints.seek(0)
+        said = complaints.read().strip()
+    if code == 2:
+        raise InputError(said.removeprefix("scenes: "))
+    if code < 0:
+        why = "as the system does where memory runs out" if -code == signal.SIGKILL else said[-2000:]
+        raise _Aborted(f"{now.doing} was ended by signal {-code} ({signal.Signals(-code).name}), {why}")
+    if code:
+        raise RuntimeError(f"rendering ended with exit code {code}: {said[-2000:]}")
+
+
+def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[str, Any] | None]:
+    """What the renderer says, until it says no more, and None whenever that takes `beat` seconds.
+
+    Where it has ended, what it started may hold its pipe open: then it says no more once nothing came for two beats.
+    """
+    found: queue.Queue[dict[str, Any] | None] = queue.Queue()
+    said = process.stdout
+    assert isinstance(said, io.TextIOWrapper)
+
+    def read() -> None:
+        try:
+            with said, contextlib.suppress(ValueError, OSError):
+                said.reconfigure(errors="replace")  # a scene of somebody's own may print anything
+                for line in said:
+                    if (message := _message(line)) is not None:
+                        found.put(message)
+        finally:
+            found.put(None)
+
+    threading.Thread(target=read, daemon=True).start()
+    ended = False
+    while True:
+        try:
+            message = found.get(timeout=beat)
+        except queue.Empty:
+            if ended:
+                return
+            ended = process.poll() is not None
+            yield None
+            continue
+        if message is None:
+            return
+        yield message
+
+
+def _event(message: dict[str, Any]) -> RenderProgress:
+    path = Path(message["path"]) if message.get("path") else None
+    done, total = message.get("done", 0), message.get("total", 0)
+    view = message.get("view")
+    doing = f"view {view}" if view else "the end" if total else "loading"
+    kept, share = message.get("kept", 0), message.get("share", 0.0)
+    return RenderProgress(message["scene"], done, total, path, message.get("note", ""), doing, kept, share)
+
+
+def _message(line: str) -> dict[str, Any] | None:
+    """None for what is none: a scene of somebody's own may print."""
+    try:
+        message = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) and isinstance(message.get("scene"), str) else None

@@ -1,0 +1,91 @@
+"""One group of cells, (scene, seed), from its view set to its records: what a worker process does."""
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.plan.defaults import KEPT_EVERY
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
+from harness.records.cells import CellRecord, cell_path, unscored, with_files, write_cell
+from harness.records.snapshot import drop_ended
+from scenes.files.errors import InputError
+
+
+@dataclass(frozen=True)
+class GroupTask:
+    """Everything that a worker needs, picklable."""
+
+    scene: str
+    seed: int
+    methods: tuple[str, ...]
+    view_set: Path
+    views: ViewSettings
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+    device: str
+    threads: int
+    out: Path
+    keep_every: float = KEPT_EVERY
+    """Seconds between two times that the cells are kept in the middle of their training."""
+
+
+def run_group(
+    task: GroupTask,
+    on_progress: Callable[[float], None],
+    on_cell: Callable[[CellRecord], None],
+    placed: dict[str, Any] | None = None,
+    on_notice: Callable[[str], None] = lambda text: None,
+) -> None:
+    """Train, score and write every method of the group; an error of ours ends in records of status `error`.
+
+    `placed` is what the executor knows of the place, for the cells' provenance: `own_cores`, `cores`, `node`, …
+    Raises `OSError` where nothing can be written: a record could not be either.
+    """
+    import torch
+
+    from harness.execution.ground_truth import read_views
+    from harness.machine.device import keep_freed_memory, use_threads
+    from harness.machine.provenance import provenance
+    from harness.plan.needed import for_scene
+    from harness.plan.plugins import origins, require_methods
+    from harness.training.cell_training import GroupSettings
+    from harness.training.lockstep import train_group
+
+    try:
+        task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
+        use_threads(task.threads)
+        keep_freed_memory()
+        device = torch.device(task.device)
+        views = read_views(task.view_set, task.views, task.out)
+        settings = GroupSettings(task.methods, for_scene(task.train, views), task.score, task.budget)
+        require_methods(task.methods)
+        origin = {**provenance(device), **origins(task.methods), **(placed or {})}
+        paired = (views, task.scene, task.seed, settings, device, task.out, origin, on_progress)
+        for cell in train_group(*paired, keep_every=task.keep_every, on_notice=on_notice):
+            cell = with_files(task.out, cell)
+            write_cell(task.out, cell)
+            drop_ended(task.out, cell)
+            on_cell(cell)
+    except OSError:
+        raise
+    except Exception as error:
+        lines = traceback.format_exception_only(error)
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{''.join(lines).strip()} ({Path(where.filename).name}:{where.lineno})"
+        if isinstance(error, InputError):
+            reason = str(error)
+        for cell in failed_cells(task, reason):
+            on_cell(cell)
+
+
+def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
+    """Write a record of status `error` for each method of the group that has none yet."""
+    missing = [name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists()]
+    cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing]
+    for cell in cells:
+        write_cell(task.out, cell)
+    return cells

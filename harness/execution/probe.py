@@ -1,0 +1,191 @@
+"""What training and scoring take on this machine, from a few steps and views of each method on random colours.
+
+Rays are those of a scene's own cameras, so that as many as usual miss the box; the occupancy grid is filled at random
+as it is once it has settled, which a few steps cannot bring about.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from baselines.catalog import CATALOG
+from baselines.composition import DENSITY_SCALE
+from baselines.contract import Box, Rays
+from harness.machine.device import keep_freed_memory, use_threads
+from harness.plan.profiles import Plan
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.training.batches import Cameras
+from harness.training.evaluate import ALONG_TRAINING
+from harness.training.learner import Learner
+from harness.training.make_learner import learner_for
+from harness.training.trainer import Diverged, Trainer
+from scenes.files.errors import InputError
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
+
+OCCUPIED = (0.25, 0.6)
+"""Share of the points inside the box that are evaluated once the grid has settled: the mean over the methods is within
+this on each of the eight scenes (`docs/reduced/summary.json`)."""
+SEEN = 0.7
+"""Of these, in rendering: behind a surface nothing is evaluated."""
+FEW = 64
+"""Rays of a first try."""
+LONGEST = 1.5
+"""Seconds that a measurement may take: what takes longer is put together from fewer rays."""
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Seconds, least and most, of one method."""
+
+    first_step: float
+    """Before empty space is left out."""
+    step: tuple[float, float]
+    """Afterwards, the grid's refreshes included."""
+    ray: tuple[float, float]
+    """Rendered."""
+    point: float
+    """Density of it, without a gradient."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What a plan was tried with."""
+
+    paces: dict[str, Pace]
+    untried: dict[str, str]
+    """Method → why it could not be."""
+    start: float
+    """Seconds until a process is ready for its first step."""
+    compared: float
+    """Seconds of a view's scores."""
+    delayed: float
+    """Wall seconds a second of the processor, while steps and views were timed: 1 where nothing else runs here."""
+
+
+def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
+    """Tries every method of `plan`; processor seconds where one thread of one works, else wall seconds.
+
+    Methods that differ in their unit of density alone have the same pace.
+    """
+    use_threads(threads)
+    keep_freed_memory()
+    clock = time.process_time if device.type == "cpu" and threads == 1 else time.perf_counter
+    wall = busy = start = 0.0
+    paces: dict[str, Pace] = {}
+    untried: dict[str, str] = {}
+    alike: dict[Any, str] = {}
+    for method in plan.all_methods():
+        first = alike.setdefault(_work_of(method), method)
+        if first in paces:
+            paces[method] = paces[first]
+            continue
+        try:
+            learner = _learner(plan, method, device)
+            rays, colours = _batch(plan, FEW, device)
+            learner.warm_up(rays, colours)
+            start = start or time.process_time()  # this process has done what a worker does first
+            began = time.perf_counter(), time.process_time()
+            paces[method] = _pace(learner, plan, clock)
+            # nothing else: imports wait for the disk, and what a child process does is none of our processor's time
+            wall, busy = wall + time.perf_counter() - began[0], busy + time.process_time() - began[1]
+        except (Diverged, InputError, ValueError, TypeError, RuntimeError) as error:
+            untried[method] = " ".join(str(error).split())[:200]
+    compared = _compared_seconds(plan.views.resolution, clock)
+    delayed = wall / busy if clock is time.process_time and busy > 0 else 1.0
+    return Probe(paces, untried, start, compared, max(1.0, delayed))
+
+
+def _work_of(method: str) -> Any:
+    """Equal for methods whose steps are the same work."""
+    parts = CATALOG[method].parts if method in CATALOG else None
+    return replace(parts, density_scale=DENSITY_SCALE, density_per="box") if parts is not None else method
+
+
+def _learner(plan: Plan, method: str, device: torch.device) -> Learner:
+    box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
+    # from its second step on, a budget of one is spent: voxels are then at their finest
+    return learner_for(method, box, plan.train, Budget(1, None), "cost", device)
+
+
+def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
+    """Rays of random pixels of the training cameras, as batches have them, and colours."""
+    generator = generator_for("cost", count)
+    poses, width = camera_to_world("train"), plan.views.resolution
+    focal = 0.5 * width / np.tan(0.5 * FOV_X_RADIANS)
+    cameras = Cameras.of(poses, width, width, float(focal), RADIUS - 2.0, RADIUS + 2.0)
+    view, column, row = (torch.randint(most, (count,), generator=generator) for most in (len(poses), width, width))
+    rays = cameras.rays(view, column, row)
+    colours = torch.rand(count, 3, generator=generator)
+    return Rays(rays.origins.to(device), rays.directions.to(device), rays.near, rays.far), colours.to(device)
+
+
+def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
+    def step(count: int) -> None:
+        learner.train_on(*batches[count])
+
+    def render(count: int) -> None:
+        learner.render(batches[count][0], count)
+
+    batches = {count: _batch(plan, count, learner.device) for count in (FEW, plan.train.rays, plan.score.chunk)}
+    first, settings = _seconds(step, plan.train.rays, learner.device, clock), plan.train.grid
+    if not isinstance(learner, Trainer) or learner.grid is None:
+        later = first
+        if isinstance(learner, Trainer) and settings.cells and not learner.whole_rays:
+            learner.step = settings.first_step + 1  # more bins a ray from then on
+            later = _seconds(step, plan.train.rays, learner.device, clock)
+        ray = _seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk
+        # voxels are coarser before a share of the budget
+        least = later if isinstance(learner, Trainer) else later * (1.0 - plan.train.voxels.halves[1])
+        return Pace(first, (least, later), (ray, ray), 0.0)
+    grid = learner.grid
+    points = max(1, round(settings.share * settings.cells**3))
+
+    def refresh(_: int) -> None:
+        grid.refresh(learner.field, settings.share, generator_for("cost"))
+
+    point = _seconds(refresh, FEW, learner.device, clock) / points
+    steps, rays = [], []
+    for share in OCCUPIED:
+        learner.step = settings.first_step + 1
+        grid.occupied = _random_mask(share, grid.occupied)
+        steps.append(_seconds(step, plan.train.rays, learner.device, clock) + point * points / settings.every)
+        grid.occupied = _random_mask(SEEN * share, grid.occupied)
+        rays.append(_seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk)
+    return Pace(first, (steps[0], steps[1]), (rays[0], rays[1]), point)
+
+
+def _random_mask(share: float, like: torch.Tensor) -> torch.Tensor:
+    return (torch.rand(like.shape, generator=generator_for("cost")) < share).to(like.device)
+
+
+def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
+    """Of `work` on `rays` rays, the median of a few; where that would take long, from fewer rays in proportion."""
+
+    def once(count: int) -> float:
+        began = clock()
+        work(count)
+        if device.type == "cuda":
+            torch.cuda.synchronize()
+        return clock() - began
+
+    once(FEW)
+    if (projected := once(FEW) * rays / FEW) > LONGEST:
+        return projected
+    once(rays)
+    return float(np.median([once(rays) for _ in range(REPEATS)]))
+
+
+def _compared_seconds(width: int, clock: Callable[[], float]) -> float:
+    """Of the scores of one view that every checkpoint has."""
+    image, truth = np.random.default_rng(0).random((2, width, width, 3), dtype=np.float32)
+    for _ in range(2):  # the first call imports
+        began = clock()
+        for score in ALONG_TRAINING.values():
+            score(image, truth)
+    return clock() - began

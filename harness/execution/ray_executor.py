@@ -1,0 +1,253 @@
+"""Groups of cells on a Ray cluster: placed by what they need, tried again where a node dies, written here alone."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from harness.execution.cluster.connection import give_up
+from harness.execution.cluster.head import Head
+from harness.execution.cluster.mailbox import (
+    Began,
+    Delivered,
+    Files,
+    Handle,
+    Kept,
+    Key,
+    Mailbox,
+    Message,
+    Said,
+    TrainedShare,
+)
+from harness.execution.cluster.node_work import GroupOrder, group_on_node
+from harness.execution.cluster.room import Room, needs_of
+from harness.execution.cluster.view_set_files import Listing, listed
+from harness.execution.group import GroupTask, failed_cells
+from harness.execution.local_executor import Event
+from harness.machine.provenance import versions
+from harness.records.cells import cell_path, write_cell
+from harness.records.json_record import write_whole
+from harness.records.snapshot import drop_ended, unfinished_path
+from scenes.files.errors import InputError
+
+MOST_ATTEMPTS = 6
+"""At one group, counting those that a dying node or worker ended; then its missing cells are recorded as errors."""
+POLL_SECONDS = 0.2
+
+Look = tuple[list[dict[str, Any]], dict[str, float]]
+"""At the cluster: its nodes, and what of all their resources is free."""
+
+
+@dataclass
+class _Running:
+    """An attempt at a group."""
+
+    task: GroupTask
+    """As it was given, with all methods that were missing at first."""
+    attempt: int
+    node: str | None = None
+    """Where it is in training; None until it is."""
+    missing: int = 0
+    """Methods of this attempt."""
+
+
+def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
+    """Run all tasks on the cluster that `harness.execution.cluster.connection.connect` has joined, as many as it has
+    room for.
+
+    A group takes `threads` cores, and one GPU where it trains on one. One whose node or process dies is tried again
+    elsewhere without the methods that had ended, to the same bits; an error of ours is recorded and not tried again.
+    Raises the `OSError` of a disk that takes nothing, here or on a node, and `InputError` where a node has other
+    packages, where none is left that is large enough, and where the cluster as a whole is lost. Closing the generator
+    (Ctrl-C) cancels what runs; what had ended is on disk.
+    """
+    import ray
+
+    if not tasks:
+        return
+    with Head(lambda: (ray.nodes(), ray.available_resources())) as head:
+        try:
+            yield from _run(tasks, commit, head)
+        except ray.exceptions.RayError as error:
+            cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
+            if not isinstance(cause, ray.exceptions.RayError):
+                raise
+            why = " ".join(f"{type(cause).__name__}: {cause}".split())[:300]
+            if isinstance(cause, _lost_clusters()):
+                why = (
+                    f"the cluster is lost ({type(cause).__name__}): its head or this node's Ray ended; start Ray again"
+                )
+            raise InputError(f"--executor ray: {why}; finished cells are kept: go on with --resume") from error
+        finally:
+            if head.is_lost:
+                give_up()
+
+
+def _lost_clusters() -> tuple[type[Exception], ...]:
+    """What Ray raises where there is nobody left to talk to."""
+    from ray import exceptions
+
+    return exceptions.RaySystemError, exceptions.RpcError, exceptions.LocalRayletDiedError, exceptions.ActorDiedError
+
+
+def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Event]:
+    import ray
+
+    listings = {task.view_set: listed(task.view_set) for task in tasks}
+    mailbox, files = _beside_us(list(listings.values()))
+    running: dict[Any, _Running] = {}
+    room = Room(needs_of(tasks[0].threads, tasks[0].device))
+
+    def submit(task: GroupTask, attempt: int) -> None:
+        missing = _missing(task)
+        given = replace(task, methods=missing)
+        order = GroupOrder(given, attempt, listings[task.view_set], versions(), commit, _unfinished(given))
+        reference = ray.remote(group_on_node).options(**_resources(task)).remote(order, mailbox, files)
+        running[reference] = _Running(task, attempt, missing=len(missing))
+
+    def told() -> Iterator[Event]:
+        taken = mailbox.take.remote()
+        while not ray.wait([taken], timeout=POLL_SECONDS)[0]:
+            if line := head.listen():
+                yield Event(tasks[0], notice=line)
+        yield from _told(ray.get(taken), running)
+
+    try:
+        for task in tasks:
+            submit(task, 1)
+        while running:
+            ended, _ = ray.wait(list(running), num_returns=1, timeout=POLL_SECONDS)
+            yield from told()
+            in_training = sum(one.node is not None for one in running.values())
+            for line in (head.listen(), head.answer and room.look(*head.answer, in_training)):
+                if line:
+                    yield Event(tasks[0], notice=line)
+            for reference in ended:
+                one = running[reference]
+                lost = _lost(reference)
+                # what it delivered before its end has arrived by now
+                yield from told()
+                del running[reference]
+                if lost is None or not _missing(one.task):
+                    yield Event(one.task, share=1.0)
+                elif one.attempt < MOST_ATTEMPTS:
+                    left = len(_missing(one.task))
+                    kept = len(one.task.methods) - left
+                    yield Event(one.task, notice=_notice(one, lost, left, kept))
+                    submit(one.task, one.attempt + 1)
+                else:
+                    reason = f"{lost}, {one.attempt} times in a row"
+                    for cell in failed_cells(one.task, reason):
+                        yield Event(one.task, cell=cell)
+                    yield Event(one.task, share=1.0)
+    finally:
+        if not head.is_lost:  # else these would wait for it
+            with suppress(ray.exceptions.RayError):
+                for reference in running:
+                    ray.cancel(reference, force=True)
+                for actor in (mailbox, files):
+                    ray.kill(actor)
+
+
+def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
+    """Mailbox and files as actors of the node that this process is on."""
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
+    mailbox = ray.remote(Mailbox).options(num_cpus=0, scheduling_strategy=here).remote()
+    by_digest = {one.digest: one for one in listings}
+    return mailbox, ray.remote(Files).options(num_cpus=0, scheduling_strategy=here, max_concurrency=4).remote(by_digest)
+
+
+def _resources(task: GroupTask) -> dict[str, Any]:
+    """What Ray sets aside; it shows a process the GPU that it has, of either vendor. Retries are ours."""
+    needs = needs_of(task.threads, task.device)
+    return {
+        "num_cpus": needs["CPU"],
+        "num_gpus": needs.get("GPU", 0),
+        "max_retries": 0,
+        "scheduling_strategy": "SPREAD",
+    }
+
+
+def _missing(task: GroupTask) -> tuple[str, ...]:
+    return tuple(name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists())
+
+
+def _unfinished(task: GroupTask) -> dict[str, bytes]:
+    """What is kept of its cells, path inside the output folder → content."""
+    return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in _kept_files(task)}
+
+
+def _kept_files(task: GroupTask) -> list[Path]:
+    files = [unfinished_path(task.out, task.scene, name, task.seed) for name in task.methods]
+    return [file for file in files if file.is_file()]
+
+
+def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Event]:
+    """Writes what was delivered, record last, and says what else happened; a lost attempt's late words are left."""
+    by_group: dict[Key, _Running] = {(one.task.scene, one.task.seed): one for one in running.values()}
+    for message in messages:
+        one = by_group.get(message.group)
+        if one is None:
+            continue
+        task = one.task
+        if isinstance(message, Delivered):
+            cell = message.cell
+            if cell_path(task.out, cell.scene, cell.method, cell.seed).exists():
+                drop_ended(task.out, cell)
+                continue
+            for relative, content in message.files.items():
+                write_whole(task.out / relative, content)
+            write_cell(task.out, cell)
+            drop_ended(task.out, cell)
+            yield Event(task, cell=cell)
+        elif message.attempt != one.attempt:
+            continue
+        elif isinstance(message, Kept):
+            for relative, content in message.files.items():
+                write_whole(task.out / relative, content)
+        elif isinstance(message, Said):
+            yield Event(task, notice=message.text)
+        elif isinstance(message, Began):
+            one.node = message.node
+        elif isinstance(message, TrainedShare):
+            before = len(task.methods) - one.missing
+            share = (before + message.share * one.missing) / len(task.methods)
+            yield Event(task, share=share)
+
+
+def _lost(reference: Any) -> str | None:
+    """Why an attempt ended without an end of its own; None where it had one. Raises what ends the run."""
+    import ray
+    from ray import exceptions as crashed
+
+    try:
+        refusal = ray.get(reference)
+    except crashed.NodeDiedError:
+        return "the node died"
+    except (
+        ray.exceptions.WorkerCrashedError,
+        ray.exceptions.OutOfMemoryError,
+        ray.exceptions.ObjectLostError,
+    ) as error:
+        return f"the worker process died ({type(error).__name__}; out of memory, perhaps)"
+    except crashed.RayTaskError as error:
+        if isinstance(error.cause, OSError):
+            raise OSError(error.cause.errno, error.cause.strerror, error.cause.filename) from error
+        raise
+    if refusal is not None:
+        raise InputError(refusal)
+    return None
+
+
+def _notice(one: _Running, lost: str, left: int, kept: int) -> str:
+    kept_files = _kept_files(replace(one.task, methods=_missing(one.task)))
+    known = f", {len(kept_files)} of them kept on their way" if kept_files else ""
+    has = f"; {kept} of its cells had ended and are kept" if kept else ""
+    return (
+        f"{one.task.scene} seed {one.task.seed}: {lost} (node {one.node or 'unknown'}) at attempt {one.attempt}{has}; "
+        f"{left} cells are trained again{known}"
+    )

@@ -1,0 +1,119 @@
+"""Where tensors live, and the switches that make a run repeatable; one GPU a worker. ROCm is torch's `cuda`."""
+
+import ctypes
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import torch
+
+from harness.machine.cores import quota_cores
+from scenes.files.errors import InputError
+
+
+def chosen_device(name: str) -> torch.device:
+    """`auto`, `cpu` or `cuda` → device; raises `InputError` where a GPU is asked for and there is none."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    if name == "cuda" and not torch.cuda.is_available():
+        built = f"CUDA {torch.version.cuda}" if torch.version.cuda else f"ROCm {torch.version.hip}"
+        built = built if torch.version.cuda or torch.version.hip else "the CPU alone"
+        raise InputError(
+            f"--device cuda: torch {torch.__version__} (built for {built}) sees no GPU; "
+            "use --device cpu, or install the torch build of your GPU (UV_TORCH_BACKEND, see README)"
+        )
+    return torch.device(name)
+
+
+def use_threads(count: int) -> None:
+    """Fix the number of threads and the order of sums: the same seed gives the same bits on the same CPU."""
+    torch.set_num_threads(count)
+    # the same as use_deterministic_algorithms, which would also import the compiler: seconds in each process
+    torch.set_deterministic_debug_mode("warn")
+    # deterministic mode would fill every new tensor with NaN first, which is a second pass over all memory
+    torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
+    torch.backends.cuda.matmul.allow_tf32 = False
+    torch.backends.cudnn.allow_tf32 = False
+
+
+def keep_freed_memory() -> None:
+    """Let this process keep what it frees below 1 GB a block: training asks for the same sizes at every step, and each
+    page that is handed back has to be zeroed anew. Does nothing where the C library has no such setting.
+    """
+    _set_thresholds(1 << 30, 1 << 30)
+
+
+def return_freed_memory() -> None:
+    """What a process does in its steady state that sets nothing, for comparisons with one; returns what is free now."""
+    _set_thresholds(32 << 20, 64 << 20)
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _set_thresholds(mmap: int, trim: int) -> None:
+    trim_threshold, mmap_threshold = -1, -3
+    with suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(mmap_threshold, mmap)
+        mallopt(trim_threshold, trim)
+
+
+def rendering_threads() -> int:
+    """Unless a user says otherwise, of what renders while somebody looks on. A core is left for the browser: threads of
+    torch that wait for each other on a core that is busy with something else made a view of 100 × 100 pixels take
+    seconds instead of half a second.
+    """
+    return max(1, available_cores() - 1)
+
+
+def available_cores() -> int:
+    """Cores that this process may run on, hardware threads of one counted each; no more than its quota."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores, quota_cores() or cores)
+
+
+def multiplies_bfloat16(device: torch.device) -> bool:
+    """Whether the processor has matrix units for bfloat16; without them float32 is faster.
+
+    AVX-512's vector products alone are none: with them a step takes 1.6 (6 × 64) to 1.7 times (8 × 256) as long as in
+    float32, where it was measured.
+    """
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported()
+    return has_amx()
+
+
+def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
+    """Whether the processor multiplies bfloat16 matrices in tiles."""
+    return cpuinfo.exists() and "amx_bf16" in cpuinfo.read_text(encoding="utf-8")
+
+
+NVIDIA = ("CUDA_VISIBLE_DEVICES",)
+AMD = ("HIP_VISIBLE_DEVICES", "CUDA_VISIBLE_DEVICES")
+"""HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which therefore stays as it
+is."""
+
+
+def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str]) -> dict[str, str]:
+    """Changes to the environment after which a new process sees GPU `number` (modulo `count`) of the `count` that this
+    one sees; none where there is nothing to choose.
+    """
+    if count < 2:
+        return {}
+    names = AMD if amd else NVIDIA
+    given = next((name for name in names if environment.get(name)), names[0])
+    listed = environment.get(given, "").split(",") if environment.get(given) else [str(one) for one in range(count)]
+    return {given: listed[number % count].strip()}
+
+
+def gpu_masks(workers: int, device: str) -> list[dict[str, str]]:
+    """For each worker, what `only_gpu` says; asks torch where cells run on a GPU."""
+    if device != "cuda":
+        return [{}] * workers
+    import os
+
+    import torch
+
+    count = torch.cuda.device_count()
+    return [only_gpu(number, count, bool(torch.version.hip), os.environ) for number in range(workers)]

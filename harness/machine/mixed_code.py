@@ -1,0 +1,127 @@
+"""Whether the cells of a run were made by the same code, packages and kind of clock; what a reader must know if not."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from harness.machine.provenance import CHECKED
+from harness.records.cells import CellRecord, cell_path
+
+
+def clocks_apart(cells: list[CellRecord]) -> list[str]:
+    """Sentences for what a run did not test: one clock for all cells. None where all ran alike."""
+    timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
+    kinds = sorted({_kind(cell) for cell in timed})
+    found = []
+    if len(kinds) > 1:
+        groups: dict[tuple[str, int], set[str]] = defaultdict(set)
+        for cell in timed:
+            groups[cell.scene, cell.seed].add(_kind(cell))
+        split = sum(len(kinds) > 1 for kinds in groups.values())
+        said = (
+            f"All {len(groups)} groups of one scene and seed were trained on one kind each: what is compared at equal "
+            "time is of one kind, but seconds of different scenes and seeds are not."
+        )
+        if split:
+            said = (
+                f"In {split} of {len(groups)} groups of one scene and seed the methods ran on different kinds: what is "
+                "compared at equal time mixes their clocks there."
+            )
+        found.append(f"One clock: cells ran on {len(kinds)} kinds of processor ({'; '.join(kinds)}). {said}")
+    # runs from before cores were taken say nothing about them
+    unbound = sum(not cell.provenance.get("own_cores", True) for cell in timed)
+    if unbound:
+        found.append(
+            f"Cores of their own for all timed cells: {unbound} of {len(timed)} could not be bound to any, so that "
+            "their training seconds may be long."
+        )
+    pieces = sum("resumed_at" in cell.provenance for cell in timed)
+    if pieces:
+        found.append(
+            f"Clocks in one piece: {pieces} of {len(timed)} cells were interrupted and went on in another process; "
+            "their training seconds are the sum of what both measured."
+        )
+    return found
+
+
+def _kind(cell: CellRecord) -> str:
+    """The GPU where there is one, else the processor; with the number of threads, which set the pace as well."""
+    device = cell.provenance.get("device", "cpu")
+    name = cell.provenance.get("processor", "unknown") if device == "cpu" else device
+    return f"{name}, {cell.provenance.get('threads', '?')} threads"
+
+
+NAMED = 4
+"""Cells that are made alike, before the others are counted."""
+
+
+def code_apart(cells: Sequence[CellRecord]) -> list[str]:
+    """A sentence for what a run did not test: one code for all cells. None where all were made alike."""
+    trained = [cell for cell in cells if cell.provenance]
+    made = [_made_by(cell.provenance, cell.method) for cell in trained]
+    apart = _unlike(made)
+    if not apart:
+        return []
+    groups: dict[tuple[str, int], list[dict[str, str]]] = defaultdict(list)
+    for cell, one in zip(trained, made, strict=True):
+        groups[cell.scene, cell.seed].append(one)
+    counted = {name: Counter(one[name] for one in made if name in one) for name in apart}
+    what = "; ".join(
+        f"{name} {', '.join(f'{value} ({count} cells)' for value, count in values.items())}"
+        for name, values in counted.items()
+    )
+    split = sum(bool(_unlike(group)) for group in groups.values())
+    said = (
+        f"In {split} of {len(groups)} groups of one scene and seed the methods were made by different ones: paired "
+        "comparisons there hold one code against another as well."
+        if split
+        else f"All {len(groups)} groups of one scene and seed were made by one each: what differs between scenes and "
+        "seeds may be the code's."
+    )
+    return [f"One code and one set of packages for all cells: they differ in {what}. {said}"]
+
+
+def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
+    """Which of the finished cells were made by other code or packages than those of `here`, the provenance of this
+    process, and how to have them anew; in one line, None where there are none.
+    """
+    found: dict[str, list[CellRecord]] = defaultdict(list)
+    for cell in cells:
+        before, now = (_made_by(origin, cell.method) for origin in (cell.provenance, here))
+        if cell.provenance and (apart := _unlike([before, now])):
+            found[", ".join(f"{name} {before[name]} instead of {now[name]}" for name in apart)].append(cell)
+    if not found:
+        return None
+    which = "; ".join(f"{_named(some, out)}: {unlike}" for unlike, some in found.items())
+    return (
+        f"{sum(map(len, found.values()))} of {len(cells)} finished cells were made by other code or packages ({which}) "
+        "and are compared with the others all the same; to have them anew, remove their records in "
+        f"{cell_path(out, '', '', 0).parent} and go on with --resume, or name a fresh --out"
+    )
+
+
+def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
+    """Name → version of all that the cell of `method` may depend on, as far as it is known."""
+    packages, plugin = origin.get("packages", {}), origin.get("plugins", {}).get(method)
+    found = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}
+    found |= {name: packages.get(name) for name in CHECKED}
+    if plugin is not None:
+        found[f"package of {method}"] = f"{plugin['package']} {plugin['version']} ({plugin['sources'][:12]})"
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _unlike(made: list[dict[str, str]]) -> list[str]:
+    """Names of which there is more than one value. A commit says no more than the sources, where those are known of
+    all: it may have changed other files alone."""
+    names = dict.fromkeys(name for one in made for name in one)
+    apart = [name for name in names if len({one[name] for one in made if name in one}) > 1]
+    if "sources" not in apart and all("sources" in one for one in made):
+        return [name for name in apart if name != "commit"]
+    return apart
+
+
+def _named(cells: list[CellRecord], out: Path) -> str:
+    names = [cell_path(out, cell.scene, cell.method, cell.seed).stem for cell in cells]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more

@@ -1,0 +1,165 @@
+"""Where and with what a record was made: our sources and their lines, packages, processor, commit.
+
+A node must have sources and packages in common with the driver for its cells to belong to the run.
+"""
+
+import ast
+import hashlib
+import io
+import platform
+import subprocess
+import tokenize
+from functools import cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from harness.machine.device import available_cores, multiplies_bfloat16
+
+OUR_PACKAGES = ("harness", "scenes", "baselines")
+"""Of ours: what a cell needs, sent to every node."""
+CHECKED = ("torch", "numpy", "drjit", "OpenImageIO", "flip-evaluator", "scipy", "safetensors", "jaxtyping")
+"""Of others: what a cell's bits or scores may depend on. Mitsuba is needed where view sets are rendered alone."""
+PROGRAM = "this program"
+"""Among `versions`, our own sources."""
+
+
+def our_folders() -> list[Path]:
+    """The folder of each of `OUR_PACKAGES`, as this process imports it: on a node each may lie somewhere else."""
+    return [Path(next(iter(import_module(name).__path__))).resolve() for name in OUR_PACKAGES]
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Python, `CHECKED`, and a digest of our own sources, of this process, as they were when it was first asked."""
+    found = {"Python": platform.python_version(), PROGRAM: _digest(our_folders())}
+    return found | {name: installed(name) for name in CHECKED}
+
+
+@cache
+def installed(package: str) -> str:
+    """The version of a package, which is not imported; "not installed" where there is none."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
+    """What differs, in words; empty where nothing does."""
+    return ", ".join(
+        f"{name} {theirs.get(name, 'unknown')} instead of {value}"
+        for name, value in ours.items()
+        if theirs.get(name) != value
+    )
+
+
+def changed_since(ours: dict[str, str]) -> str:
+    """`differences` to this process, with our own sources read again."""
+    return differences(ours, {**versions(), PROGRAM: _digest(our_folders())})
+
+
+def _digest(folders: list[Path]) -> str:
+    """16 hexadecimal digits of every Python file's name and bytes."""
+    found = hashlib.sha256()
+    for folder in folders:
+        for file in sorted(folder.rglob("*.py")):
+            found.update(file.relative_to(folder.parent).as_posix().encode())
+            found.update(hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()[:16]
+
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "encoding": ("numerics/encoding.py",),
+    "amplifier": ("amplifiers.py", "numerics/amplifier.py"),
+    "network": ("composition.py", "methods/nerf.py", "methods/qnerf.py", "field.py"),
+    "rendering": ("numerics/quadrature.py", "numerics/compositing.py", "rendering.py"),
+}
+"""Listing 1; Listing 2 and Eq. 4; Table 1 and Listing 3; Listing 4. Files of `baselines`."""
+
+BASELINES = Path(__file__).parents[2] / "baselines"
+SILENT = frozenset(
+    {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+)
+
+
+def source_lines(text: str) -> int:
+    """Lines of a Python module that hold code; raises `SyntaxError` for what is none."""
+    told = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            told |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    held: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in SILENT:
+            held |= set(range(token.start[0], token.end[0] + 1))
+    return len(held - told)
+
+
+def core_module_lines() -> dict[str, int]:
+    """Part → source lines of its files."""
+    return {
+        part: sum(source_lines((BASELINES / name).read_text(encoding="utf-8")) for name in names)
+        for part, names in PARTS.items()
+    }
+
+
+PACKAGES = (*CHECKED, "mitsuba", "colour-science")
+
+
+def provenance(device: torch.device) -> dict[str, Any]:
+    """Versions, processor, device, commit and a digest of our sources; no user names, no paths."""
+    return {
+        **code_here(),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
+        "instruction_set": torch.backends.cpu.get_cpu_capability(),
+        "cores": available_cores(),
+        "threads": torch.get_num_threads(),
+        "device": torch.cuda.get_device_name() if device.type == "cuda" else "cpu",
+        "torch_build": f"ROCm {torch.version.hip}" if torch.version.hip else f"CUDA {torch.version.cuda}",
+        "bfloat16_products": multiplies_bfloat16(device),
+    }
+
+
+def code_here() -> dict[str, Any]:
+    """Commit, digest of our sources and packages, as they were when this process first asked: what it has imported
+    does not change any more.
+    """
+    return {
+        "commit": commit(),
+        "sources": versions()[PROGRAM],
+        "packages": {name: installed(name) for name in PACKAGES},
+    }
+
+
+@cache
+def processor() -> str:
+    """Its model, as the system names it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or "unknown"
+
+
+@cache
+def commit() -> str:
+    """As git names it, `-dirty` where files were changed since; "unknown" without git."""
+    here = Path(__file__).parent
+    try:
+        found = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
+            cwd=here,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return found.stdout.strip()

@@ -1,0 +1,62 @@
+"""What a command says and ends when it is stopped, and workers that end with it."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from scenes.files.stopping import SIGNALS
+
+ON = "go on with --resume --out"
+
+
+@contextmanager
+def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
+    """`KeyboardInterrupt` with what is kept by then, and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept()) from None
+
+
+def end_workers() -> None:
+    """All children of `multiprocessing`, at once: they may be in the middle of something long."""
+    workers = multiprocessing.active_children()
+    for worker in workers:
+        worker.kill()
+    for worker in workers:
+        worker.join()
+
+
+def end_with_parent() -> None:
+    """In a worker: Ctrl-C is its parent's business, and without the parent it ends at once, whatever it is doing, as
+    another process may have the folder by then."""
+    from multiprocessing.connection import wait
+
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    if sys.platform == "linux":
+        _die_with_parent()
+        if not parent.is_alive():  # before the kernel was told
+            os._exit(1)
+
+
+def _die_with_parent() -> None:
+    """The kernel does it even where no Python runs; elsewhere and where that is refused, the watching thread does."""
+    import ctypes
+
+    pr_set_pdeathsig = 1
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL, 0, 0, 0)

@@ -1,0 +1,130 @@
+"""What a reader must know: where a run departs from the paper's text, and what it does not test."""
+
+from pathlib import Path
+
+from harness.plan.profiles import Plan
+from harness.plan.schedule import Budget
+from harness.plan.settings import ATTENDED_SHARE, TrainSettings
+from scenes.modelling.needs import PARTS
+from scenes.view_sets.foreign import source_of
+
+ALWAYS = [
+    "Eq. 3 prints its last cosine with φ^L, Listing 1 uses φ^(L−1) and keeps the raw coordinates: Listing 1 is used.",
+    "Eq. 4 and Listing 2 are different operators: qnerf has Listing 2 as printed, qnerf_theorem has Eq. 4 on density.",
+    "Listing 4 indexes a 2-D tensor with three indices and cannot run; every method is rendered with the sound "
+    "quadrature over a white background instead (exclusive sums, expm1, no interval of 1e10). qnerf_listing4 is "
+    "Q-NeRF with Listing 4 repaired only so far that it runs.",
+    "Positions are normalised by the scene's box before they are encoded (longest half-extent 1); the paper does not "
+    "say what its coordinates are.",
+    "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
+    "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
+    "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
+    "The paper names no unit of length, and density is per length. Every method has the same unit here: what its "
+    "amplifier calls 1 is a density of 25 per half of the longest side of the scene's box, so that no result depends "
+    "on the unit in which poses are written (Alpha Invariance, arXiv 2404.02155). qnerf_printed has the other reading "
+    "of Listing 2, a density of at most 1 per scene unit.",
+    "Vanilla NeRF's density is a softplus shifted by −4.4, so that a fresh field is thin fog, instead of ReLU, which "
+    "can die for good; Eq. 4 acts on the same density. Listing 2 prints a sigmoid without a shift: this is the one "
+    "part of NeRF's density that qnerf lacks, and nerf_no_shift measures what it is worth.",
+    "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
+    "against single spikes: norm 1 alone may be a hundred times the usual one.",
+    "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
+    "shapes match.",
+    "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "
+    "occupied cells; in scoring they are those of one chunk of rays, drawn from all over the view. The occupancy grid "
+    "and the density histograms ask about other points and take the mean that training rendered with last.",
+    "The view cache (§8.1) knows a view by all that its picture depends on: weights, method, pose, lens, size, "
+    "sampling and how rays are put into calls. Listing 5's hash of the pose alone would return another one's picture. "
+    "HUAMMemory is not published: the store has what Listing 5 asks of it.",
+    "Eq. 7 is taken as a priority, as its values sum to φ and not to 1: it orders the regions of a picture and shares "
+    "out samples. φ scales all alike, so that nothing depends on it. What is attended to, the paper does not say.",
+]
+
+
+def deviations(plan: Plan) -> list[str]:
+    """Where this plan departs from the paper's printed text, and why; one sentence each."""
+    train, paper = plan.train, TrainSettings()
+    rows = list(ALWAYS)
+    if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
+        rows.append(
+            f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g} after "
+            f"{train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
+            f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
+            "docs/learning_rates.json holds a sweep of three methods on validation views, at earlier settings: the "
+            "best rate was the same for all three and the largest that was tried."
+        )
+    elif train.last_learning_rate != paper.learning_rate:
+        rows.append(
+            f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g}, as the original "
+            "NeRF's does; the paper prints one rate."
+        )
+    if train.precision != "float32":
+        rows.append(
+            f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
+            "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16."
+        )
+    if train.grid.cells and train.accelerations.grid:
+        rows.append(
+            f"Empty space is skipped by an occupancy grid of {train.grid.cells}³ cells from step "
+            f"{train.grid.first_step} on: one grid for each method, of its own density, all with the same rules. A "
+            f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
+            "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
+            "says what it costs on eight scenes."
+        )
+    if train.ray_attention != "none":
+        rows.append(
+            f"Rays of training are chosen by attention (Eq. 7): {ATTENDED_SHARE:.0%} of each batch by the gradients of "
+            "the training images, region by region and the same for all methods, the others from all pixels alike. The "
+            "loss is the mean over the batch as it is, so that edges weigh more in it than in the scores; and where "
+            "more rays meet matter a step evaluates more points. It is a different comparison from that of other runs. "
+            "The paper does not say how its rays are chosen."
+        )
+    if "voxels_drjit" in plan.methods:
+        grid = train.voxels
+        rows.append(
+            f"voxels_drjit has no network: {grid.finest // 4}, {grid.finest // 2}, then {grid.finest} voxels along the "
+            f"box, {grid.bins} points on every ray that meets it, none left out, one thread of the processor whatever "
+            f"the others use. Its learning rate is {grid.rate_factor:g} times that of the networks; this, and how much "
+            "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
+            "such choice."
+        )
+    told: dict[str, list[str]] = {}
+    for scene, folder in zip(plan.scenes, map(Path, plan.view_set or ()), strict=False):
+        for note in source_of(folder).notes if folder.exists() else ():
+            told.setdefault(note, []).append(scene)
+    rows += [f"Of the view set of {', '.join(scenes)}: {note}" for note, scenes in told.items()]
+    if plan.views.region is not None:
+        rows.append("Where the view set has what is seen (bounds, near or far) was given by hand.")
+    for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
+        if names:
+            parts = ", ".join(PARTS[name].what for name in names)
+            rows.append(f"Forced by {option}, whatever the scene needs: {words} are {parts}.")
+    return rows
+
+
+def not_tested(plan: Plan) -> list[str]:
+    """What a reader of the paper might expect and this plan does not do."""
+    full = Budget(steps=200_000, seconds=None)
+    missing = []
+    if plan.view_set is None and plan.scene_file is None:
+        missing.append(
+            "The original NeRF synthetic images: the scenes are procedural analogues of them, so absolute scores "
+            "are not comparable with the paper's."
+        )
+    if plan.views.resolution != 800 or plan.budget != full:
+        length = f"{plan.budget.steps} steps" if plan.budget.steps else f"{plan.budget.seconds:g} s of training"
+        missing.append(
+            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, {length}). "
+            "Low resolution and short training reward low bandwidth"
+            + (", which is why nerf_matched stands beside." if "nerf_matched" in plan.methods else ".")
+        )
+    if plan.train.network.width != 256 or plan.train.network.depth != 8:
+        missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
+    if plan.train.fine_bins == 0:
+        missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
+    if plan.budget.seconds is None:
+        missing.append(
+            "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
+            "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."
+        )
+    return missing

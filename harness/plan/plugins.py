@@ -1,0 +1,245 @@
+"""Methods of a user's own package, found by entry point: a name → a `baselines.catalog.Method`.
+
+    [project.entry-points."radiance_verdict.methods"]
+    mine = "my_package:METHOD"
+
+A package is imported only when one of its methods is asked for, and is then trusted like everything that its user has
+installed: it runs in this process, with its user's rights. The catalogue's own names are never given to anybody else.
+"""
+
+import csv
+import hashlib
+import importlib.util
+import json
+import pkgutil
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.metadata import EntryPoint, distributions, entry_points
+from pathlib import Path, PurePath
+from typing import Any
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG, Method
+from baselines.composition import LADDERS, SKIPS, Parts
+from baselines.numerics.quadrature import QUADRATURES
+from scenes.files.errors import InputError
+
+GROUP = "radiance_verdict.methods"
+OURS = frozenset(CATALOG)
+NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+"""It becomes a part of file names."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a method came from."""
+
+    package: str
+    version: str
+    entry_point: str
+    sources: str
+    """SHA-256 of the package's files, as they were when it was loaded (`sources_digest`)."""
+
+
+_loaded: dict[str, Origin] = {}
+
+
+def offered() -> dict[str, list[EntryPoint]]:
+    """Name → the entry points that have it, of all installed packages; nothing is imported.
+
+    A package whose list of them cannot be read offers nothing, and takes nothing away from the others.
+    """
+    found: dict[str, list[EntryPoint]] = {}
+    for point in _points():
+        if point not in found.setdefault(point.name, []):
+            found[point.name].append(point)
+    return found
+
+
+def _points() -> Sequence[EntryPoint]:
+    try:
+        return tuple(entry_points(group=GROUP))
+    except (ValueError, TypeError, OSError):  # one package's, whichever it is: each by itself
+        found: list[EntryPoint] = []
+        for one in distributions():
+            with suppress(ValueError, TypeError, OSError):
+                found += one.entry_points.select(group=GROUP)
+        return found
+
+
+def method_names() -> list[str]:
+    """All that `--methods` takes: the catalogue's, then those that packages offer."""
+    return [*CATALOG, *(name for name in offered() if name not in CATALOG)]
+
+
+def require_methods(names: Iterable[str]) -> None:
+    """Has every one of `names` that a package offers in the catalogue; names that nobody offers are left alone.
+
+    Raises `InputError` naming package, entry point and reason: where a name is in the catalogue or offered twice, where
+    the package cannot be imported, and where what it offers is no method.
+    """
+    points = offered()
+    for name in names:
+        if name in points and name not in _loaded:
+            _take(name, points[name])
+
+
+def method_named(name: str) -> Method:
+    """Of the catalogue, or of the package that offers it, in whatever process; raises `InputError` as above, and for a
+    name that nobody has.
+    """
+    if name not in CATALOG:
+        require_methods([name])
+    if name not in CATALOG:
+        raise InputError(f"unknown method {name!r}; known: {' '.join(method_names())}")
+    return CATALOG[name]
+
+
+def origin_of(name: str) -> dict[str, str] | None:
+    """Package, version, entry point and digest of a method that came from a package; None for one of ours."""
+    found = _loaded.get(name)
+    return None if found is None else dict(vars(found))
+
+
+def origins(names: Iterable[str]) -> dict[str, Any]:
+    """For a record: `{"plugins": {name: origin}}`, or nothing where all are ours."""
+    found = {name: origin for name in names if (origin := origin_of(name)) is not None}
+    return {"plugins": found} if found else {}
+
+
+def title_of(name: str) -> str:
+    """What it is, and whose it is where it is not ours."""
+    title, origin = CATALOG[name].title, _loaded.get(name)
+    return title if origin is None else f"{title} (package {origin.package} {origin.version})"
+
+
+def _take(name: str, points: list[EntryPoint]) -> None:
+    where = " and ".join(said_of(point) for point in points)
+    if name in OURS:
+        raise InputError(
+            f"method {name!r} is this harness's own (radiance-verdict), and {where} offers it as well; rename that "
+            "entry point or uninstall the package"
+        )
+    if len(points) > 1:
+        raise InputError(f"method {name!r} is offered by {where}; uninstall one of them")
+    point = points[0]
+    if not NAME.fullmatch(name):
+        raise InputError(f"{where}: a method's name is made of 1 to 64 letters, digits, _ and -; rename it")
+    try:
+        method = point.load()
+    except (KeyboardInterrupt, MemoryError):
+        raise
+    except BaseException as error:  # SystemExit too: a package that ends the process does not end this one
+        raise InputError(f"{where} cannot be loaded: {one_line(error)}") from error
+    if wrong := _wrong_with(method):
+        raise InputError(f"{where}: {wrong}")
+    try:
+        origin = Origin(*package_of(point), point.value, sources_digest(point))
+    except (OSError, ValueError, TypeError, csv.Error) as error:
+        raise InputError(f"{where}: its files cannot be read ({one_line(error)}); install it again") from error
+    tables: list[tuple[dict[str, Any], Any]] = [
+        (LADDERS, method.ladders),
+        (AMPLIFIERS, method.amplifiers),
+        (SKIPS, method.skips),
+    ]
+    for table, own in tables:
+        table.update(own)
+    CATALOG[name] = method
+    _loaded[name] = origin
+
+
+def said_of(point: EntryPoint) -> str:
+    return f"package {' '.join(package_of(point))} (entry point {point.name} = {point.value})"
+
+
+def package_of(point: EntryPoint) -> tuple[str, str]:
+    """Name and version."""
+    if point.dist is None:
+        return "unknown", "?"
+    # an installation that was cut short has neither
+    return str(point.dist.metadata["Name"] or "unknown"), str(point.dist.metadata["Version"] or "?")
+
+
+def one_line(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
+
+
+def _wrong_with(method: object) -> str | None:
+    """Why it cannot be taken as a method, in words."""
+    if not isinstance(method, Method):
+        return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
+    if not isinstance(method.title, str) or not method.title.strip():
+        return "its method has no title"
+    if method.kind != "network":
+        return f"is of kind {method.kind!r}; a package offers 'network' (parts, or a field of its own)"
+    if (method.parts is None) == (method.make_field is None):
+        return "gives parts or make_field, one of them"
+    for kind, table, own in (
+        ("encoding", LADDERS, method.ladders),
+        ("amplifier", AMPLIFIERS, method.amplifiers),
+        ("skip", SKIPS, method.skips),
+    ):
+        if taken := [one for one in own if one in table and table[one] is not own[one]]:
+            return f"its {kind} {taken[0]!r} is taken already; give it another name"
+        if method.parts is not None and getattr(method.parts, kind) not in {**table, **own}:
+            known = " ".join([*table, *own])
+            return f"its {kind} {getattr(method.parts, kind)!r} is unknown; known: {known}"
+    if isinstance(method.parts, Parts) and method.parts.quadrature not in QUADRATURES:
+        return f"its quadrature {method.parts.quadrature!r} is unknown; known: {' '.join(QUADRATURES)}"
+    return None
+
+
+@cache
+def sources_digest(point: EntryPoint) -> str:
+    """64 hexadecimal digits of the files of the package that offers `point`, by name and content, of whatever kind:
+    those that its installation lists and all in the folder of the entry point's own package; in an editable
+    installation, which lists none, also the packages and modules beside that. Not counted are what the installer wrote
+    for itself, programs and data outside of the folder of packages, hidden files and Python's caches.
+
+    Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` where the installer's notes cannot be read.
+    """
+    found = hashlib.sha256()
+    for name, file in sorted(_files(point)):
+        with file.open("rb") as content:
+            found.update(f"{name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
+    return found.hexdigest()
+
+
+def _files(point: EntryPoint) -> set[tuple[str, Path]]:
+    """(name, file)."""
+    places = _places(importlib.util.find_spec(point.module.partition(".")[0]))
+    listed = []
+    if _is_editable(point):
+        for folder in {str(place.parent) for place in places}:
+            for module in pkgutil.iter_modules([folder]):
+                places |= _places(PathFinder.find_spec(module.name, [folder]))
+    elif point.dist is not None:
+        listed = [one for one in point.dist.files or () if not one.parts[0].endswith((".dist-info", ".egg-info"))]
+    found: set[tuple[PurePath, Path]] = {(one, Path(str(one.locate()))) for one in listed}
+    for place in places:
+        found |= {(file.relative_to(place.parent), file) for file in (place, *place.rglob("*"))}
+    return {(name.as_posix(), file.resolve()) for name, file in found if _counts(name) and file.is_file()}
+
+
+def _places(spec: ModuleSpec | None) -> set[Path]:
+    """The folders of a package, or the file of a module; nothing where there is none."""
+    if spec is None:
+        return set()
+    if spec.submodule_search_locations is not None:
+        return {Path(one) for one in spec.submodule_search_locations}
+    return {Path(spec.origin)} if spec.has_location and spec.origin is not None else set()
+
+
+def _counts(name: PurePath) -> bool:
+    return not any(part == "__pycache__" or part.startswith(".") for part in name.parts)
+
+
+def _is_editable(point: EntryPoint) -> bool:
+    """By what the installer noted (direct_url.json, PEP 610)."""
+    text = point.dist.read_text("direct_url.json") if point.dist is not None else None
+    noted = json.loads(text) if text else {}
+    return isinstance(noted, dict) and bool((noted.get("dir_info") or {}).get("editable"))

@@ -1,0 +1,359 @@
+"""What a run is going to do: scenes × methods × seeds, how much, and on what. Profiles hold what differs."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from baselines.catalog import CATALOG as METHODS
+from baselines.contract import Accelerations, NetworkSize, Precision
+from baselines.methods.ablations import LADDER
+from harness.plan.defaults import KEPT_EVERY
+from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
+from harness.plan.schedule import Budget
+from harness.plan.settings import RAY_ATTENTION, GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
+from scenes.catalog.entries import CATALOG as SCENES
+from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
+from scenes.catalog.scene_file import check_scene_file, name_of_file
+from scenes.files.errors import InputError
+from scenes.modelling.needs import PARTS
+from scenes.view_sets.source import Region
+
+APART = ("scenes", "methods", "seeds", "render_limit")
+"""What settings have elsewhere or not at all."""
+LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096, "render_limit": 3e7}
+SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8, "render_limit": 0.1}
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Further methods on one scene, beside those that train on all: what explains a result, and no part of it."""
+
+    scene: str
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run."""
+
+    profile: str
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+    budget: Budget
+    train: TrainSettings
+    score: ScoreSettings
+    views: ViewSettings
+    view_set: tuple[str, ...] | None = None
+    """Posed images of each scene, in any format that is read (`scenes.view_sets.foreign`), instead of rendering
+    scenes."""
+    scene_file: str | None = None
+    """A file with a scene of the user's own (`scenes.catalog.scene_file`), to be rendered instead of the
+    catalogue's."""
+    scene_file_digest: str | None = None
+    """SHA-256 of its bytes."""
+    render_limit: float | None = None
+    """Seconds that the scene file, or one of its views, may take, else the usual; no result depends on it."""
+    extras: tuple[Extra, ...] = ()
+
+    def cells(self) -> list[tuple[str, str, int]]:
+        """(scene, method, seed) in the order in which they are run."""
+        return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods_of(scene, seed)]
+
+    def methods_of(self, scene: str, seed: int) -> tuple[str, ...]:
+        """What trains in lockstep there: the methods of the plan, then the further ones of that scene and seed."""
+        more = (name for one in self.extras if one.scene == scene and seed in one.seeds for name in one.methods)
+        return tuple(dict.fromkeys((*self.methods, *more)))
+
+    def all_methods(self) -> tuple[str, ...]:
+        """Those of all scenes, then those of single ones."""
+        return tuple(dict.fromkeys((*self.methods, *(name for one in self.extras for name in one.methods))))
+
+    def groups(self) -> list[tuple[str, int]]:
+        """(scene, seed): its methods train in lockstep. Seeds outermost, so that a stopped run has every scene."""
+        return [(scene, seed) for seed in self.seeds for scene in self.scenes]
+
+    def in_float32(self) -> "Plan":
+        """With products in float32, the rest as it is."""
+        return replace(self, train=replace(self.train, precision="float32"))
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that the results depend on, as JSON."""
+        kept = {key: value for key, value in asdict(self).items() if key not in APART}
+        if self.scene_file is None:
+            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are the same
+        if self.views.region is None:
+            del kept["views"]["region"]
+        if not self.extras:
+            del kept["extras"]
+        if self.view_set is not None and len(self.view_set) == 1:
+            kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
+        names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
+        return {**kept, **names, "density_units": self.density_units()}
+
+    def density_units(self) -> dict[str, dict[str, Any]]:
+        """Method → the density where its amplifier gives 1 and the length that it is per, of methods of our parts."""
+        parts = {name: METHODS[name].parts for name in self.all_methods() if name in METHODS}
+        return {name: {"scale": one.density_scale, "per": one.density_per} for name, one in parts.items() if one}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a run uses of the machine it is on: clocks are comparable on the same alone."""
+
+    device: str
+    workers: int
+    """Processes; on Ray as many groups at once as the cluster has room for, and this of what is measured beside."""
+    threads: int
+    executor: Literal["local", "ray"] = "local"
+    keep_every: float = KEPT_EVERY
+    """Seconds between two times that cells are kept in the middle of their training; changes no result."""
+
+    def of_a_group(self) -> dict[str, Any]:
+        """What a group's task takes from it."""
+        return {"device": self.device, "threads": self.threads, "keep_every": self.keep_every}
+
+    def settings(self) -> dict[str, Any]:
+        """As JSON; what is the usual is not said, so that runs from before there was a choice can be gone on with."""
+        usual = ("device", "workers", "threads")
+        return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}
+
+
+EXPLAINED = "lego"
+"""The scene of the paper's ablation, Table 4."""
+EXPLAINING = (
+    "qnerf_printed",
+    "nerf_phi_encoding",
+    "nerf_phi_encoding_amplifier",
+    "qnerf_theorem",
+    "nerf_no_shift",
+)
+"""The form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; of qnerf_theorem and qnerf_repaired the
+one with the better mean on validation views (`docs/repair_search.json`); NeRF without the part of its density that
+Listing 2 lacks."""
+
+COMPARED = ("nerf", "nerf_matched", "qnerf")
+"""Every default run has the bandwidth control beside the two methods of the paper."""
+
+REDUCED_TRAINING = TrainSettings(
+    network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
+    rays=512,
+    bins=32,
+    first_bins=16,
+    fine_bins=0,
+    learning_rate=2e-2,
+    last_learning_rate=1e-3,
+    warm_up_steps=50,
+    precision="bfloat16",
+    grid=GridSettings(cells=48, first_step=100, every=25),
+    voxels=VoxelSettings(finest=64, bins=96),
+)
+
+SHORT_TRAINING = replace(
+    REDUCED_TRAINING,
+    rays=256,
+    bins=24,
+    first_bins=12,
+    warm_up_steps=30,
+    grid=GridSettings(cells=32, first_step=80, every=20),
+    precision="float32",
+)
+"""For scenes that are simple, and hard for one reason: a few hundred steps."""
+
+PROFILES: dict[str, Plan] = {
+    "smoke": Plan(
+        profile="smoke",
+        scenes=("hotdog", "lego"),
+        methods=COMPARED,
+        seeds=(0, 1),
+        budget=Budget(steps=60, seconds=None),
+        train=replace(REDUCED_TRAINING, grid=GridSettings(cells=24, first_step=30, every=10)),
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=1024, train_views=2, stored_views=1),
+        views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
+        extras=(Extra(EXPLAINED, ("qnerf_printed", "nerf_unit_1", "qnerf_unit_1"), (0,)),),
+    ),
+    "reduced": Plan(
+        profile="reduced",
+        scenes=tuple(CLASSICS),
+        methods=COMPARED,
+        seeds=(0, 1, 2),
+        budget=Budget(steps=1000, seconds=None),
+        train=REDUCED_TRAINING,
+        score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
+        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
+        extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
+    ),
+    "stress": Plan(
+        profile="stress",
+        scenes=tuple(STRESS),
+        methods=COMPARED,
+        seeds=(0,),
+        budget=Budget(steps=300, seconds=None),
+        train=SHORT_TRAINING,
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
+        views=ViewSettings(resolution=48, train=30, val=0, test=6, spp_train=16, spp_test=64),
+    ),
+    "ladder": Plan(
+        profile="ladder",
+        scenes=tuple(RUNGS),
+        methods=COMPARED,
+        seeds=(0,),
+        budget=Budget(steps=200, seconds=None),
+        train=SHORT_TRAINING,
+        score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
+        views=ViewSettings(resolution=40, train=20, val=0, test=4, spp_train=16, spp_test=32),
+    ),
+    "full": Plan(
+        profile="full",
+        scenes=tuple(CLASSICS),
+        methods=COMPARED,
+        seeds=(0, 1, 2),
+        budget=Budget(steps=200_000, seconds=None),
+        train=TrainSettings(grid=GridSettings(cells=0)),
+        score=ScoreSettings(checkpoints=12, earliest=0.005),
+        views=ViewSettings(),
+    ),
+}
+
+
+def planned(
+    profile: str,
+    *,
+    scenes: list[str] | None = None,
+    methods: list[str] | None = None,
+    seeds: int | None = None,
+    budget_steps: int | None = None,
+    budget_seconds: float | None = None,
+    resolution: int | None = None,
+    view_set: Sequence[Path] | None = None,
+    scene_file: Path | None = None,
+    render_limit: float | None = None,
+    region: Region | None = None,
+    precision: Precision | None = None,
+    without: list[str] | None = None,
+    need: list[str] | None = None,
+    no_need: list[str] | None = None,
+    ray_attention: str | None = None,
+) -> Plan:
+    """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
+
+    `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
+    parts in and out, whatever a scene needs: `need` is also what switching off the acceleration that leaves it out is.
+    `ray_attention` None keeps the profile's. `region` says where the images of `view_set` have what is seen.
+    """
+    from harness.plan.plugins import method_names, require_methods
+
+    if profile not in PROFILES:
+        raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
+    for name, value in {
+        "seeds": seeds,
+        "budget_steps": budget_steps,
+        "budget_seconds": budget_seconds,
+        "resolution": resolution,
+        "render_limit": render_limit,
+    }.items():
+        if value is not None and not SMALLEST[name] <= value <= LARGEST[name]:
+            option = "--" + name.replace("_", "-")
+            raise InputError(f"{option} {value}: must lie between {SMALLEST[name]} and {LARGEST[name]:g}")
+    plan = PROFILES[profile]
+    if scenes is not None and view_set is not None:
+        raise InputError("--scenes and --view-set exclude each other: a view set is a scene of its own")
+    if scene_file is not None and (scenes is not None or view_set is not None):
+        raise InputError("--scene-file excludes --scenes and --view-set: it is one scene of its own")
+    if scenes is not None:
+        plan = replace(plan, scenes=known_names("--scenes", scenes, list(SCENES)))
+    if view_set is not None:
+        own, views = _names_of(view_set), replace(plan.views, region=region)
+        plan = replace(plan, scenes=own, view_set=tuple(map(str, view_set)), views=views)
+    if scene_file is not None:
+        check_scene_file(scene_file)
+        digest = hashlib.sha256(scene_file.read_bytes()).hexdigest()
+        own = (name_of_file(scene_file),)
+        plan = replace(
+            plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
+        )
+    if methods is not None:  # who names methods wants these and no others
+        plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=())
+    require_methods(plan.methods)
+    if seeds is not None:
+        plan = replace(plan, seeds=tuple(range(seeds)))
+    there = [one for one in plan.extras if one.scene in plan.scenes]
+    there = [replace(one, seeds=tuple(seed for seed in one.seeds if seed in plan.seeds)) for one in there]
+    plan = replace(plan, extras=tuple(one for one in there if one.seeds))
+    if budget_steps is not None or budget_seconds is not None:
+        plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
+    if resolution is not None:
+        plan = replace(plan, views=replace(plan.views, resolution=resolution))
+    if precision is not None:
+        plan = replace(plan, train=replace(plan.train, precision=precision))
+    if ray_attention is not None:
+        if ray_attention not in RAY_ATTENTION:
+            known = " ".join(RAY_ATTENTION)
+            raise InputError(f"--ray-attention: unknown {ray_attention!r}; known: {known}")
+        plan = replace(plan, train=replace(plan.train, ray_attention=ray_attention))
+    if without is not None:
+        off = known_names("--without", without, [one.name for one in fields(Accelerations)])
+        plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))
+    return _forced(plan, need or [], no_need or [])
+
+
+def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
+    """Whatever `plan` does not leave out already counts as needed."""
+    for option, asked in (("--need", need), ("--no-need", no_need)):
+        if fixed := [name for name in asked if name in PARTS and name not in FORCEABLE]:
+            raise InputError(
+                f"{option} {' '.join(fixed)}: there is no choice about it; choose of {' '.join(FORCEABLE)}"
+            )
+    given, out = known_names("--need", need, list(FORCEABLE)), known_names("--no-need", no_need, list(FORCEABLE))
+    if both := [name for name in given if name in out]:
+        raise InputError(f"--need and --no-need: {' '.join(both)} in both; known: {' '.join(FORCEABLE)}")
+    off = [name for name, acceleration in LEFT_OUT_BY.items() if not getattr(plan.train.accelerations, acceleration)]
+    if both := [name for name in off if name in out]:
+        names = " ".join(LEFT_OUT_BY[name] for name in both)
+        raise InputError(f"--no-need {' '.join(both)}: --without {names} forces just that in; give one of them")
+    everything = tuple(name for name in FORCEABLE if name in given or name in off)
+    train = kept(plan.train, everything)
+    if "fine_pass" in out:
+        train = replace(train, fine_bins=0)
+    if "empty_space" in out and not train.grid.cells:
+        train = replace(train, grid=GridSettings())
+    return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
+
+
+def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
+    """Of the scene that each is; raises `InputError` for what is no view set, and for two of one name."""
+    from scenes.view_sets.foreign import check_listed
+
+    known: dict[str, Path] = {}
+    for one in view_sets:
+        try:
+            check_listed(one)
+        except InputError as error:
+            raise InputError(f"--view-set {error}") from error
+        name = scene_name_of(one)
+        if name in known:
+            raise InputError(f"--view-set {known[name]} {one}: both would be the scene {name}; rename one of them")
+        known[name] = one
+    return tuple(known)
+
+
+def scene_name_of(view_set: Path) -> str:
+    """A name for records, from the folder's: letters, digits, `-` and `_` alone."""
+    folder = view_set.resolve()
+    name = folder.stem if folder.suffix in (".npz", ".json") and folder.is_file() else folder.name
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "view-set"
+
+
+def known_names(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:
+    """`names` as they are; raises `InputError` for one that is not known or named twice."""
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise InputError(f"{option}: unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{option}: {' '.join(repeated)} named twice")
+    return tuple(names)

@@ -1,0 +1,169 @@
+"""Where a camera goes, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
+
+Every path stands on a sphere about its target and looks at it, as the cameras of a view set do; angles in radians.
+Each raises `InputError` for a number of frames below 1 and for lengths and angles that are not finite.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets.viewpoints import RADIUS, TILT, VIEW_COUNTS, check_poses, poses_on_sphere
+
+ORIGIN = (0.0, 0.0, 0.0)
+ELEVATION = math.radians(30.0)
+QUARTER = 0.5 * math.pi
+"""Azimuth of the first test view."""
+TURN_STEPS = 60
+"""Of a walk, once round."""
+UPRIGHT = 1e-9
+"""A camera's right whose z is below it is level."""
+
+Point = tuple[float, float, float] | np.ndarray
+
+
+def look_at(eye: Point, target: Point = ORIGIN) -> np.ndarray:
+    """The camera [4, 4] that stands at `eye` [3], in scene units, and looks at `target` [3].
+
+    Right above or below the target, where every direction is as upright as another, it is turned as if it stood at
+    azimuth 0. Raises `InputError` for points that are not finite, and for an eye on its target.
+    """
+    o, at = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    for name, point in (("eye", o), ("target", at)):
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise InputError(f"look_at: {name} is {point.tolist()}; give three finite numbers")
+    offset = o - at
+    distance = float(np.linalg.norm(offset))
+    if distance <= 1e-9 * max(1.0, float(np.abs([o, at]).max())):
+        raise InputError(f"look_at: the camera stands on its target, {at.tolist()}; move one of them")
+    flat = math.hypot(offset[0], offset[1])
+    azimuth = math.atan2(offset[1], offset[0]) if flat > 1e-12 * distance else 0.0
+    elevation = math.atan2(offset[2], flat)
+    pose = poses_on_sphere(np.array([azimuth]), np.array([elevation]), distance)[0]
+    pose[:3, 3] = o
+    return pose
+
+
+def orbit(
+    frames: int,
+    radius: float = RADIUS,
+    elevation: float = ELEVATION,
+    target: Point = ORIGIN,
+    azimuth: float = QUARTER,
+) -> np.ndarray:
+    """Once round at one height, in equal steps from `azimuth` counterclockwise seen from above.
+
+    Closed: one frame more would be the first again, so that it can be shown in a loop.
+    """
+    turns = azimuth + 2.0 * math.pi * np.arange(_checked(frames)) / frames
+    return _on_sphere(turns, np.full(frames, float(elevation)), radius, target)
+
+
+def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS, target: Point = ORIGIN) -> np.ndarray:
+    """The test spiral of the NeRF synthetic set: twice round while the camera goes down and up again.
+
+    With 200 frames the very test views of `scenes.view_sets.viewpoints`; with others the same curve in as many equal
+    steps.
+    """
+    count = VIEW_COUNTS["test"]
+    k = np.arange(_checked(frames)) * (count / frames)
+    azimuth = np.pi / 2 + np.radians(3.6) * k
+    elevation = TILT + 0.35 * (1 + np.cos(2 * np.pi * np.maximum(k - 1, 0) / count))
+    return _on_sphere(azimuth, elevation, radius, target)
+
+
+def walk(frames: int, seed: int = 0, radius: float = RADIUS, target: Point = ORIGIN, keep: float = 0.75) -> np.ndarray:
+    """Someone who looks around: one step a frame to the left, right, up or down, with probability `keep` the same way
+    as before.
+
+    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a place that is come
+    back to is the same pose to the last bit.
+    """
+    if not 0.0 <= keep <= 1.0:
+        raise InputError(f"walk: keep {keep}: a probability lies between 0 and 1")
+    generator = np.random.default_rng(seed)
+    step = 2.0 * math.pi / TURN_STEPS
+    rows = math.floor(0.7 / step) + 1
+    ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
+    column, row, way = 0, rows // 2, 0
+    places = []
+    for _ in range(_checked(frames)):
+        places.append((column, row))
+        if generator.random() >= keep:
+            way = int(generator.integers(len(ways)))
+        if not 0 <= row + ways[way][1] < rows:
+            way ^= 1  # turns back at the lowest and at the highest
+        column, row = (column + ways[way][0]) % TURN_STEPS, row + ways[way][1]
+    lattice = np.array(places, dtype=np.float64)
+    return _on_sphere(QUARTER + step * lattice[:, 0], TILT + step * lattice[:, 1], radius, target)
+
+
+def through(poses: np.ndarray, frames: int) -> np.ndarray:
+    """From the first of given poses [n, 4, 4] by way of all others to the last, in the same time from each to the next.
+
+    Orientations go the shortest way (spherical linear interpolation); the origin's place in the camera's own frame
+    changes linearly, so that a camera that circles the origin keeps its distance and does not cut across. Where all
+    given poses are level, so is every frame. As many frames as poses give the poses. Raises `InputError` for no pose
+    and for poses that are not rigid.
+    """
+    from scipy.spatial.transform import Rotation, Slerp
+
+    given = np.asarray(poses, dtype=np.float64)
+    _checked(frames)
+    if given.ndim != 3 or given.shape[1:] != (4, 4) or not len(given):
+        raise InputError(f"through: poses of shape {given.shape}; give one 4 × 4 matrix or more")
+    check_poses(given, [f"pose {number}" for number in range(len(given))])
+    if len(given) == 1:
+        return np.repeat(given, frames, axis=0)
+    knots = np.arange(len(given), dtype=np.float64)
+    times = np.linspace(0.0, knots[-1], frames)
+    rotations = Slerp(knots, Rotation.from_matrix(given[:, :3, :3]))(times).as_matrix()
+    offsets = np.einsum("nji,nj->ni", given[:, :3, :3], given[:, :3, 3])
+    offset = np.stack([np.interp(times, knots, offsets[:, axis]) for axis in range(3)], axis=-1)
+    if np.abs(given[:, 2, 0]).max() < UPRIGHT:
+        rotations = _levelled(rotations)
+    path = np.zeros((frames, 4, 4))
+    path[:, :3, :3] = rotations
+    path[:, :3, 3] = np.einsum("nij,nj->ni", rotations, offset)
+    path[:, 3, 3] = 1.0
+    return path
+
+
+def mean_distance(poses: np.ndarray) -> float:
+    """Of cameras [n, 4, 4] from the origin, in scene units."""
+    return float(np.linalg.norm(poses[:, :3, 3], axis=-1).mean())
+
+
+PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral, "walk": walk}
+"""Called as `PATHS[name](frames, radius=…, target=…)`."""
+
+
+def _levelled(rotations: np.ndarray) -> np.ndarray:
+    """[n, 3, 3] looking the same way without roll; straight up or down they are left as they are."""
+    backward = rotations[:, :, 2]
+    flat = np.linalg.norm(backward[:, :2], axis=-1)
+    some = flat > UPRIGHT
+    right = rotations[:, :, 0].copy()
+    right[some] = np.stack([-backward[some, 1], backward[some, 0], np.zeros(some.sum())], axis=-1) / flat[some, None]
+    return np.stack([right, np.cross(backward, right), backward], axis=-1)
+
+
+def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float, target: Point) -> np.ndarray:
+    at = np.asarray(target, dtype=np.float64)
+    if at.shape != (3,) or not np.isfinite(at).all():
+        raise InputError(f"target {at.tolist()}: give three finite numbers")
+    if not (math.isfinite(radius) and radius > 0.0):
+        raise InputError(f"radius {radius}: must be a positive number of scene units")
+    if not (np.isfinite(azimuth).all() and np.isfinite(elevation).all()):
+        raise InputError("azimuth and elevation: give finite angles in radians")
+    poses = poses_on_sphere(azimuth, elevation, radius)
+    poses[:, :3, 3] += at
+    return poses
+
+
+def _checked(frames: int) -> int:
+    if frames < 1:
+        raise InputError(f"{frames} frames: a path has at least one")
+    return frames

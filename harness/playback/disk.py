@@ -1,0 +1,379 @@
+"""Pictures on disk, level 2: content-addressed float EXR files, bounded in bytes, checked whenever they are read.
+
+Who may change the folder, and the bytes in it, its users tell each other in a file.
+"""
+
+import errno
+import fcntl
+import os
+import re
+import secrets
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from harness.playback.float_exr import Damaged, digest_of, read_exr, write_exr
+from harness.playback.names import (
+    KEY,
+    KEY_BYTES,
+    OBJECT,
+    digest_named,
+    entries,
+    leads_to,
+    name_of,
+    remove,
+    rename,
+    size_of,
+    touch,
+)
+from scenes.files.errors import InputError
+
+LOCK_SECONDS = 5.0
+"""After which a write gives up; the lock is held for milliseconds."""
+
+
+@contextmanager
+def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
+    """The ledger of a folder, open and ours alone; raises `OSError` where somebody else does not let go of it within
+    `seconds`, `LOCK_SECONDS` where that is None.
+    """
+    patience = LOCK_SECONDS if seconds is None else seconds
+    handle = _opened(folder / "ledger")
+    try:
+        until = time.monotonic() + patience
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until:
+                    raise OSError(errno.EAGAIN, f"another process held it for {patience:g} s") from None
+                time.sleep(0.001)
+        yield handle
+    finally:
+        let_go(handle)
+
+
+def _opened(ledger: Path) -> int:
+    """Made where it is not there. Raises `OSError`, of a link in words that a user can follow."""
+    try:
+        return os.open(ledger, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, f"{ledger.name} is a link; remove it") from error
+        raise
+
+
+def read_ledger(ledger: int) -> int | None:
+    """None where the last one was killed, or nobody has counted yet."""
+    line = os.pread(ledger, 32, 0)
+    return int(line) if re.fullmatch(rb"[0-9]{1,30}\n", line) else None
+
+
+def write_ledger(ledger: int, held: int) -> None:
+    with suppress(OSError):  # on a full disk the next one counts for itself
+        os.ftruncate(ledger, 0)
+        os.pwrite(ledger, f"{max(held, 0)}\n".encode(), 0)
+
+
+def is_abandoned(part: str) -> bool:
+    """Whether the process that was writing it is no more."""
+    handle = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    finally:
+        let_go(handle)
+    return True
+
+
+def let_go(handle: int) -> None:
+    """Unlocked by name: a process that was forked meanwhile has the handle, too, and would keep the lock."""
+    with suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_UN)
+    os.close(handle)
+
+
+FILLED_AGAIN = 0.9
+"""Share of the bound down to which pictures go once it is reached: not every write has to look at every file."""
+
+
+@dataclass
+class DiskCounts:
+    """What happened to files since the folder was opened here."""
+
+    evicted: int = 0
+    """Pictures that made room."""
+    damaged: int = 0
+    """Pictures and keys that were not what had been written; each was dropped."""
+    dangling: int = 0
+    """Keys whose picture was gone; each was dropped."""
+    leftovers: int = 0
+    """Files of writers that were killed, and pictures that no key names any more; each was removed."""
+    unreadable: int = 0
+    """Reads that the system refused, or of what is not whole and could not be dropped."""
+    failed: int = 0
+    """Writes, and drops of what is no longer the value, that did not come to their end."""
+    reason: str | None = None
+    """Of the last of them."""
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    def add(self, what: str) -> None:
+        with self._lock:
+            setattr(self, what, getattr(self, what) + 1)
+
+    def fail(self, reason: str) -> None:
+        with self._lock:
+            self.failed += 1
+            self.reason = reason[:300]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """All that is in the folder."""
+
+    pictures: dict[str, tuple[int, int]]
+    """Digest → last use in nanoseconds, bytes."""
+    keys: dict[str, list[Path]]
+    """Digest → files of the keys that name it."""
+
+    @property
+    def bytes(self) -> int:
+        return sum(size for _, size in self.pictures.values()) + KEY_BYTES * sum(map(len, self.keys.values()))
+
+
+class DiskPictures:
+    """A folder of at most `bound` bytes, besides what is being written at the moment.
+
+    Raises `InputError`, naming the folder, where nothing can be put there.
+    """
+
+    def __init__(self, folder: Path, bound: int) -> None:
+        self.folder = folder
+        self.bound = bound
+        self.counts = DiskCounts()
+        self._overruled: set[str] = set()
+        """Names whose file says another value than was stored last, and could not be dropped."""
+        self._objects, self._keys, self._parts = (folder / name for name in ("objects", "keys", "parts"))
+        try:
+            self._make_folders()
+            with self._part() as probe:
+                probe.write_bytes(b"")
+            with locked(self.folder) as ledger:
+                write_ledger(ledger, self._made_room(0))
+        except OSError as error:
+            raise InputError(
+                f"{folder}: views cannot be kept there ({error.strerror or error}); give a folder that can be written"
+            ) from error
+
+    def put(self, key: str, picture: np.ndarray) -> bool:
+        """Keeps a picture (of `pictures.frozen`). False where that failed, which is counted and not raised; nothing
+        else is then under the key.
+        """
+        digest, name = digest_of(picture), name_of(key)
+        try:
+            try:
+                self._put(name, digest, picture)
+            except FileNotFoundError:  # somebody removed the folder meanwhile
+                self._make_folders()
+                self._put(name, digest, picture)
+        except OSError as error:
+            self.counts.fail(error.strerror or str(error))
+            self.drop_others(key, picture)
+            return False
+        self._overruled.discard(name)
+        return True
+
+    def drop_others(self, key: str, picture: np.ndarray) -> None:
+        """Leaves nothing under a key but, where it is there, this picture. Where the system refuses that it is counted
+        as a write that failed, and the key is a miss here until something is put under it.
+        """
+        name = name_of(key)
+        try:
+            if os.path.lexists(
+                self._key(name)
+            ):  # as a rule not: most keys are digests of all that a picture depends on
+                self._drop_unless(name, digest_of(picture))
+            self._overruled.discard(name)
+        except OSError as error:
+            self._overruled.add(name)
+            self.counts.fail(error.strerror or str(error))
+
+    def get(self, key: str, use: bool = True) -> np.ndarray | None:
+        """The picture, read-only and checked; None where there is none, or none that is whole, and what is not whole is
+        dropped. Not raised either is what the system refuses. `use` makes it the most recently used.
+        """
+        name = name_of(key)
+        if name in self._overruled:
+            return None
+        try:
+            try:
+                found = self._read(name)
+            except (Damaged, _Dangling):
+                # a lock that is not free at once is not waited for: this is a miss in any case
+                with locked(self.folder, 0.0):
+                    found = self._read_or_drop(name)
+        except (OSError, MemoryError):
+            self.counts.add("unreadable")
+            return None
+        if found is None:
+            return None
+        digest, picture = found
+        if use:
+            with suppress(OSError):  # a folder that can only be read
+                touch(self._object(digest))
+        return picture
+
+    def bytes(self) -> int:
+        """Of the pictures and keys that are there now."""
+        folders = (self._objects, OBJECT), (self._keys, KEY)
+        return sum(size_of(Path(entry.path)) for folder, name in folders for entry in entries(folder, name))
+
+    def _read(self, name: str) -> tuple[str, np.ndarray] | None:
+        """Digest and picture; None where there is no such key. Raises `Damaged`, `_Dangling` and `OSError`."""
+        digest = digest_named(self._key(name))
+        if digest is None:
+            return None
+        try:
+            picture = read_exr(self._object(digest))
+            if digest_of(picture) != digest:
+                raise Damaged("other pixels")
+        except Damaged as error:
+            raise _DamagedPicture(digest) from error
+        except FileNotFoundError as error:
+            raise _Dangling(digest) from error
+        return digest, picture
+
+    def _read_or_drop(self, name: str) -> tuple[str, np.ndarray] | None:
+        """Under the lock: somebody may have put it right since it was found not to be whole."""
+        try:
+            return self._read(name)
+        except _Dangling:
+            self.counts.add("dangling")
+        except Damaged as error:
+            if isinstance(error, _DamagedPicture):
+                remove(self._object(error.digest))
+            self.counts.add("damaged")
+        remove(self._key(name))
+        return None
+
+    def _drop_unless(self, name: str, digest: str) -> None:
+        """Of a key that leads to another picture; raises `OSError`."""
+        key_file = self._key(name)
+        if leads_to(key_file, digest):
+            return
+        with locked(self.folder):
+            if not leads_to(key_file, digest):
+                remove(key_file)
+                if os.path.lexists(key_file):
+                    raise OSError(errno.EACCES, "an older picture cannot be removed", str(key_file))
+
+    def _put(self, name: str, digest: str, picture: np.ndarray) -> None:
+        """Raises `OSError`; no name is then taken by anything that is not whole."""
+        with self._part() as new_picture, self._part() as new_key:
+            write_exr(new_picture, picture)
+            new_key.write_bytes(f"{name} {digest}\n".encode())
+            added = new_picture.stat().st_size + KEY_BYTES
+            if added > self.bound:
+                raise OSError(errno.EFBIG, f"a picture of {added} bytes in a cache of {self.bound}")
+            with locked(self.folder) as ledger:
+                held = read_ledger(ledger)
+                os.ftruncate(ledger, 0)  # if we are killed from here on, the next one counts for itself
+                if held is None or held + added > self.bound:
+                    held = self._made_room(added)
+                file, key_file = self._object(digest), self._key(name)
+                held -= size_of(file) + size_of(key_file)
+                rename(new_picture, file)
+                rename(new_key, key_file)
+                write_ledger(ledger, held + added)
+
+    def _made_room(self, added: int) -> int:
+        """Bytes held once as many pictures have gone as `added` more bytes need; under the lock."""
+        found = self._swept()
+        held = found.bytes
+        if held + added <= self.bound:
+            return held
+        for digest, (_, size) in sorted(found.pictures.items(), key=lambda one: one[1]):
+            if held + added <= FILLED_AGAIN * self.bound:
+                break
+            for key_file in found.keys[digest]:
+                remove(key_file)
+            remove(self._object(digest))
+            self.counts.add("evicted")
+            held -= size + KEY_BYTES * len(found.keys[digest])
+        return held
+
+    def _swept(self) -> _Found:
+        """What is there, once all that no key leads to and all that leads nowhere is gone; under the lock."""
+        for entry in entries(self._parts):
+            with suppress(OSError):
+                if is_abandoned(entry.path):
+                    Path(entry.path).unlink()
+                    self.counts.add("leftovers")
+        pictures = {}
+        for entry in entries(self._objects, OBJECT):
+            with suppress(FileNotFoundError):
+                found = entry.stat(follow_symlinks=False)
+                pictures[entry.name[:64]] = (found.st_mtime_ns, found.st_size)
+        keys: dict[str, list[Path]] = {digest: [] for digest in pictures}
+        for entry in entries(self._keys, KEY):
+            key_file = Path(entry.path)
+            try:
+                digest = digest_named(key_file)
+            except Damaged:
+                remove(key_file)
+                self.counts.add("damaged")
+                continue
+            if digest in keys:
+                keys[digest].append(key_file)
+            elif digest is not None:
+                remove(key_file)
+                self.counts.add("dangling")
+        for digest in [digest for digest, files in keys.items() if not files]:
+            remove(self._object(digest))
+            self.counts.add("leftovers")
+            del pictures[digest]
+        return _Found(pictures, keys)
+
+    def _object(self, digest: str) -> Path:
+        return Path(f"{self._objects}/{digest[:2]}/{digest}.exr")
+
+    def _key(self, name: str) -> Path:
+        return Path(f"{self._keys}/{name[:2]}/{name}")
+
+    def _make_folders(self) -> None:
+        for folder in (self._objects, self._keys, self._parts):
+            if folder.is_symlink():  # the whole cache may lie elsewhere, no part of it
+                raise OSError(errno.ELOOP, f"{folder.name} is a link; remove it")
+            folder.mkdir(parents=True, exist_ok=True)
+
+    @contextmanager
+    def _part(self) -> Iterator[Path]:
+        """A new empty file, ours for as long as we live, gone at the end unless it was renamed."""
+        path = self._parts / f"{secrets.token_hex(16)}.exr"
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield path
+        finally:
+            with suppress(OSError):
+                path.unlink()
+            let_go(handle)
+
+
+class _DamagedPicture(Damaged):
+    """The file of the picture that a key names is not whole."""
+
+    def __init__(self, digest: str) -> None:
+        super().__init__(digest)
+        self.digest = digest
+
+
+class _Dangling(LookupError):
+    """The picture that a key names is gone."""

@@ -1,0 +1,127 @@
+"""What a picture depends on, as one digest.
+
+The paper's key is a hash of the pose alone (Listing 5): after more training, or with another lens, it would give back a
+picture of something else. Poses that are nearly equal are never taken for the same.
+"""
+
+import hashlib
+import json
+import platform
+import struct
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from harness.machine.provenance import processor
+from harness.training.batches import Camera
+from harness.training.learner import Learner
+
+ROOT = Path(__file__).parent.parent.parent
+RENDERING = (
+    "baselines/**/*.py",
+    "harness/playback/progressive.py",
+    "harness/training/batches.py",
+    "harness/training/evaluate.py",
+    "harness/training/learner.py",
+    "harness/plan/seeds.py",
+    "harness/plan/settings.py",
+    "harness/training/trainer.py",
+    "harness/playback/cached.py",
+    "harness/training/voxel_trainer.py",
+)
+"""Sources that a picture comes from: another version of them may give another one. Those of attention put rays into
+calls, and `cached` says which channel is what.
+"""
+
+
+def plain_calls(chunk: int) -> str:
+    """How `harness.training.evaluate.render_view` puts rays into calls."""
+    return f"pixels in the fixed random order, {chunk} rays a call"
+
+
+def view_key(learner: Learner, camera: Camera, calls: str, weights: str) -> str:
+    """64 hexadecimal digits of everything that the picture depends on; `weights` is
+    `harness.training.checkpoints.weights_digest`, and `calls` says how rays are put into calls.
+    """
+    return camera_key(method_digest(learner, weights), camera, calls)
+
+
+def method_digest(learner: Learner, weights: str) -> bytes:
+    """Of all but camera and calls."""
+    facts = {"learner": learner.rendered_by(), "weights": weights, "code": code_digest(), "machine": machine(learner)}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True, allow_nan=False).encode()).digest()
+
+
+def camera_key(method: bytes, camera: Camera, calls: str) -> str:
+    """The key of a view by a method (`method_digest`); the pose counts with all its bits."""
+    found = hashlib.sha256(method)
+    found.update(camera.camera_to_world.tobytes())
+    found.update(_INTRINSICS.pack(camera.width, camera.height, camera.focal, camera.near, camera.far))
+    found.update(calls.encode())
+    return found.hexdigest()
+
+
+def machine(learner: Learner) -> dict[str, Any]:
+    """Whose arithmetic it is: libraries choose their sums by processor, threads and precision of products.
+
+    Libraries look at the model of the processor themselves: torch's word for what it can is not all that they see.
+    """
+    on_gpu = learner.device.type == "cuda"
+    return {
+        "torch": torch.__version__,
+        "drjit": _drjit() if learner.method == "voxels_drjit" else None,
+        "processor": [platform.machine(), processor(), torch.backends.cpu.get_cpu_capability()],
+        "device": torch.cuda.get_device_name(learner.device) if on_gpu else "cpu",
+        "switches": list(switches(on_gpu)),
+    }
+
+
+def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
+    """What the process, or for autocast the thread, can change about it at any time; read within microseconds.
+
+    Precisions are those of each library, which there always are: torch's word for all of them together raises an error
+    once one of them was set by itself.
+    """
+    libraries: Any = torch.backends
+    kind = "cuda" if on_gpu else "cpu"
+    always = (
+        torch.get_num_threads(),
+        torch.are_deterministic_algorithms_enabled(),
+        str(torch.get_default_dtype()),
+        str(torch.get_autocast_dtype(kind)) if torch.is_autocast_enabled(kind) else "no autocast",
+    )
+    if not on_gpu:
+        return *always, libraries.mkldnn.enabled, libraries.mkldnn.matmul.fp32_precision
+    products = libraries.cuda.matmul
+    return (
+        *always,
+        products.fp32_precision,
+        products.allow_fp16_reduced_precision_reduction,
+        products.allow_bf16_reduced_precision_reduction,
+        products.allow_fp16_accumulation,
+        libraries.cudnn.conv.fp32_precision,
+    )
+
+
+@cache
+def _drjit() -> list[Any]:
+    """Dr.Jit, and the compiler of its kernels on a processor."""
+    import drjit
+
+    return [version("drjit"), list(drjit.detail.llvm_version())]
+
+
+@cache
+def code_digest() -> str:
+    """64 hexadecimal digits of the sources that render, as they are when first asked for."""
+    found = hashlib.sha256()
+    for file in sorted(file for pattern in RENDERING for file in ROOT.glob(pattern)):
+        content = file.read_bytes()
+        found.update(f"{file.relative_to(ROOT).as_posix()} {len(content)}\n".encode() + content)
+    return found.hexdigest()
+
+
+_INTRINSICS = struct.Struct("<qqddd")

@@ -1,0 +1,346 @@
+"""A view in parts: coarse at once, then region after region in some order, or with its samples where attention is."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Literal, NamedTuple
+
+import numpy as np
+import torch
+
+from baselines.contract import Rays
+from baselines.numerics.attention.priorities import checked, is_equal, region_order
+from baselines.numerics.attention.regions import Regions
+from harness.training.batches import Camera
+from harness.training.evaluate import View, pixel_order
+from harness.training.learner import Learner
+
+Order = Literal["attention", "raster", "spread"]
+ORDERS: dict[str, str] = {
+    "attention": "regions by priority, the most attended first (Eq. 7)",
+    "raster": "regions row by row from the top left",
+    "spread": "pixels of all regions at once in a fixed random order, in as many parts as there are regions",
+}
+RAYS_A_CALL = 1024
+"""Small regions are put into calls of at least so many rays: what a call costs by itself made 100 rays a call six times
+as slow as 2048 on one thread of a processor (reduced profile, 100 × 100 pixels), and 1024 rays 1.3 times."""
+NOT_BY_REGIONS = (
+    "its density depends on which points share a call (a mean over them), so that rendering region after region would "
+    "change the picture: it is rendered plainly, in calls of pixels from all over the view"
+)
+
+
+@dataclass(frozen=True)
+class Done:
+    """Pixels that are final."""
+
+    region: int | None
+    """None where they are not those of one region."""
+    pixels: np.ndarray
+    """[pixels]: flat indices, row by row."""
+    colour: np.ndarray
+    """float32 [pixels, 3], display colour."""
+    opacity: np.ndarray
+    """float32 [pixels]."""
+    depth: np.ndarray
+    """float32 [pixels], scene units."""
+    share: float
+    """Of the picture's rays that are done, with these."""
+    network_evaluations: int
+    """For these pixels; of a call that holds several regions, those of the call, given with its first."""
+
+
+class Canvas:
+    """A picture that is being filled in. Starts as `View` or as background that nothing is seen of."""
+
+    def __init__(self, height: int, width: int, start: View | None = None) -> None:
+        shape = (height, width)
+        self.view = View(
+            colour=np.ones((*shape, 3), np.float32) if start is None else start.colour.copy(),
+            opacity=np.zeros(shape, np.float32) if start is None else start.opacity.copy(),
+            depth=np.zeros(shape, np.float32) if start is None else start.depth.copy(),
+        )
+        """What is there so far; changes with `put`."""
+
+    def put(self, done: Done) -> None:
+        self.view.colour.reshape(-1, 3)[done.pixels] = done.colour
+        self.view.opacity.reshape(-1)[done.pixels] = done.opacity
+        self.view.depth.reshape(-1)[done.pixels] = done.depth
+
+
+def why_plain(learner: Learner) -> str | None:
+    """Why this method is rendered plainly whatever is attended; None where it is not."""
+    return None if learner.field.pointwise else NOT_BY_REGIONS
+
+
+class CoarseFrame(NamedTuple):
+    """A view of few rays, and what they cost."""
+
+    view: View
+    rays: int
+    network_evaluations: int
+
+
+def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> CoarseFrame:
+    """The view by the middle pixel of each square of `stride`, spread over the square.
+
+    These are pixels of the full resolution, at their own centres: with a pointwise method they are already final, to
+    float32 rounding. They come from all over the view, as those of a plain call do, so a method that is not pointwise
+    is asked for what it was trained on; its picture is another one all the same, as with any other chunk.
+    `bins` a ray instead of the learner's. Raises `ValueError` for a stride below 1.
+    """
+    pixels = coarse_pixels(camera, stride).reshape(-1)
+    mixed = pixel_order(len(pixels))
+    found = learner.render(
+        _rays(learner, camera).chosen(torch.as_tensor(pixels)[mixed].to(learner.device)), chunk, bins
+    )
+    index = np.empty(len(pixels), np.int64)
+    index[mixed.numpy()] = np.arange(len(pixels))
+    parts = (_array(values)[index] for values in (found.colour, found.opacity, found.depth))
+    return CoarseFrame(over_squares(camera, stride, *parts), len(pixels), found.network_evaluations)
+
+
+def over_squares(camera: Camera, stride: int, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> View:
+    """What was rendered of `coarse_pixels`, in their order, each spread over its square."""
+    row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
+    of_pixel = row[:, None] * math.ceil(camera.width / stride) + column[None, :]
+    return View(colour[of_pixel], opacity[of_pixel], depth[of_pixel])
+
+
+def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
+    """Flat indices [rows, columns] of the middle pixels of the squares."""
+    if stride < 1:
+        raise ValueError(f"stride {stride}: must be at least 1")
+    return _middles(camera.height, stride)[:, None] * camera.width + _middles(camera.width, stride)[None, :]
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Where a view is not yet integrated well, and what it cost to find out."""
+
+    error: np.ndarray
+    """float64 [height, width]: root mean square over the channels of the difference of two coarse frames."""
+    rays: int
+    """Rendered to find out, beside the frame that was there."""
+    network_evaluations: int
+    """Spent on them."""
+
+
+def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
+    """The difference that half of `bins` a ray make to `fine`, the coarse frame with `bins` at the same stride: an
+    estimate of the error of the quadrature.
+    """
+    rough = coarse(learner, camera, stride, chunk, max(1, bins // 2))
+    difference = fine.colour.astype(np.float64) - rough.view.colour.astype(np.float64)
+    return ErrorEstimate(np.sqrt((difference**2).mean(axis=-1)), rough.rays, rough.network_evaluations)
+
+
+def refine(
+    learner: Learner,
+    camera: Camera,
+    regions: Regions,
+    attention: np.ndarray,
+    chunk: int,
+    order: Order = "attention",
+    rays_a_call: int = RAYS_A_CALL,
+) -> Iterator[Done]:
+    """Every pixel of the view once, in `order` (`ORDERS`; `attention` is looked at by the first alone: the others are
+    what it is compared with, and stay what they are under equal attention).
+
+    One `Done` a region, several of them after each call where regions are small. Two cases are plain rendering, to the
+    bit, with one `Done` a call of `chunk` rays from all over the view: equal attention in the order by attention, and
+    a method that is not pointwise, in whatever order (`why_plain`). Otherwise the picture is that of plain rendering to
+    float32 rounding.
+
+    Raises `BadAttention` before anything is rendered, and `Diverged`.
+    """
+    if order not in ORDERS:
+        raise ValueError(f"unknown order {order!r}; known: {' '.join(ORDERS)}")
+    _require_regions(camera, regions)
+    found = checked(attention, regions.count)
+    if why_plain(learner) or (order == "attention" and is_equal(found)):
+        return _plain(learner, camera, chunk)
+    if order == "spread":
+        pixels = pixel_order(camera.width * camera.height).numpy()
+        parts: list[Part] = [(None, part) for part in np.array_split(pixels, regions.count)]
+    else:
+        sequence = region_order(found) if order == "attention" else np.arange(regions.count)
+        parts = [(region, regions.pixels(region)) for region in sequence.tolist()]
+    return _by_parts(learner, camera, parts, min(chunk, rays_a_call), chunk)
+
+
+def render_attended(
+    learner: Learner,
+    camera: Camera,
+    regions: Regions,
+    attention: np.ndarray,
+    chunk: int,
+    order: Order = "attention",
+    on_region: Callable[[Done], None] | None = None,
+) -> View:
+    """The whole of `refine`; `on_region` is called with each part as soon as it is there."""
+    return _filled(camera, refine(learner, camera, regions, attention, chunk, order), on_region)
+
+
+def render_allocated(
+    learner: Learner,
+    camera: Camera,
+    regions: Regions,
+    bins_by_region: np.ndarray,
+    chunk: int,
+    on_part: Callable[[Done], None] | None = None,
+) -> View:
+    """A view with its own number of bins in each region (`allocated_bins`); those with as many share calls.
+
+    A call has no more samples than `chunk` rays with the mean number of bins. Where all have the same number, it is
+    plain rendering with so many, to the bit. A method that is not pointwise is rendered plainly with the mean number,
+    rounded down.
+    """
+    _require_regions(camera, regions)
+    bins = np.asarray(bins_by_region)
+    if bins.shape != (regions.count,) or bins.min() < 1:
+        raise ValueError(f"bins {list(bins.shape)}: must be at least one in each of {regions.count} regions")
+    mean = int((bins * regions.rays).sum() // regions.rays.sum())
+    if why_plain(learner) or bins.min() == bins.max():
+        return _filled(camera, _plain(learner, camera, chunk, mean), on_part)
+    return _filled(camera, _by_bins(learner, camera, regions, bins, chunk, mean), on_part)
+
+
+def changed_by_regions(learner: Learner, camera: Camera, regions: Regions, chunk: int) -> float:
+    """What rendering region after region, a call each, changes of a view: the root mean square of display colour
+    between it and plain rendering. Float32 rounding for a pointwise method; for another one the reason why it is not
+    rendered so.
+    """
+    plain = _filled(camera, _plain(learner, camera, chunk), None)
+    parts: list[Part] = [(region, regions.pixels(region)) for region in range(regions.count)]
+    apart = _filled(camera, _by_parts(learner, camera, parts, 1, chunk), None)
+    difference = plain.colour.astype(np.float64) - apart.colour.astype(np.float64)
+    return float(np.sqrt((difference**2).mean()))
+
+
+Part = tuple[int | None, np.ndarray]
+"""A region, or None, and the pixels that are rendered for it."""
+
+
+def _plain(learner: Learner, camera: Camera, chunk: int, bins: int | None = None) -> Iterator[Done]:
+    """The calls of `harness.training.evaluate.render_view`."""
+    order = pixel_order(camera.width * camera.height).numpy()
+    calls: list[Part] = [(None, order[start : start + chunk]) for start in range(0, len(order), chunk)]
+    return _by_parts(learner, camera, calls, 1, chunk, bins)
+
+
+def _by_parts(
+    learner: Learner,
+    camera: Camera,
+    parts: list[Part],
+    at_least: int,
+    chunk: int,
+    bins: int | None = None,
+    done: int = 0,
+) -> Iterator[Done]:
+    """Parts one after the other, `at_least` so many rays together where as many are left, after `done` pixels."""
+    rays, total = _rays(learner, camera), camera.width * camera.height
+    for together in _calls(parts, at_least):
+        pixels = np.concatenate([pixels for _, pixels in together])
+        found = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk, bins)
+        colour, opacity, depth = _array(found.colour), _array(found.opacity), _array(found.depth)
+        evaluations, start = found.network_evaluations, 0
+        for region, some in together:
+            stop = start + len(some)
+            done += len(some)
+            part = slice(start, stop)
+            yield Done(region, some, colour[part], opacity[part], depth[part], done / total, evaluations)
+            evaluations, start = 0, stop
+
+
+def _calls(parts: list[Part], at_least: int) -> Iterator[list[Part]]:
+    together: list[Part] = []
+    count = 0
+    for part in parts:
+        together.append(part)
+        count += len(part[1])
+        if count >= at_least:
+            yield together
+            together, count = [], 0
+    if together:
+        yield together
+
+
+def _by_bins(
+    learner: Learner, camera: Camera, regions: Regions, bins: np.ndarray, chunk: int, mean: int
+) -> Iterator[Done]:
+    done = 0
+    by_bins = sorted(range(regions.count), key=lambda region: (-int(bins[region]), region))
+    for number, group in groupby(by_bins, key=lambda region: int(bins[region])):
+        parts: list[Part] = [(region, regions.pixels(region)) for region in group]
+        rays = sum(len(pixels) for _, pixels in parts)
+        limit = max(1, chunk * mean // number)
+        yield from _by_parts(learner, camera, parts, rays, limit, number, done)
+        done += rays
+
+
+def _filled(camera: Camera, parts: Iterator[Done], on_part: Callable[[Done], None] | None) -> View:
+    canvas = Canvas(camera.height, camera.width)
+    for done in parts:
+        canvas.put(done)
+        if on_part is not None:
+            on_part(done)
+    return canvas.view
+
+
+def _rays(learner: Learner, camera: Camera) -> Rays:
+    return camera.rays(learner.device)
+
+
+def _array(values: torch.Tensor) -> np.ndarray:
+    return values.cpu().numpy()
+
+
+def _middles(size: int, stride: int) -> np.ndarray:
+    """The middle pixel of each run of `stride`, the last one inside."""
+    return np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1)
+
+
+def _require_regions(camera: Camera, regions: Regions) -> None:
+    if (regions.height, regions.width) != (camera.height, camera.width):
+        raise ValueError(
+            f"regions of {regions.height} × {regions.width} pixels, the view has {camera.height} × {camera.width}"
+        )
+
+
+@dataclass(frozen=True)
+class RegionCost:
+    by_region: np.ndarray
+    """int [count], at least 1: evaluations of the network for all rays of each region, estimated, at `bins` a ray."""
+    rays: int
+    """Rendered to find out."""
+    network_evaluations: int
+    """Spent to find out."""
+    view: View
+    """The coarse frame that they are the pixels of."""
+
+
+def evaluations_by_region(
+    learner: Learner, camera: Camera, regions: Regions, stride: int, chunk: int, bins: int
+) -> RegionCost:
+    """By the coarse pixels of each region, a call for each: dear on a small machine, cheap in evaluations.
+
+    A region without a coarse pixel is taken to cost as much a ray as the mean.
+    """
+    rays = camera.rays(learner.device)
+    pixels = coarse_pixels(camera, stride).reshape(-1)
+    region_of = regions.of_pixel.reshape(-1)[pixels]
+    counts = np.bincount(region_of, minlength=regions.count)
+    found = np.zeros(regions.count)
+    colour = np.empty((len(pixels), 3), np.float32)
+    opacity, depth = np.empty(len(pixels), np.float32), np.empty(len(pixels), np.float32)
+    for region in np.flatnonzero(counts).tolist():
+        here = np.flatnonzero(region_of == region)
+        seen = learner.render(rays.chosen(torch.as_tensor(pixels[here]).to(learner.device)), chunk, bins)
+        found[region] = seen.network_evaluations
+        for whole, part in ((colour, seen.colour), (opacity, seen.opacity), (depth, seen.depth)):
+            whole[here] = part.cpu().numpy()
+    a_ray = np.where(counts > 0, found / np.maximum(counts, 1), found.sum() / len(pixels))
+    estimate = np.maximum(1, np.round(a_ray * regions.rays)).astype(np.int64)
+    return RegionCost(estimate, len(pixels), int(found.sum()), over_squares(camera, stride, colour, opacity, depth))

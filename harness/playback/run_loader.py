@@ -1,0 +1,276 @@
+"""A finished run as something to look at: its methods, with the weights that training left, ready to render."""
+
+import types
+import typing
+from dataclasses import dataclass, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+
+from baselines.catalog import CATALOG
+from baselines.contract import Box
+from harness.plan.needed import with_needs
+from harness.plan.plugins import require_methods
+from harness.plan.profiles import known_names
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings, TrainSettings
+from harness.playback.camera_paths import mean_distance
+from harness.records.cells import (
+    CellRecord,
+    RunRecord,
+    SceneRecord,
+    cell_path,
+    checkpoint_name,
+    read_cell,
+    read_run,
+    records_folder,
+)
+from harness.records.json_record import DamagedRecord, shown
+from harness.training.batches import Camera
+from harness.training.checkpoints import checkpoint_path, load_checkpoint
+from harness.training.learner import Learner
+from harness.training.lockstep import needs_view_direction_of, stream_of
+from harness.training.make_learner import learner_for
+from scenes.files.errors import InputError
+from scenes.view_sets.foreign import source_of
+from scenes.view_sets.source import Region
+from scenes.view_sets.transforms import transforms_file
+from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.viewpoints import RADIUS
+
+VIEW_SETS = Path("out/view_sets")
+"""Where view sets are cached if nothing else is said."""
+
+One = TypeVar("One")
+
+
+@dataclass(frozen=True)
+class TrainedCell:
+    """One method on one scene with one seed, after its training."""
+
+    scene: SceneRecord
+    cell: CellRecord
+    learner: Learner
+
+    @property
+    def chunk(self) -> int:
+        """Rays a call with which it was scored: part of the picture where a density depends on the call."""
+        return int(self.cell.settings["score"]["chunk"])
+
+    def camera(self, camera_to_world: np.ndarray) -> Camera:
+        """The lens of the scene's views at a pose."""
+        one, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
+        return Camera(camera_to_world, one.width, one.height, focal, one.near, one.far)
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """What an output folder holds."""
+
+    out: Path
+    run: RunRecord
+
+    @staticmethod
+    def of(out: Path) -> "FinishedRun":
+        """Raises `InputError` where there is no run, and `DamagedRecord` where it cannot be read."""
+        if not (records_folder(out) / "run.json").is_file():
+            raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
+        run = read_run(out)
+        for name in (*run.methods, *(part for scene in run.scenes for part in (scene.name, scene.view_set))):
+            # they become parts of paths, of files that are read and of films that are written
+            if not name.isprintable() or set(name) & set("/\\") or name in ("", ".", ".."):
+                raise DamagedRecord(f"{records_folder(out) / 'run.json'}: {name!r} is no name; run again")
+        return FinishedRun(out, run)
+
+    def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
+        """Those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not have."""
+        known = {scene.name: scene for scene in self.run.scenes}
+        return [known[name] for name in known_names(option, asked or list(known), list(known))]
+
+    def methods(self, asked: list[str] | None) -> list[str]:
+        """Those of `asked`, or all that every scene has; raises `InputError` for a name that the run does not have."""
+        return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
+
+    def is_trained(self, scene: str, method: str, seed: int) -> bool:
+        """Whether its weights are there."""
+        return checkpoint_path(self.out, scene, method, seed).is_file()
+
+    def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:
+        """Raises `InputError` for a cell that was not trained to its end, or whose checkpoint is not whole, and
+        `NotAvailable` for a method that this machine cannot render.
+        """
+        name = f"{scene.name}, {method}, seed {seed}"
+        path = cell_path(self.out, scene.name, method, seed)
+        if not path.is_file():
+            raise InputError(f"{self.out}: {name} was not trained; choose another one, or go on with --resume")
+        cell = read_cell(path)
+        if cell.status != "done":
+            raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
+        require_methods([method])
+        if method not in CATALOG:
+            raise InputError(
+                f"{path}: method {method!r} is not in this version's catalogue, and no installed package offers it: "
+                f"{' '.join(CATALOG)}"
+            )
+        settings = from_plain(TrainSettings, cell.settings.get("train"), path)
+        budget = from_plain(Budget, cell.settings.get("budget"), path)
+        from_plain(ScoreSettings, cell.settings.get("score"), path)
+        if not isinstance(cell.settings.get("view_set"), dict) or "focal" not in cell.settings["view_set"]:
+            raise InputError(f"{path}: recorded before the focal length of its views was; run again to look at it")
+        checkpoint = checkpoint_path(self.out, scene.name, method, seed)
+        _require_possible(settings, path, checkpoint, CATALOG[method].parts is not None)
+        if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
+            raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are no box; run again")
+        box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
+        directed = needs_view_direction_of([row.what for row in scene.left_out])
+        learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
+        written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records
+        load_checkpoint(learner, checkpoint, cell.steps, written)
+        found = TrainedCell(scene, cell, learner)
+        try:
+            found.camera(np.eye(4))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise DamagedRecord(f"{path}: no camera of {scene.name}: {error}; run again") from error
+        return found
+
+    def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
+        """The folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was given
+        with `--view-set` is where it was. Raises `InputError` where it is not there any more.
+        """
+        given = self.run.settings.get("view_set")
+        if isinstance(given, list):  # of each scene, where there are several
+            given = given[self.run.settings["scenes"].index(scene.name)]
+        places = [Path(given)] if given else [cache / scene.view_set, self.out.parent / "view_sets" / scene.view_set]
+        found = next((place for place in places if given or transforms_file(place, "train").is_file()), None)
+        found = found if found is not None and found.exists() else None
+        if found is None:
+            tried = " or ".join(str(place) for place in places)
+            raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
+        return found
+
+    def views(
+        self,
+        scene: SceneRecord,
+        cache: Path = VIEW_SETS,
+        width: int | None = None,
+        train: int = 0,
+        geometry: bool = True,
+        scratch: Path | None = None,
+    ) -> ViewSet:
+        """The test views that the run was scored on, at `width` pixels or the run's own, and `train` of the training
+        views, evenly spread; with what the run's settings force in or out, and without depth and normals where no
+        `geometry` is asked for. Decoded images go to `scratch`, a folder on a disk.
+
+        Raises `InputError` for whatever is wrong with the view set, and for another rendering than the methods were
+        trained on.
+        """
+        if missing := sorted({"train", "test"} - set(scene.views)):
+            path = records_folder(self.out) / "run.json"
+            raise DamagedRecord(f"{path}: {scene.name}: views says no number of {' '.join(missing)}; run again")
+        asked, region, folder = self._needs_asked(), self._region(scene), self.view_set(scene, cache)
+        found = read_view_set(
+            folder,
+            resolution=width or scene.width,
+            splits=("train", "test") if train else ("test",),
+            train_count=min(train, scene.views["train"]),
+            test_count=scene.views["test"],
+            geometry=("test",) if geometry else (),
+            scratch=scratch,
+            region=region,
+        )
+        if found.rendered.get("digest") != scene.rendered.get("digest"):
+            raise InputError(
+                f"{folder}: another rendering than the one that {scene.name} was trained on; name its cache with "
+                "--view-sets"
+            )
+        return with_needs(found, *asked)
+
+    def _region(self, scene: SceneRecord) -> Region:
+        try:
+            return Region(tuple(np.ravel(scene.bounds).tolist()), scene.near, scene.far)
+        except InputError as error:
+            raise DamagedRecord(f"{records_folder(self.out) / 'run.json'}: {scene.name}: {error}; run again") from error
+
+    def _needs_asked(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of parts that its settings force in and out."""
+        views = self.run.settings.get("views", {})
+        found = [views.get(name, []) for name in ("need", "no_need")] if isinstance(views, dict) else [None]
+        if not all(isinstance(one, list) and all(isinstance(name, str) for name in one) for one in found):
+            path = records_folder(self.out) / "run.json"
+            raise DamagedRecord(f"{path}: settings.views {shown(views)} names no parts that were forced; run again")
+        return tuple(found[0] or []), tuple(found[1] or [])
+
+    def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
+        """How far from the origin its cameras stand, in scene units: known of our own scenes, of others the mean over
+        the training cameras. Raises `InputError` where those are not there any more.
+        """
+        if scene.rendered:
+            return RADIUS
+        frames = source_of(self.view_set(scene, cache)).frames("train")
+        return RADIUS if frames is None else mean_distance(frames.camera_to_world)
+
+
+def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, ours: bool) -> None:
+    """Raises `InputError` for sizes that no run has, before memory is taken for them; `ours` are networks made of
+    our parts."""
+    network = settings.network
+    sizes = {
+        "depth": (network.depth, 64),
+        "width": (network.width, 8192),
+        "colour_layers": (network.colour_layers, 64),
+        "colour_width": (network.colour_width, 8192),
+        "position_bands": (network.position_bands, 64),
+        "direction_bands": (network.direction_bands, 64),
+        "grid.cells": (settings.grid.cells, 512),
+        "voxels.finest": (settings.voxels.finest, 512),
+        "voxels.bins": (settings.voxels.bins, 1 << 16),
+        "bins": (settings.bins, 1 << 16),
+        "first_bins": (settings.first_bins, 1 << 16),
+        "fine_bins": (settings.fine_bins, 1 << 16),
+        "rays": (settings.rays, 1 << 24),
+    }
+    for name, (value, most) in sizes.items():
+        if not 0 <= value <= most:
+            raise InputError(f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again")
+    least = 4 * max(0, network.depth - 2) * network.width**2
+    if ours and checkpoint.is_file() and least > checkpoint.stat().st_size:
+        raise InputError(
+            f"{checkpoint}: has fewer bytes than the weights of {network.depth} layers of {network.width}, which its "
+            "record names; run again"
+        )
+
+
+def from_plain(kind: type[One], data: Any, path: Path) -> One:
+    """A frozen dataclass from what `asdict` and JSON made of it; raises `InputError` naming the file where a key is
+    missing or unknown: settings that are silently other ones would render another picture.
+    """
+    try:
+        found = _from_plain(kind, data)
+    except (TypeError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: its settings are not those of this version ({error}); run again") from error
+    return typing.cast(One, found)
+
+
+def _from_plain(kind: Any, data: Any) -> Any:
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        if not isinstance(data, dict) or set(data) != set(hints):
+            unlike = sorted(set(data) ^ set(hints)) if isinstance(data, dict) else type(data).__name__
+            raise ValueError(f"{getattr(kind, '__name__', kind)}: {unlike}")
+        return typing.cast(type, kind)(**{name: _from_plain(hints[name], value) for name, value in data.items()})
+    if origin is tuple and parts[-1] is ... and isinstance(data, (list, tuple)):
+        return tuple(_from_plain(parts[0], value) for value in data)
+    if origin is tuple and isinstance(data, (list, tuple)) and len(data) == len(parts):
+        return tuple(_from_plain(part, value) for part, value in zip(parts, data, strict=True))
+    if origin in (types.UnionType, typing.Union):
+        return None if data is None and type(None) in parts else _from_plain(parts[0], data)
+    if origin is typing.Literal and data in parts:
+        return data
+    if kind is float and type(data) in (int, float):
+        return float(data)
+    if kind in (bool, int, str) and type(data) is kind:
+        return data
+    raise ValueError(f"{data!r} is no {kind}")

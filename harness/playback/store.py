@@ -1,0 +1,256 @@
+"""A levelled store of rendered views, with the interface that Listing 5 needs of the paper's `HUAMMemory`, which is not
+published: `key in store`, `store.get(key)`, `store.store(key, value, level=1)`.
+"""
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.playback.disk import DiskPictures
+from harness.playback.float_exr import frozen
+
+PROTECTED = 0.75
+"""Share of the bytes that level 0 may take; level 1 has all that it leaves."""
+
+
+class SegmentedMemory:
+    """At most `bound` bytes of pictures in both levels together, at most `PROTECTED` of them in level 0.
+
+    Safe to use from several threads. Bytes are those of the pixels.
+    """
+
+    def __init__(self, bound: int) -> None:
+        self.bounds = (int(bound * PROTECTED), bound)
+        """Of level 0, and of both together."""
+        self.evicted = 0
+        """Pictures that fell out of memory."""
+        self._levels: tuple[OrderedDict[str, np.ndarray], OrderedDict[str, np.ndarray]] = (OrderedDict(), OrderedDict())
+        self._bytes = [0, 0]
+        self._lock = threading.Lock()
+
+    def put(self, key: str, picture: np.ndarray, level: int) -> bool:
+        """As the most recently used of `level`; in level 1 where it is too large for level 0. False where it is too
+        large for both: then nothing is kept under `key`.
+        """
+        with self._lock:
+            self._take(key)
+            if picture.nbytes > self.bounds[1]:
+                return False
+            self._insert(key, picture, level)
+            return True
+
+    def drop(self, key: str) -> None:
+        with self._lock:
+            self._take(key)
+
+    def get(self, key: str) -> tuple[np.ndarray, int] | None:
+        """The picture and the level in which it was found; it is then the most recently used of level 0."""
+        with self._lock:
+            first, second = self._levels
+            if (picture := first.get(key)) is not None:
+                first.move_to_end(key)
+                return picture, 0
+            if (picture := second.get(key)) is None:
+                return None
+            self._take(key)
+            self._insert(key, picture, 0)
+            return picture, 1
+
+    def where(self, key: str) -> int | None:
+        """The level, without using the picture."""
+        with self._lock:
+            return next((level for level in (0, 1) if key in self._levels[level]), None)
+
+    def keys(self, level: int) -> list[str]:
+        """The least recently used first."""
+        with self._lock:
+            return list(self._levels[level])
+
+    def bytes(self) -> tuple[int, int]:
+        with self._lock:
+            return self._bytes[0], self._bytes[1]
+
+    def _insert(self, key: str, picture: np.ndarray, level: int) -> None:
+        if picture.nbytes > self.bounds[0]:
+            level = 1
+        self._levels[level][key] = picture
+        self._bytes[level] += picture.nbytes
+        while self._bytes[0] > self.bounds[0]:
+            demoted, moved = self._oldest(0)
+            self._levels[1][demoted] = moved
+            self._bytes[1] += moved.nbytes
+        while sum(self._bytes) > self.bounds[1]:
+            # a picture so large that all of level 1 is not enough for it has room made in level 0
+            self._oldest(1 if next(iter(self._levels[1])) != key else 0)
+            self.evicted += 1
+
+    def _oldest(self, level: int) -> tuple[str, np.ndarray]:
+        key, picture = self._levels[level].popitem(last=False)
+        self._bytes[level] -= picture.nbytes
+        return key, picture
+
+    def _take(self, key: str) -> None:
+        for level in (0, 1):
+            picture = self._levels[level].pop(key, None)
+            if picture is not None:
+                self._bytes[level] -= picture.nbytes
+
+
+LEVELS = (0, 1, 2)
+MEMORY_BYTES = 256 * 1024 * 1024
+DISK_BYTES = 2 * 1024 * 1024 * 1024
+
+
+@dataclass(frozen=True)
+class StoreStatistics:
+    """What happened in a store since it was opened, and what it holds now."""
+
+    hits: dict[int, int]
+    """Level → pictures that were found there."""
+    misses: int
+    stored: dict[int, int]
+    """Level → pictures that were put there; promotion does not count."""
+    evicted: dict[int, int]
+    """Level → pictures that made room for others: 1 for those that left memory, 2 for those that left the disk."""
+    bytes: dict[int, int]
+    """Level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
+    too_large: int
+    """Pictures that memory could not hold."""
+    damaged: int
+    """Files that were not what had been written: dropped, and a miss."""
+    dangling: int
+    """Keys on disk whose picture was gone."""
+    leftovers: int
+    """Files of killed writers that were swept."""
+    unreadable: int
+    """Reads that the system refused: a miss."""
+    failed_writes: int
+    last_failure: str | None
+    """Why the last of them failed."""
+
+    @property
+    def hit_rate(self) -> float:
+        asked = sum(self.hits.values()) + self.misses
+        return sum(self.hits.values()) / asked if asked else 0.0
+
+
+class ViewStore:
+    """Pictures (finite float32 [height, width, channels]) under arbitrary keys, given back bit for bit and read-only.
+
+    Level 0 holds in memory what was used again, level 1 in memory what was seen once, level 2 on disk what shall
+    outlive the process. A hit in 1 goes up to 0; what falls out of 0 goes down to 1, and out of that from memory; a hit
+    in 2 is put into 1 as well. What is stored under a key is its value from then on, at whatever levels: no other is
+    left on disk or in the memory of this store. What another process has in memory it keeps. `memory_bytes` bounds both
+    levels in memory together, `disk_bytes` the folder. Safe to use from several threads, and the folder from several
+    processes. Raises `InputError` where `disk` cannot be used.
+    """
+
+    def __init__(
+        self, memory_bytes: int = MEMORY_BYTES, disk: Path | None = None, disk_bytes: int = DISK_BYTES
+    ) -> None:
+        if memory_bytes < 0 or disk_bytes < 0:
+            raise ValueError(f"{memory_bytes} bytes of memory, {disk_bytes} on disk: cannot be negative")
+        self._memory = SegmentedMemory(memory_bytes)
+        self._disk = None if disk is None else DiskPictures(disk, disk_bytes)
+        self._storing = threading.Lock()
+        """One after the other, so that all levels have the value of the same one."""
+        self._lock = threading.Lock()
+        self._changes = 0
+        """Values stored so far: what is read from disk meanwhile may no longer be the value."""
+        self._hits = dict.fromkeys(LEVELS, 0)
+        self._stored = dict.fromkeys(LEVELS, 0)
+        self._misses = self._too_large = 0
+
+    def __contains__(self, key: str) -> bool:
+        return self.where(key) is not None
+
+    def where(self, key: str) -> int | None:
+        """The level at which `get` would find it now; this uses nothing, but what is damaged on disk is dropped.
+
+        On disk the whole picture is read and checked for that, as `get` does. What makes room for others may be gone
+        before it is asked for: `get` can be None where `in` was true.
+        """
+        level = self._memory.where(_checked(key))
+        if level is None and self._disk is not None and self._disk.get(key, use=False) is not None:
+            return 2
+        return level
+
+    def get(self, key: str) -> np.ndarray | None:
+        found = self.get_with_level(key)
+        return None if found is None else found[0]
+
+    def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
+        """The picture, and the level at which it was found."""
+        changes = self._changes
+        found = self._memory.get(_checked(key))
+        if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
+            found = picture, 2
+            with self._lock:
+                if changes == self._changes:
+                    self._memory.put(key, picture, 1)
+        with self._lock:
+            if found is None:
+                self._misses += 1
+            else:
+                self._hits[found[1]] += 1
+        return found
+
+    def store(self, key: str, value: np.ndarray, level: int | tuple[int, ...] = 1) -> None:
+        """Makes a copy of `value` what is under `key`, at a level or at several; what the disk does not take, or where
+        there is none, goes to level 1. Of 0 and 1 the first has it.
+
+        Raises `TypeError` and `ValueError` for a value that is no picture (`pictures.frozen`) and another level.
+        """
+        levels = {level} if isinstance(level, int) else set(level)
+        if not levels or not levels <= set(LEVELS):
+            raise ValueError(f"level {level}: there are {LEVELS}")
+        _checked(key)
+        picture = frozen(value)
+        with self._storing:
+            on_disk = False
+            if self._disk is not None and 2 in levels:
+                on_disk = self._disk.put(key, picture)
+            elif self._disk is not None:
+                self._disk.drop_others(key, picture)
+            in_memory = min(levels) if min(levels) < 2 else None if on_disk else 1
+            with self._lock:
+                self._changes += 1
+                if on_disk:
+                    self._stored[2] += 1
+                if in_memory is None:
+                    self._memory.drop(key)
+                elif self._memory.put(key, picture, in_memory):
+                    self._stored[in_memory] += 1
+                else:
+                    self._too_large += 1
+
+    @property
+    def statistics(self) -> StoreStatistics:
+        """Now; looks at every file on disk."""
+        first, second = self._memory.bytes()
+        disk = self._disk
+        counts = None if disk is None else disk.counts
+        with self._lock:
+            return StoreStatistics(
+                hits=dict(self._hits),
+                misses=self._misses,
+                stored=dict(self._stored),
+                evicted={1: self._memory.evicted, 2: counts.evicted if counts else 0},
+                bytes={0: first, 1: second, 2: disk.bytes() if disk else 0},
+                too_large=self._too_large,
+                damaged=counts.damaged if counts else 0,
+                dangling=counts.dangling if counts else 0,
+                leftovers=counts.leftovers if counts else 0,
+                unreadable=counts.unreadable if counts else 0,
+                failed_writes=counts.failed if counts else 0,
+                last_failure=counts.reason if counts else None,
+            )
+
+
+def _checked(key: str) -> str:
+    if not isinstance(key, str):
+        raise TypeError(f"a key is a string, not {type(key).__name__}")
+    return key

@@ -1,0 +1,151 @@
+"""What `python -m harness judge` leaves behind: `judgement.json`.
+
+This module imports the standard library, `harness.records.cells` and what those import alone, as reports read it.
+"""
+
+from dataclasses import asdict, dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+from harness.records.cells import Estimate, estimate_of
+from harness.records.json_record import DamagedRecord, load_record, sound, write_record
+
+JUDGEMENT_SCHEMA = 1
+JUDGEMENT_FILE = "judgement.json"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """`method` less `against`, over the scenes that both have."""
+
+    method: str
+    against: str
+    scenes: int
+    difference: float | None
+    scenes_like_these: Estimate | None
+    """The verdict is this one's; None with fewer than two shared scenes."""
+    on_these_scenes: Estimate | None
+    """None without seeds."""
+
+    @property
+    def verdict(self) -> Literal["better", "worse", "equivalent", "inconclusive"]:
+        return self.scenes_like_these.verdict if self.scenes_like_these else "inconclusive"
+
+    @property
+    def told_apart(self) -> bool:
+        return self.verdict in ("better", "worse")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A method in the order of its mean."""
+
+    method: str
+    mean: float
+    """Over scenes of means over seeds; adjusted for the scenes that it lacks."""
+    scenes: int
+    seconds: float | None
+    steps: float | None
+    groups: list[int]
+    """Numbers of the groups that it is in, from 1; empty against a baseline."""
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Methods from best to worst, every pair that is judged (the better-placed method first), and what follows."""
+
+    places: list[Place]
+    pairs: list[Pair]
+    family: int
+    """How many comparisons are looked at together."""
+
+    @property
+    def neighbours(self) -> list[Pair]:
+        """The pairs of methods that are next to each other in the order."""
+        names = [one.method for one in self.places]
+        wanted = {frozenset(two) for two in pairwise(names)}
+        return [pair for pair in self.pairs if frozenset((pair.method, pair.against)) in wanted]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A result far from what its method and its scene let one expect."""
+
+    method: str
+    scene: str
+    seed: str
+    value: float
+    expected: float
+    deviation: float
+    """The residual of a fit by medians in robust standard deviations of its method, scene or table, the largest."""
+
+
+@dataclass(frozen=True)
+class JudgementRecord:
+    """A table of results, judged."""
+
+    source: str
+    metric: str
+    unit: str
+    higher_is_better: bool
+    margin: float
+    """Smallest effect of interest."""
+    baseline: str | None
+    scenes: list[str]
+    seeds: int
+    """1 where the table has none."""
+    results: int
+    missing: list[str]
+    """`method, scene` of cells without any result."""
+    notes: list[str]
+    suspects: list[Suspect]
+    given: Ranking
+    without_suspects: Ranking | None
+    """None where nothing is suspect."""
+    digests: dict[str, str]
+    """SHA-256 of each file of the table."""
+    schema: int = JUDGEMENT_SCHEMA
+
+
+def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
+    """Pairs of which the verdict is another without the suspect results, and that verdict."""
+    if record.without_suspects is None:
+        return []
+    turned = {"better": "worse", "worse": "better"}
+    after: dict[tuple[str, str], str] = {
+        (one.method, one.against): one.verdict for one in record.without_suspects.pairs
+    }
+    after |= {(b, a): turned.get(said, said) for (a, b), said in after.items()}
+    pairs = [(pair, after[pair.method, pair.against]) for pair in record.given.pairs]
+    return [(pair, said) for pair, said in pairs if said != pair.verdict]
+
+
+def write_judgement(path: Path, record: JudgementRecord) -> None:
+    write_record(path, asdict(record))
+
+
+def read_judgement(path: Path) -> JudgementRecord:
+    """Raises `DamagedRecord` where the file is not what this version writes."""
+    try:
+        data = load_record(path)
+        if data.get("schema") != JUDGEMENT_SCHEMA or set(data) != {one.name for one in fields(JudgementRecord)}:
+            raise ValueError(f"not a judgement of schema {JUDGEMENT_SCHEMA}")
+        data["suspects"] = [Suspect(**one) for one in data["suspects"]]
+        data["given"] = _ranking(data["given"])
+        if data["without_suspects"] is not None:
+            data["without_suspects"] = _ranking(data["without_suspects"])
+        record = sound(JudgementRecord(**data), JudgementRecord)
+        if not record.given.places:
+            raise ValueError("it has no method")
+        return record
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+        raise DamagedRecord(f"{path}: {error}; run `python -m harness judge` again") from error
+
+
+def _ranking(row: dict[str, Any]) -> Ranking:
+    return Ranking([Place(**one) for one in row["places"]], [_pair(one) for one in row["pairs"]], row["family"])
+
+
+def _pair(row: dict[str, Any]) -> Pair:
+    return Pair(**{**row, **{name: estimate_of(row[name]) for name in ("scenes_like_these", "on_these_scenes")}})

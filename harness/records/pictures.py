@@ -1,0 +1,205 @@
+"""The test views that a run keeps: what each cell rendered along its training, and the truth of the same views.
+
+A file of them is tensors and a listing of what they are, sealed by a digest of all of it.
+"""
+
+import errno
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from harness.records.json_record import DamagedRecord, write_whole
+
+Tensors = dict[str, NDArray[Any]]
+
+
+def sealed(key: str, listing: dict[str, Any], tensors: Tensors) -> bytes:
+    """The file's bytes; `key` is the one of the metadata (several would be written in any order). Raises `ValueError`
+    where `listing` holds NaN or Infinity."""
+    text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
+    # safetensors writes memory as it lies there, whatever the strides
+    return save({name: np.asarray(one, order="C") for name, one in tensors.items()}, {key: text})
+
+
+def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
+    """What `sealed` was given; raises `ValueError` for anything else."""
+    try:
+        tensors = load(data)  # checks the header's bounds
+        listing = json.loads(json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"][key])
+        claimed = listing.pop("digest")
+    except (SafetensorError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(str(error) or type(error).__name__) from error
+    if claimed != digest_of(listing, tensors):
+        raise ValueError("its digest is wrong, so it was changed or damaged")
+    return listing, tensors
+
+
+def digest_of(listing: dict[str, Any], tensors: Tensors) -> str:
+    """64 hexadecimal digits."""
+    found = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
+    for name, tensor in sorted(tensors.items()):
+        found.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
+        found.update(np.ascontiguousarray(tensor).view(np.uint8).data if tensor.size else b"")
+    return found.hexdigest()
+
+
+EVERY_CHECKPOINT_SEED = 0
+"""The first seed of a plan: one seed shows how a picture comes about, the others how it ended."""
+SCHEMA = 1
+LARGEST_BYTES = 512 * 1024 * 1024
+"""A larger file is neither written nor read."""
+HEADER_BYTES = 1024 * 1024
+"""Of those are kept for the header."""
+LARGEST_HALF = 65504.0
+"""Of float16: what is brighter is clipped to it."""
+LISTING = "pictures"
+"""The key of the listing in the header's metadata."""
+REMEDY = "run again with --resume"
+
+Half = NDArray[np.float16]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A kept view of the ground truth."""
+
+    view: str
+    display: Half
+    """[h, w, 3]: display colour over white, 0 … 1."""
+    opacity: Half
+    """[h, w]."""
+    linear: Half | None = None
+    """[h, w, 3]: linear light over white, not clipped but at 65504; None where the view set holds display colour."""
+    depth: Half | None = None
+    """[h, w]: distance along the unit ray in scene units, 0 where nothing is hit; None where the view set has none."""
+
+
+@dataclass(frozen=True)
+class Render:
+    """A kept view as a cell rendered it at a checkpoint."""
+
+    view: str
+    step: int
+    colour: Half
+    """[h, w, 3]: display colour over white, not clipped."""
+    opacity: Half
+    """[h, w]."""
+    depth: Half
+    """[h, w]: scene units."""
+
+
+TRUTH = {"display": 3, "opacity": None, "linear": 3, "depth": None}
+RENDER = {"colour": 3, "opacity": None, "depth": None}
+"""Tensor → its channels, None where it is [h, w]."""
+
+
+def half(values: np.ndarray) -> Half:
+    """As float16, clipped to what that holds. Raises `ValueError` where a value is NaN."""
+    if np.isnan(values).any():
+        raise ValueError("a picture holds NaN")
+    return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+
+
+def cell_pictures(scene: str, method: str, seed: int) -> str:
+    """Path relative to `OUT/records`, which is also what the cell's record holds."""
+    return f"pictures/{scene}.{method}.{seed}.safetensors"
+
+
+def truth_pictures(scene: str) -> str:
+    """Path relative to `OUT/records`."""
+    return f"pictures/{scene}.safetensors"
+
+
+def write_truth(path: Path, views: list[Truth]) -> None:
+    """Nothing is written where the file holds just that already. Raises `OSError` naming the file."""
+    rows = [{"view": one.view, "parts": [name for name in TRUTH if getattr(one, name) is not None]} for one in views]
+    _write(path, "truth", rows, views)
+
+
+def write_renders(path: Path, renders: list[Render]) -> None:
+    """As `write_truth`."""
+    rows = [{"view": one.view, "step": one.step, "parts": list(RENDER)} for one in renders]
+    _write(path, "renders", rows, renders)
+
+
+def read_truth(path: Path) -> list[Truth]:
+    """Raises `DamagedRecord`, naming the file, the reason and the remedy, for anything that `write_truth` does not
+    write."""
+    return [Truth(row["view"], **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
+
+
+def read_renders(path: Path) -> list[Render]:
+    """In the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
+    return [Render(row["view"], row["step"], **parts) for row, parts in _read(path, "renders", RENDER, set(RENDER))]
+
+
+def last_of(renders: list[Render]) -> list[Render]:
+    """The renders of the last checkpoint."""
+    step = max((one.step for one in renders), default=0)
+    return [one for one in renders if one.step == step]
+
+
+def _write(path: Path, kind: str, rows: list[dict[str, Any]], pictures: list[Any]) -> None:
+    tensors = {
+        f"{place:04}.{name}": np.ascontiguousarray(getattr(one, name), dtype=np.float16)
+        for place, (row, one) in enumerate(zip(rows, pictures, strict=True))
+        for name in row["parts"]
+    }
+    listing = {"schema": SCHEMA, "kind": kind, "pictures": rows}
+    if sum(one.nbytes for one in tensors.values()) > LARGEST_BYTES - HEADER_BYTES:
+        raise OSError(errno.EFBIG, f"pictures of more than {LARGEST_BYTES} bytes; store fewer views", str(path))
+    data = sealed(LISTING, listing, tensors)
+    try:
+        if path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data:
+            return
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    write_whole(path, data)
+
+
+def _read(
+    path: Path, kind: str, channels: dict[str, int | None], needed: set[str]
+) -> list[tuple[dict[str, Any], dict[str, Half]]]:
+    try:
+        if not path.is_file():
+            raise ValueError("missing")
+        if path.stat().st_size > LARGEST_BYTES:
+            raise ValueError(f"larger than {LARGEST_BYTES} bytes")
+        found, tensors = unsealed(LISTING, path.read_bytes())
+        if (found["schema"], found["kind"]) != (SCHEMA, kind):
+            raise ValueError(f"{found['kind']} of schema {found['schema']}, not {kind} of schema {SCHEMA}")
+        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(found["pictures"])]
+        if len(tensors) != sum(len(parts) for _, parts in rows):
+            raise ValueError("tensors that its listing does not know")
+        return rows
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        remedy = f"delete it and {REMEDY}" if os.path.lexists(path) else REMEDY
+        raise DamagedRecord(f"{path}: not the pictures of a run ({said}); {remedy}") from error
+
+
+def _parts(
+    place: int, row: dict[str, Any], tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
+) -> dict[str, Half]:
+    """The tensors of one picture, all of one size."""
+    if not isinstance(row["view"], str) or type(row["step"] if channels is RENDER else 0) is not int:
+        raise ValueError("a view without a name or a checkpoint without a step")
+    if not needed <= set(row["parts"]) <= set(channels):
+        raise ValueError(f"parts {row['parts']}")
+    parts = {name: tensors[f"{place:04}.{name}"] for name in row["parts"]}
+    size = parts["opacity"].shape
+    for name, tensor in parts.items():
+        wanted = size if channels[name] is None else (*size, channels[name])
+        if tensor.dtype != np.float16 or len(size) != 2 or min(size) < 1 or tensor.shape != wanted:
+            raise ValueError(f"{name} of view {row['view']} is {tensor.dtype} {tensor.shape}, not float16 {wanted}")
+        if not np.isfinite(tensor).all():
+            raise ValueError(f"{name} of view {row['view']} is not finite")
+    return parts

@@ -1,0 +1,221 @@
+"""What a run left, checked before it is gone on with: whatever is damaged is moved aside, named, and made again.
+
+Nothing is deleted but what writers left half written: what is not as it was written goes to OUT/damaged.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from harness.plan.profiles import Plan
+from harness.records.cells import (
+    CellRecord,
+    cell_path,
+    checkpoint_name,
+    read_cell,
+    read_comparisons,
+    read_run,
+    records_folder,
+)
+from harness.records.json_record import DamagedRecord, file_digest
+from harness.records.pictures import read_truth, truth_pictures
+from harness.records.serving_record import SERVING_FILE, read_serving
+from harness.records.snapshot import ENDED, read_unfinished, unfinished_path
+from harness.records.snapshot import FOLDER as UNFINISHED
+from harness.records.targets import TARGETS_FILE, read_targets
+from harness.run_folder.folder_lock import remove_abandoned
+from scenes.files.errors import InputError
+
+DAMAGED = "damaged"
+"""Folder under OUT."""
+FOLDERS = ("records", "records/cells", "records/pictures", "checkpoints", UNFINISHED)
+"""In which a run writes, the outer ones first."""
+Say = Callable[[str], None]
+
+
+def sweep(out: Path) -> int:
+    """Removes what killed writers left half written, and scratch folders that nobody works in; how many there were.
+
+    Nobody else can be writing to the former: the folder is ours.
+    """
+    parts = [part for folder in (".", *FOLDERS) for part in (out / folder).glob(".*.part") if part.is_file()]
+    for part in parts:
+        part.unlink(missing_ok=True)
+    return len(parts) + remove_abandoned(out)
+
+
+def mend(out: Path, plan: Plan, say: Say) -> None:
+    """Leaves nothing in the folder that is not as it was written; says what was damaged and what is done about it.
+
+    Raises `OSError` where something cannot be moved, and `InputError` where there is no place to move it to.
+    """
+    for folder in FOLDERS:
+        if (out / folder).exists() and not (out / folder).is_dir():
+            say(f"{folder}: is no folder; moved aside")
+            aside(out, folder)
+    sweep(out)
+    cells = files = 0
+    for scene, method, seed in plan.cells():
+        path = cell_path(out, scene, method, seed)
+        names = [checkpoint_name(scene, method, seed), f"records/pictures/{scene}.{method}.{seed}.safetensors"]
+        found, wrong = _cell_fault(out, path, (scene, method, seed), names)
+        _mend_unfinished(out, unfinished_path(out, scene, method, seed), found, say)
+        if wrong is not None:
+            say(f"{wrong}: {scene}, {method}, seed {seed} is trained again")
+            for name in (path.relative_to(out).as_posix(), *names):
+                aside(out, name)
+        elif found is not None:
+            cells, files = cells + 1, files + len(found.files)
+        else:
+            for name in names:  # of a cell that was not finished: written again
+                if (out / name).is_dir():
+                    aside(out, name)
+    for name, wrong in _other_faults(out, plan):
+        say(wrong)
+        aside(out, name)
+    say(f"{cells} finished cells and {files} files of theirs are as they were written")
+
+
+def _mend_unfinished(out: Path, kept: Path, cell: CellRecord | None, say: Say) -> None:
+    """What is kept of a cell in training; there is nothing more to do for one that has ended."""
+    if cell is not None and cell.status in ENDED and kept.is_file():
+        kept.unlink()
+    elif kept.exists():
+        for name, wrong in _fault(out, kept.relative_to(out).as_posix(), read_unfinished, "trained from the start"):
+            say(wrong)
+            aside(out, name)
+
+
+def plan_of_cells(out: Path, plan: Plan) -> list[str]:
+    """Where finished cells were trained with other settings than those of a plan, as sentences: for a folder whose
+    plan is lost."""
+    found = []
+    wanted = {"train": asdict(plan.train), "score": asdict(plan.score), "budget": asdict(plan.budget)}
+    for scene, method, seed in plan.cells():
+        try:
+            cell = read_cell(cell_path(out, scene, method, seed))
+        except DamagedRecord:
+            continue
+        for name, now in wanted.items():
+            before = cell.settings.get(name)
+            # what a scene does not need is derived from its view set, and differs from the plan's
+            if before is not None and name != "train" and before != _plain(now):
+                found.append(f"{cell.scene}.{cell.method}.{cell.seed}: {name} was {before}, is {now}")
+            if before is not None and name == "train":
+                found += [
+                    f"{cell.scene}.{cell.method}.{cell.seed}: {key} was {before.get(key)}, is {value}"
+                    for key, value in _plain(now).items()
+                    if key in TRAINED_WITH and before.get(key) != value
+                ]
+    return found
+
+
+TRAINED_WITH = ("network", "rays", "bins", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
+"""Training settings that no scene changes."""
+
+
+def _plain(value: Any) -> Any:
+    """As it comes back from JSON."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def _cell_fault(
+    out: Path, path: Path, key: tuple[str, str, int], names: list[str]
+) -> tuple[CellRecord | None, str | None]:
+    """A sound record, or None where there is none yet; and what is wrong with it."""
+    if not path.exists():
+        return None, None
+    shown = path.relative_to(out)
+    try:
+        cell = read_cell(path)
+    except DamagedRecord as error:
+        return None, f"{shown}: {reason_of(error, path)}"
+    if (cell.scene, cell.method, cell.seed) != key:
+        return None, f"{shown}: is the record of {cell.scene}, {cell.method}, seed {cell.seed}"
+    if cell.status == "done" and cell.files and names[0] not in cell.files:
+        return None, f"{shown}: names no weights"
+    for name, digest in cell.files.items():
+        if name not in names:
+            return None, f"{shown}: names a file that is none of its own"
+        try:
+            if not (out / name).is_file():
+                return None, f"{name}: missing" if not (out / name).exists() else f"{name}: is no file"
+            if file_digest(out / name) != digest:
+                return None, f"{name}: its digest does not match, so it was damaged or changed"
+        except OSError as error:
+            return None, f"{name}: cannot be read ({error.strerror})"
+    return cell, None
+
+
+def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
+    """File → what is wrong with it and what becomes of it; a file that is missing is no fault but of pictures."""
+    started = any(cell_path(out, *key).exists() for key in plan.cells())
+    for scene in plan.scenes:
+        name = f"records/{truth_pictures(scene)}"
+        if (out / name).exists() or (started and plan.score.stored_views and _has_cells(out, plan, scene)):
+            yield from _fault(out, name, read_truth, "taken from the view set again")
+    tries: dict[str, tuple[Callable[[Path], Any], str]] = {
+        "records/run.json": (lambda _: read_run(out), "written again"),
+        "records/comparisons.json": (lambda _: read_comparisons(out), "computed again"),
+        f"records/{TARGETS_FILE}": (lambda _: read_targets(out), "computed again"),
+        SERVING_FILE: (_serving, f"moved aside; `python -m harness serving {out}` measures it again"),
+    }
+    for name, (read, remedy) in tries.items():
+        if (out / name).exists():
+            yield from _fault(out, name, read, remedy)
+
+
+def _serving(path: Path) -> None:
+    """Raises `DamagedRecord` also where one of its pictures is not as it was written."""
+    record = read_serving(path)
+    for name, digest in record.files.items():
+        picture = records_folder(path.parent) / name
+        try:
+            same = file_digest(picture) == digest
+        except OSError as error:
+            raise DamagedRecord(f"{path}: its picture {name} cannot be read ({error.strerror})") from error
+        if not same:
+            raise DamagedRecord(f"{path}: its picture {name} was damaged or changed")
+
+
+def _has_cells(out: Path, plan: Plan, scene: str) -> bool:
+    return any(cell_path(out, *key).exists() for key in plan.cells() if key[0] == scene)
+
+
+def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> Iterator[tuple[str, str]]:
+    try:
+        read(out / name)
+    except (DamagedRecord, OSError) as error:
+        yield name, f"{name}: {reason_of(error, out / name)}: {remedy}"
+
+
+def mend_serving(out: Path, say: Say) -> None:
+    """As `mend`, of the measurements of what is served alone, pictures included."""
+    if (out / SERVING_FILE).exists():
+        for name, wrong in _fault(out, SERVING_FILE, _serving, "moved aside"):
+            say(wrong)
+            aside(out, name)
+
+
+def reason_of(error: Exception, path: Path) -> str:
+    """Without the file's name and without the remedy, which is being applied."""
+    said = " ".join(str(error).split()).removeprefix(f"{path}: ")
+    return said.rsplit("; ", 1)[0][:200]
+
+
+def aside(out: Path, name: str) -> None:
+    """Moves a file or folder to OUT/damaged, under a name that is free."""
+    path = out / name
+    if not (path.exists() or path.is_symlink()):
+        return
+    folder = out / DAMAGED
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{folder}: is a file, and damaged files are moved there; remove it") from None
+    stem = name.replace("/", ".")
+    free = next(one for count in range(1, 1_000_000) if not (one := folder / f"{stem}.{count}").exists())
+    path.rename(free)

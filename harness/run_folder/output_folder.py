@@ -1,0 +1,228 @@
+"""The folder that a run writes to: a fresh one, or one that is gone on with; never one that is in use."""
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from harness.plan.profiles import Machine, Plan
+from harness.records.cells import records_folder
+from harness.records.json_record import DamagedRecord, load_record, shown, write_record
+from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
+from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells, reason_of, sweep
+from scenes.files.errors import InputError
+
+LEAST_FREE_BYTES = 200 << 20
+
+Record = TypeVar("Record")
+
+
+def fresh_folder(profile: str, resume: bool) -> Path:
+    """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
+    latest = latest_folder()
+    if resume and latest is not None:
+        return latest
+    stem = Path("out") / f"{profile}-{time.strftime('%Y%m%d-%H%M%S')}"
+    candidates = [stem, *(stem.with_name(f"{stem.name}-{count}") for count in range(2, 100))]
+    return next(path for path in candidates if not path.exists())
+
+
+def point_latest_to(out: Path) -> None:
+    """`latest` beside the folder, where it lies in `out/`; elsewhere nothing."""
+    if out.resolve().parent != Path("out").resolve():
+        return
+    link = Path("out/latest")
+    beside = link.with_name(".latest.part")
+    try:
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(out.resolve().name)
+        beside.replace(link)
+    except OSError:
+        pass  # a file system without links: the folder's name was printed
+
+
+def latest_folder() -> Path | None:
+    """What `out/latest` names, if that is there."""
+    latest = Path("out/latest")
+    return latest.resolve() if latest.exists() else None
+
+
+def claim_for(out: Path, file: str, resume: bool) -> bool:
+    """Make the folder ours for a measurement that keeps everything in `file`; whether there is one to go on with.
+
+    Raises `InputError` for a folder that is in use, and with `resume` for one without that file.
+    """
+    if resume:
+        if not (out / file).exists():
+            raise InputError(f"--resume: {out} holds no {file} to go on with; name its folder with --out")
+        return True
+    try:
+        if out.exists() and not out.is_dir():
+            raise InputError(f"--out {out}: is a file; name a folder")
+        if not _is_free(out):
+            raise InputError(f"--out {out}: the folder is in use; name another one, or go on with --resume")
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}); name another folder") from error
+    return False
+
+
+def claim_beside(out: Path, file: str, resume: bool) -> bool:
+    """As `claim_for`, for a measurement that may also be added to the folder of a finished run that lacks `file`."""
+    if not resume and (records_folder(out) / "run.json").exists() and not (out / file).exists():
+        return False
+    return claim_for(out, file, resume)
+
+
+def gone_on_with(
+    out: Path,
+    file: str,
+    resume: bool,
+    read: Callable[[Path], Record],
+    say: Callable[[str], None],
+    beside: bool = False,
+    folders: tuple[str, ...] = (),
+) -> Record | None:
+    """Claims the folder as `claim_for` does, or `beside` a run as `claim_beside`; gives what is there to go on with.
+
+    None for a fresh start, which it also is where `file` cannot be read: it is then said and moved to OUT/damaged, and
+    everything in it is measured again. So it is where it is missing beside one of `folders`, or
+    one of its own in OUT/damaged, which tell whose OUT is.
+    """
+    ours = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
+    if resume and ours and not (out / file).exists():
+        sweep(out)
+        say(f"{file}: missing: everything in it is measured again")
+        return None
+    if not (claim_beside if beside else claim_for)(out, file, resume):
+        return None
+    sweep(out)
+    try:
+        return read(out / file)
+    except DamagedRecord as error:
+        say(f"{file}: {reason_of(error, out / file)}: everything in it is measured again")
+        aside(out, file)
+    return None
+
+
+@contextmanager
+def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable[[str], None]) -> Iterator[None]:
+    """Locks the folder, makes it ours as `claim` does, and with `resume` sees to it that everything in it is sound.
+
+    A claim that comes to nothing because of the input is given up. Raises `InputError`, also for a folder in use.
+    """
+    with locked_folder(out) as lock:
+        if not lock.is_held:
+            say(f"{out}: its file system has no locks; see to it that no other run uses it")
+        lost = _lost_plan(out) if resume else None
+        claim(out, plan, machine, resume)
+        try:
+            if lost is not None:
+                say(f"records/plan.json: {lost}: written again from the options, which fit what is finished")
+            if resume:
+                mend(out, plan, say)
+            yield
+        except InputError:
+            release(out)
+            raise
+
+
+def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
+    """Make the folder ours, or refuse it. A run is gone on with by the same plan on the same kind of machine alone."""
+    try:
+        free = shutil.disk_usage(next(one for one in (out, *out.absolute().parents) if one.exists())).free
+        if free >= LEAST_FREE_BYTES:
+            _claim(out, plan, {**plan.settings(), "machine": machine.settings()}, resume)
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
+        ) from error
+    if free < LEAST_FREE_BYTES:
+        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
+
+
+def _claim(out: Path, plan: Plan, started_with: dict[str, Any], resume: bool) -> None:
+    used = records_folder(out).exists()
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; name a folder")
+    if used and not resume:
+        raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
+    if not used and not _is_free(out):
+        raise InputError(f"--out {out}: the folder is in use by something else; name another one")
+    if resume and not used:
+        raise InputError(
+            f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
+        )
+    if resume:
+        _same_plan(out, plan, started_with)
+    write_record(records_folder(out) / "plan.json", started_with)
+
+
+def release(out: Path) -> None:
+    """Give up a claim that led to nothing, so that the same folder can be named again; results stay."""
+    records = records_folder(out)
+    if (records / "run.json").exists() or (records / "cells").exists():
+        return
+    (records / "plan.json").unlink(missing_ok=True)
+    for folder in (records, out):
+        try:
+            folder.rmdir()
+        except OSError:
+            return  # not empty, or not ours to remove
+
+
+def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
+    """A plan that is lost or damaged is what the options say, where that fits what was trained."""
+    path = records_folder(out) / "plan.json"
+    try:
+        before = _load_plan(path)
+    except (OSError, ValueError, RecursionError) as error:
+        if unlike := plan_of_cells(out, plan):
+            raise InputError(
+                f"--resume: {path}: {error}; it cannot be made again, as what is finished was trained with another "
+                f"plan ({unlike[0]}); use the same options or a new folder"
+            ) from error
+        if path.is_dir():
+            aside(out, path.relative_to(out).as_posix())
+        return
+    now = json.loads(json.dumps(started_with))
+    if any(one.get("machine", {}).get("executor") == "ray" for one in (before, now)):
+        # how many groups run at once is the cluster's affair, and each cell's record says where it ran
+        for one in (before, now):
+            one["machine"] = {key: one.get("machine", {}).get(key) for key in ("device", "threads")}
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
+    if changed:
+        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+        raise InputError(
+            f"--resume: {out} was started with another plan ({what}); use the same options or a new folder"
+        )
+
+
+def _lost_plan(out: Path) -> str | None:
+    """Why the plan of a run cannot be read; None where it can."""
+    try:
+        _load_plan(records_folder(out) / "plan.json")
+    except FileNotFoundError:
+        return "missing"
+    except (OSError, ValueError, RecursionError) as error:
+        return str(error)
+    return None
+
+
+def _load_plan(path: Path) -> dict[str, Any]:
+    """Errors as of `load_record`; a key that no plan has was damaged, be it the digest's own."""
+    found = load_record(path)
+    if unknown := sorted(set(found) - {"machine", "density_units", *(one.name for one in fields(Plan))}):
+        raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")
+    if not isinstance(found.get("machine", {}), dict):
+        raise ValueError(f"machine is {shown(found['machine'])}, not an object, so it was damaged")
+    return found
+
+
+def _is_free(out: Path) -> bool:
+    """Whether there is nothing in it but a lock."""
+    return not out.exists() or all(one.name == LOCK_FILE for one in out.iterdir())

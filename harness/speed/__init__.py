@@ -1,1 +1,0 @@
-"""How fast this machine trains, renders and scores, as ratios inside one run: one file a question."""

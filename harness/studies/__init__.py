@@ -1,0 +1,1 @@
+"""Questions that are measured, a shelf each; imports `viewer` and what is below."""

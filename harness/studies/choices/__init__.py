@@ -1,0 +1,1 @@
+"""What a setting changes: learning rates, the repair, accelerations, what is left out."""

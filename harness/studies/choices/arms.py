@@ -1,0 +1,185 @@
+"""Cells trained as planned and once more in other ways, the rest the same: what every comparison of settings runs.
+
+Paired cells share scene, method, seed and therefore every batch, and every first weight whose shape is the same. What
+concerns rendering alone is tried on one set of weights, rendered both ways.
+"""
+
+import multiprocessing
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from baselines.contract import Precision
+from harness.machine.stopping import end_with_parent, end_workers
+from harness.plan.needed import kept, with_needs
+from harness.plan.profiles import Plan
+from harness.plan.settings import TrainSettings
+
+if TYPE_CHECKING:
+    import torch
+
+    from harness.machine.stopwatch import Stopwatch
+    from harness.training.evaluate import View
+    from harness.training.trainer import Trainer
+    from scenes.view_sets.view_set import ViewSet
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way to train a cell."""
+
+    need: tuple[str, ...] = ()
+    no_need: tuple[str, ...] = ()
+    precision: Precision | None = None
+    """None as planned."""
+    position_bands: int | None = None
+    """None as planned; 0 for raw coordinates alone."""
+    rendered_with: tuple[str, ...] = ()
+    """Needs that are put back, one at a time, for rendering the same weights once more."""
+
+
+@dataclass(frozen=True)
+class CellTask:
+    """One cell, to be trained once as each arm says."""
+
+    scene: str
+    method: str
+    seed: int
+    view_set: Path
+    scratch: Path
+    plan: Plan
+    arms: Mapping[str, Arm]
+    device: str = "cpu"
+
+
+@dataclass(frozen=True)
+class Rerendered:
+    """The same weights, rendered once more with something that was left out."""
+
+    psnr: float | None
+    seconds: float
+    seconds_with: float
+    """Of rendering the same views with it left out, in turns."""
+    largest_change: float
+    """Of a display colour."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A trained cell."""
+
+    psnr: float | None
+    """Mean over the test views; None where training diverged."""
+    train_seconds: float
+    render_seconds: float
+    """Of all test views."""
+    rerendered: dict[str, Rerendered] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CellArms:
+    """A cell with all its arms."""
+
+    scene: str
+    method: str
+    seed: int
+    ended: dict[str, Ended]
+
+
+def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
+    """In the order of the tasks, on `workers` processes of one thread, which end with this one."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=end_with_parent) as pool:
+        try:
+            yield from pool.map(trained_cell, tasks)
+        except BaseException:
+            end_workers()  # the pool would wait for the cells that are in training
+            raise
+
+
+def trained_cell(task: CellTask) -> CellArms:
+    """Trains every arm, one after the other. A cell that diverges has no score."""
+    import torch
+
+    from harness.execution.ground_truth import read_views
+    from harness.machine.device import keep_freed_memory, use_threads
+
+    use_threads(1)
+    keep_freed_memory()
+    views = read_views(task.view_set, task.plan.views, task.scratch)
+    device = torch.device(task.device)
+    ended = {name: _ended(task, arm, views, device) for name, arm in task.arms.items()}
+    return CellArms(task.scene, task.method, task.seed, ended)
+
+
+def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
+    if arm.precision is not None:
+        train = replace(train, precision=arm.precision)
+    if arm.position_bands is not None:
+        train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
+    return kept(train, arm.need)
+
+
+def _ended(task: CellTask, arm: Arm, views: "ViewSet", device: "torch.device") -> Ended:
+    from harness.machine.stopwatch import Stopwatch
+    from harness.training import evaluate
+    from harness.training.lockstep import stream_of, trained_alone
+    from harness.training.trainer import Diverged, Trainer
+
+    plan = task.plan
+    views = with_needs(views, arm.need, arm.no_need)
+    train = _settings(plan.train, arm)
+    try:
+        trainer = trained_alone(task.method, views, stream_of(task.scene, task.seed), train, plan.budget, device)
+        cameras = evaluate.cameras_of(views, views.test, device)
+        watch = Stopwatch(device)
+        images = _timed(evaluate.render_split(trainer, cameras, plan.score.chunk), watch)
+        psnr = evaluate.quick_scores(images, views.test)["psnr"]
+        again = {}
+        if isinstance(trainer, Trainer):
+            again = {name: _rerendered(trainer, name, views, plan.score.chunk) for name in arm.rendered_with}
+        return Ended(psnr, trainer.clock.seconds, watch.seconds, again)
+    except Diverged:
+        return Ended(None, 0.0, 0.0)
+
+
+def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> Rerendered:
+    """View by view, with `name` left out and with it put back, in turns; the trainer is as before in the end."""
+    from harness.machine.stopwatch import Stopwatch
+    from harness.training import evaluate
+
+    cameras = evaluate.cameras_of(views, views.test, trainer.device)
+    before = (trainer.settings, trainer.grid)
+    grid = None if name == "empty_space" else trainer.grid
+    states = {"out": before, "in": (kept(trainer.settings, (name,)), grid)}
+    watches = {part: Stopwatch(trainer.device) for part in states}
+    largest = 0.0
+
+    def images() -> Iterator["View"]:
+        nonlocal largest
+        for index in range(len(cameras)):
+            seen = {}
+            for part in ("out", "in") if index % 2 else ("in", "out"):
+                trainer.settings, trainer.grid = states[part]
+                with watches[part].running():
+                    seen[part] = evaluate.render_view(trainer, cameras, index, chunk)
+            largest = max(largest, float(np.abs(seen["out"].colour - seen["in"].colour).max()))
+            yield seen["in"]
+
+    psnr = evaluate.quick_scores(images(), views.test)["psnr"]
+    trainer.settings, trainer.grid = before
+    return Rerendered(psnr, watches["in"].seconds, watches["out"].seconds, largest)
+
+
+def _timed(images: Iterator["View"], watch: "Stopwatch") -> Iterator["View"]:
+    """The same images; `watch` runs while one is made."""
+    while True:
+        with watch.running():
+            image = next(images, None)
+        if image is None:
+            return
+        yield image

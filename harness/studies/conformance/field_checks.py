@@ -1,0 +1,227 @@
+"""Checks of a field that our renderer asks. Each raises `Broken`, or whatever the method itself raises."""
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from baselines.contract import Box, Rays, TrainableField
+from baselines.numerics.encoding import PHI
+from harness.studies.conformance.subject import (
+    BOX,
+    DEPTHS,
+    FAR,
+    NEAR,
+    WHITE,
+    Broken,
+    Subject,
+    roughened,
+    set_alpha,
+    some_points,
+    some_rays,
+)
+
+ROUNDING = 2e-6
+"""Of a display colour: sums of another length are taken in another order."""
+SCALES = (0.0, 0.1, 10.0)
+"""Of all weights: from a field that says nothing to one that shouts."""
+
+
+def keeps_the_protocols(subject: Subject) -> None:
+    """It is a torch module with all that a renderer and a record ask for."""
+    if not isinstance(subject.field(), nn.Module):
+        raise Broken(f"a {type(subject.field()).__name__} is not a torch.nn.Module")
+    field: Any = subject.field()
+    needed = [name for name in dir(TrainableField) if not name.startswith("_")]
+    if missing := [name for name in needed if not hasattr(field, name)]:
+        raise Broken(f"it lacks {' '.join(missing)}")
+    if not isinstance(field.pointwise, bool):
+        raise Broken(f"pointwise is {field.pointwise!r}, not True or False")
+    if not isinstance(field.density_limit, float) or not field.density_limit > 0.0:
+        raise Broken(f"density_limit is {field.density_limit!r}, not a positive number or infinity")
+    counted, held = field.parameter_counts().get("total"), sum(one.numel() for one in field.parameters())
+    if counted != held:
+        raise Broken(f"parameter_counts() says {counted} in total; it has {held}")
+
+
+def gives_the_right_shapes(subject: Subject) -> None:
+    """Density [points], colour [points, 3], float32, for no, one and some points, at three depths."""
+    for depth in DEPTHS:
+        field = subject.field(depth)
+        for count in (0, 1, 7):
+            x, d, ray = some_points(count)
+            view = field.encode_directions(d)
+            if view.shape[0] != len(d):
+                raise Broken(f"encode_directions of {len(d)} rays gives {tuple(view.shape)}")
+            sigma, colour = field.density_and_colour(x, view, ray)
+            before, after = field.density_before_and_after(x)
+            for what, values, shape in (
+                ("density", field.density(x), (count,)),
+                ("density before the amplifier", before, (count,)),
+                ("density after the amplifier", after, (count,)),
+                ("density beside colour", sigma, (count,)),
+                ("colour", colour, (count, 3)),
+            ):
+                if tuple(values.shape) != shape or values.dtype != torch.float32:
+                    raise Broken(
+                        f"{what} of {count} points at depth {depth} is {values.dtype} {tuple(values.shape)}, "
+                        f"not torch.float32 {shape}"
+                    )
+
+
+@torch.no_grad()
+def stays_in_range(subject: Subject) -> None:
+    """Density is finite and at least 0, within the limit that is claimed; colour is within [0, 1]; all ways to ask
+    for a density give the same one.
+    """
+    for alpha in (None, 2.0):
+        field = roughened(subject.field(), alpha)
+        x, d, ray = some_points(500)
+        sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+        _in("density", sigma, 0.0, field.density_limit * (1.0 + 1e-6))
+        _in("colour", colour, 0.0, 1.0)
+        for what, other in (
+            ("density()", field.density(x)),
+            ("density_before_and_after()", field.density_before_and_after(x)[1]),
+        ):
+            if not torch.allclose(other, sigma, rtol=1e-4, atol=1e-5):
+                raise Broken(f"{what} is off density_and_colour() by {float((other - sigma).abs().max()):.3g}")
+
+
+@torch.no_grad()
+def has_the_unit_of_the_box(subject: Subject) -> None:
+    """Written in a unit of length k times as fine, the same box has the same field with 1 / k of the density.
+
+    A method that is printed with a density per scene unit breaks it by its own definition: it is let off by name.
+    """
+    parts = subject.method.parts
+    if parts is not None and parts.density_per == "scene":
+        return
+    x, d, ray = some_points(500)
+    field = subject.field()
+    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
+    for k in (0.1, 8.0, 25.0):
+        scaled = subject.field(box=Box(k * BOX.lower, k * BOX.upper))
+        k_sigma, k_colour = scaled.density_and_colour(k * x, scaled.encode_directions(d), ray)
+        for what, one, other in (("density × length", sigma, k * k_sigma), ("colour", colour, k_colour)):
+            if not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
+                change = float((one - other).abs().max())
+                raise Broken(f"{what} changes by {change:.3g} where the unit of length is {k:g} times as fine")
+
+
+def survives_magnitudes(subject: Subject) -> None:
+    """Colours and gradients stay finite with all weights at 0 and up to ten times themselves."""
+    for scale in SCALES:
+        field = roughened(subject.field())
+        with torch.no_grad():
+            for weight in field.parameters():
+                weight.mul_(scale)
+        rendering = subject.rendered(field, some_rays())
+        _in(f"colour with weights × {scale:g}", rendering.colour.detach(), 0.0, 1.0 + 1e-5)
+        (rendering.colour**2).sum().backward()
+        for name, weight in field.named_parameters():
+            if weight.grad is not None and not bool(torch.isfinite(weight.grad).all()):
+                raise Broken(f"the gradient of {name} is not finite with weights × {scale:g}")
+
+
+def gradients_reach_everything(subject: Subject) -> None:
+    """Each parameter gets a finite gradient that is somewhere not 0, at three depths."""
+    for depth in DEPTHS:
+        field = roughened(subject.field(depth))
+        (subject.rendered(field, some_rays()).colour ** 2).sum().backward()
+        for name, weight in field.named_parameters():
+            if weight.grad is None:
+                raise Broken(f"no gradient reaches {name} at depth {depth}")
+            if not bool(torch.isfinite(weight.grad).all()):
+                raise Broken(f"the gradient of {name} is not finite at depth {depth}")
+            if not bool((weight.grad != 0).any()):
+                raise Broken(f"the gradient of {name} is 0 everywhere at depth {depth}")
+
+
+def weights_depend_on_the_seed_alone(subject: Subject) -> None:
+    """Equal seeds give equal first weights, whatever torch's global generator is at; other seeds give other ones."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(1)
+        one = subject.field()
+        torch.manual_seed(2)
+        same = subject.field()
+    for (name, weight), again in zip(one.named_parameters(), same.parameters(), strict=True):
+        if not torch.equal(weight, again):
+            raise Broken(f"{name} is another one with the same seed; use baselines.contract.uniform_weights")
+    for seed in (1, "0/fine"):
+        other = subject.field(seed=seed)
+        pairs = zip(one.parameters(), other.parameters(), strict=True)
+        if all(torch.equal(weight, again) for weight, again in pairs):
+            raise Broken(f"seed {seed!r} gives the weights of seed 0")
+
+
+def is_paired_with_nerf(subject: Subject) -> None:
+    """First weights are NeRF's wherever name and shape are: methods start from the same place."""
+    reference = dict(Subject("nerf").field(depth=8).named_parameters())
+    for name, weight in subject.field(depth=8).named_parameters():
+        shared = name in reference and weight.shape == reference[name].shape
+        if shared and not torch.equal(weight, reference[name]):
+            raise Broken(f"{name} has the name and shape of NeRF's and other first values; use uniform_weights")
+
+
+def renders_in_range(subject: Subject) -> None:
+    """Finite colour, opacity and depth in range, with and without view direction; background where nothing is hit."""
+    for depth in DEPTHS:
+        for view_dependent in (True, False):
+            rendering = subject.rendered(roughened(subject.field(depth, 0, view_dependent)), some_rays())
+            _in("rendered colour", rendering.colour.detach(), 0.0, 1.0 + 1e-5)
+            _in("opacity", rendering.opacity.detach(), 0.0, 1.0 + 1e-5)
+            _in("depth", rendering.depth.detach(), NEAR, FAR)
+    nowhere = Rays(torch.full((3, 3), 5.0), torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3), NEAR, FAR)
+    if subject.quadrature != "listing4":  # which sees all of the ray, box or not
+        seen = subject.rendered(roughened(subject.field()), nowhere)
+        if not torch.equal(seen.colour, WHITE.expand(3, 3)):
+            raise Broken("rays that miss the box are not background")
+
+
+@torch.no_grad()
+def renders_the_same_again(subject: Subject) -> None:
+    """Two renderings have the same bits, at midpoints and at random points of the same seed."""
+    field = roughened(subject.field())
+    for seed in (None, 3):
+        one, two = (
+            subject.rendered(field, some_rays(), None if seed is None else torch.Generator().manual_seed(seed))
+            for _ in range(2)
+        )
+        if not (torch.equal(one.colour, two.colour) and torch.equal(one.depth, two.depth)):
+            raise Broken("the same rays give another picture when they are rendered again")
+
+
+@torch.no_grad()
+def pointwise_is_true(subject: Subject) -> None:
+    """Where density is said to be of the point alone, calls of any size give the same picture; where it is said to
+    depend on the call, some call shows it.
+    """
+    field = moved(subject)
+    claimed, rays = field.pointwise, some_rays(40)
+    whole = subject.rendered(field, rays)
+    largest = 0.0
+    for chunk in (1, 7, 20):
+        pieces = [subject.rendered(field, rays.part(start, start + chunk)) for start in range(0, len(rays), chunk)]
+        for name in ("colour", "opacity"):
+            joined = torch.cat([getattr(piece, name) for piece in pieces])
+            largest = max(largest, float((joined - getattr(whole, name)).abs().max()))
+    if claimed and largest > ROUNDING:
+        raise Broken(f"pointwise is True, but calls of another size change a picture by {largest:.3g}")
+    if not claimed and largest <= ROUNDING:
+        raise Broken("pointwise is False, but no call of another size changed the picture: it costs for nothing")
+
+
+def moved(subject: Subject) -> Any:
+    """With α away from 1/φ, where Eq. 4 is the identity about any mean."""
+    field = roughened(subject.field())
+    if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
+        set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
+    return field
+
+
+def _in(what: str, values: Tensor, low: float, high: float) -> None:
+    if not bool(torch.isfinite(values).all()):
+        raise Broken(f"{what} is not finite")
+    if values.numel() and not (float(values.min()) >= low and float(values.max()) <= high):
+        raise Broken(f"{what} is {float(values.min()):.6g} to {float(values.max()):.6g}, not {low:g} to {high:g}")

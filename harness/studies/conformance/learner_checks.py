@@ -1,0 +1,171 @@
+"""Checks of a method in training, on a view set that is drawn: a disc before white. Each raises `Broken`."""
+
+import json
+import math
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from baselines.contract import NetworkSize
+from harness.plan.schedule import Budget
+from harness.plan.settings import GridSettings, TrainSettings, VoxelSettings
+from harness.records.snapshot import Unfinished, read_unfinished, write_unfinished
+from harness.studies.conformance.subject import Broken, Subject
+from harness.studies.drawn_views import write_disc
+from harness.training.batches import Batches
+from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
+from harness.training.evaluate import cameras_of
+from harness.training.learner import Learner
+from harness.training.lockstep import box_of
+from harness.training.make_learner import learner_for
+from scenes.view_sets.view_set import ViewSet, read_view_set
+
+CPU = torch.device("cpu")
+STREAM = "conformance/0"
+STEPS = 60
+SHORT = 6
+CHUNK = 128
+LEAST_GAIN = 0.9
+"""A method has learnt where the error of the test view is at most this share of what it was."""
+SETTINGS = TrainSettings(
+    network=NetworkSize(depth=6, width=32, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2),
+    rays=128,
+    bins=16,
+    first_bins=12,
+    fine_bins=0,
+    learning_rate=1e-2,
+    last_learning_rate=1e-3,
+    warm_up_steps=5,
+    grid=GridSettings(cells=12, first_step=20, every=10),
+    voxels=VoxelSettings(finest=16, bins=24, smoothed=256),
+)
+
+
+@cache
+def drawn() -> tuple[ViewSet, Batches]:
+    """A ball of one colour from all sides; needs no renderer."""
+    with tempfile.TemporaryDirectory() as scratch:
+        write_disc(Path(scratch) / "views", 24, 8, 1, seed=1)
+        views = read_view_set(Path(scratch) / "views")
+    return views, Batches(cameras_of(views, views.train, CPU), views.train.rgba)
+
+
+def fresh(subject: Subject, settings: TrainSettings = SETTINGS) -> Learner:
+    views, _ = drawn()
+    return learner_for(subject.name, box_of(views, CPU), settings, Budget(STEPS, None), STREAM, CPU, True)
+
+
+def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, stops: tuple[int, ...] = ()) -> Learner:
+    """At each of `stops` it is kept in a file, and another one goes on from that. Raises
+    `harness.training.trainer.Diverged`, as a comparison would meet it.
+    """
+    _, batches = drawn()
+    learner = fresh(subject, settings)
+    learner.warm_up(*batches.batch(STREAM, 0, settings.rays))
+    while learner.step < steps:
+        learner.train_on(*batches.batch(STREAM, learner.step, settings.rays))
+        if learner.step in stops:
+            kept = _through_a_file(training_state(learner))
+            learner = fresh(subject, settings)
+            learner.warm_up(*batches.batch(STREAM, 0, settings.rays))
+            restore_training(learner, kept)
+    return learner
+
+
+def _through_a_file(kept: Unfinished) -> Unfinished:
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "cell.safetensors"
+        write_unfinished(path, kept)
+        return read_unfinished(path)
+
+
+def picture(learner: Learner) -> torch.Tensor:
+    """The test view [pixels, 3]."""
+    views, _ = drawn()
+    return learner.render(cameras_of(views, views.test, CPU).all_rays(0), CHUNK).colour.detach().cpu()
+
+
+def error(learner: Learner) -> float:
+    """Mean squared, of the test view."""
+    views, _ = drawn()
+    rgba = np.asarray(views.test.rgba[0], dtype=np.float32)
+    truth = torch.from_numpy(rgba[..., :3] * rgba[..., 3:] + 1.0 - rgba[..., 3:]).reshape(-1, 3)
+    return float(torch.mean((picture(learner) - truth) ** 2))
+
+
+def learns(subject: Subject) -> None:
+    """A short training lowers the error of a view that it has not seen."""
+    before, after = error(fresh(subject)), error(trained(subject, STEPS))
+    if not after <= LEAST_GAIN * before:
+        raise Broken(f"{STEPS} steps take the mean squared error of a test view from {before:.4g} to {after:.4g}")
+
+
+def learns_the_same_again(subject: Subject) -> None:
+    """The same seed ends in the same bits, whatever torch's global generator is at."""
+    states = []
+    for seed in (1, 2):
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            states.append(tensors_of(trained(subject, SHORT)))
+    for name, value in states[0].items():
+        if not torch.equal(value, states[1][name]):
+            raise Broken(f"{name} is another one after the same {SHORT} steps")
+
+
+def comes_back_from_its_checkpoint(subject: Subject) -> None:
+    """What a checkpoint restores renders the same picture, bit for bit; the file holds everything that training
+    changed.
+    """
+    learner = trained(subject, 2 * GRID_IN_USE)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "cell.safetensors"
+        save_checkpoint(learner, path)
+        other = fresh(subject)
+        load_checkpoint(other, path, learner.step)
+    one, two = picture(learner), picture(other)
+    if not torch.equal(one, two):
+        raise Broken(f"the restored field renders another picture, by up to {float((one - two).abs().max()):.3g}")
+
+
+def goes_on_in_the_middle(subject: Subject) -> None:
+    """A cell that was stopped twice, and goes on from the file that was kept, ends in the bits of one that was not."""
+    last = GRID_IN_USE + SETTINGS.grid.every
+    whole, pieces = tensors_of(trained(subject, last)), trained(subject, last, stops=(STOPPED, GRID_IN_USE))
+    for name, value in tensors_of(pieces).items():
+        if not torch.equal(value, whole[name]):
+            raise Broken(f"{name} is another one after it went on in the middle")
+
+
+def trains_with_two_passes(subject: Subject) -> None:
+    """A coarse and a fine field, as in the original, each with weights of its own."""
+    learner = trained(subject, 2, replace(SETTINGS, fine_bins=8))
+    names = list(tensors_of(learner))
+    for kind in ("coarse", "fine"):
+        if not any(name.startswith(f"{kind}.") for name in names):
+            raise Broken(f"there is no weight of the {kind} field")
+    if not bool(torch.isfinite(picture(learner)).all()):
+        raise Broken("a picture of two passes is not finite")
+
+
+def can_be_recorded(subject: Subject) -> None:
+    """What a picture depends on is plain data, scalars of the amplifier are finite, weights are counted."""
+    learner = trained(subject, 1)
+    try:
+        json.dumps(learner.rendered_by(), allow_nan=False)
+    except (TypeError, ValueError) as wrong:
+        raise Broken(f"rendered_by() is not JSON: {wrong}") from wrong
+    for name, value in learner.amplifier_scalars().items():
+        if value is not None and not math.isfinite(value):
+            raise Broken(f"{name} is {value}")
+    counts = learner.field.parameter_counts()
+    if not all(type(value) is int for value in counts.values()) or counts.get("total", 0) < 1:
+        raise Broken(f"parameter_counts() is {counts}")
+
+
+GRID_IN_USE = SETTINGS.grid.first_step + 2
+STOPPED = SETTINGS.grid.first_step // 2
+"""Before the grid is in use, and between two refinements of voxels."""

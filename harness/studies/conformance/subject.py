@@ -1,0 +1,110 @@
+"""The method that is looked at: small fields of it, as fresh and as after training, and what they are asked for."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from baselines.amplifiers import Amplifier
+from baselines.catalog import Method
+from baselines.contract import Box, FieldSpec, NetworkSize, Rays, Rendering
+from baselines.field import field_of
+from baselines.numerics.encoding import PHI
+from baselines.rendering import Sampling, render_rays
+from harness.plan.plugins import method_named
+
+SMALL = NetworkSize(depth=4, width=32, colour_layers=2, colour_width=16, position_bands=6, direction_bands=2)
+DEPTHS = (4, 5, 8)
+BOX = Box(torch.tensor([-1.0, -0.8, -1.2]), torch.tensor([1.0, 1.0, 0.8]))
+WHITE = torch.ones(3)
+NEAR, FAR = 2.0, 6.0
+
+
+class Broken(Exception):
+    """A check that does not hold; says what was seen."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A method by name."""
+
+    name: str
+
+    @cached_property
+    def method(self) -> Method:
+        return method_named(self.name)
+
+    @property
+    def is_field(self) -> bool:
+        """Whether it is a torch module that our renderer asks; otherwise a learner of its own."""
+        return self.method.kind == "network"
+
+    def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
+        """A fresh one (`baselines.field.field_of`)."""
+        return field_of(self.method, FieldSpec(replace(SMALL, depth=depth), box, "float32", seed, view_dependent))
+
+    def rendered(self, field: Any, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
+        return rendered(field, self.quadrature, rays, generator)
+
+    @property
+    def quadrature(self) -> str:
+        return self.method.parts.quadrature if self.method.parts is not None else "midpoint"
+
+
+def rendered(field: Any, quadrature: str, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
+    """24 bins a ray; points are random inside them with a generator."""
+    # Listing 4 takes its background from the last point before `far`
+    sampling = Sampling(bins=24, quadrature=quadrature, clip_to_box=quadrature != "listing4")
+    return render_rays(field, None, rays, BOX, sampling, None, WHITE, generator)
+
+
+def some_rays(count: int = 60, seed: int = 62) -> Rays:
+    """From all around towards the box; some miss it."""
+    generator = torch.Generator().manual_seed(seed)
+    origins = 4.0 * nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
+    aims = 1.2 * torch.randn(count, 3, generator=generator).clamp(-1.0, 1.0)
+    return Rays(origins, nn.functional.normalize(aims - origins, dim=-1), NEAR, FAR)
+
+
+def some_points(
+    count: int, seed: int = 60
+) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "17 3"], Int[Tensor, " points"]]:
+    """Positions, directions, and the direction that each position is seen from."""
+    generator = torch.Generator().manual_seed(seed)
+    x = BOX.from_unit(torch.rand(count, 3, generator=generator))
+    d = nn.functional.normalize(torch.randn(17, 3, generator=generator), dim=-1)
+    return x, d, torch.randint(17, (count,), generator=generator)
+
+
+def roughened(field: Any, alpha: float | None = None) -> Any:
+    """As after training: a contrasted density, biases that are not zero, an amplifier that has moved."""
+    generator = torch.Generator().manual_seed(61)
+    with torch.no_grad():
+        for name, weight in field.named_parameters():
+            if name.endswith("bias"):
+                weight.copy_(0.1 * torch.randn(weight.shape, generator=generator))
+        if isinstance(head := getattr(field, "density_head", None), nn.Linear):
+            head.weight *= 8.0
+        if alpha is not None and isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
+            set_alpha(amplifier, alpha)
+    return field
+
+
+@torch.no_grad()
+def set_alpha(amplifier: Amplifier | nn.Module, alpha: float) -> None:
+    """Moves the weight that α follows from so that α > 0 is `alpha`; an amplifier without one has the scalars that it
+    learns moved by half, and one without any stays as it is.
+    """
+    if isinstance(weight := getattr(amplifier, "alpha", None), nn.Parameter):
+        weight.fill_(alpha)
+    elif isinstance(rho := getattr(amplifier, "rho", None), nn.Parameter):
+        softplus_of_rho = alpha * math.log(2.0) * PHI
+        rho.fill_(softplus_of_rho + math.log(-math.expm1(-softplus_of_rho)))
+    elif not hasattr(amplifier, "free_alpha"):
+        for scalar in amplifier.parameters():
+            if scalar.ndim == 0:
+                scalar.mul_(1.5)

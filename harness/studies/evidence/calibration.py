@@ -1,0 +1,213 @@
+"""How often the intervals hold the truth, and how often an effect is found: simulated studies whose truth is known.
+
+The functions that are tried are those that judge a run. Every study is a table of scenes and seeds, with an effect that
+differs from scene to scene and noise that differs from seed to seed.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from harness.records.charts import Series, Table
+from harness.records.evidence_record import Check
+from harness.studies.evidence.evidence_context import EvidenceContext, Finding
+from harness.verdicts import nested
+from harness.verdicts.comparisons import METRICS, PRIMARY
+from harness.verdicts.statistics import half_widths
+
+SCENES = (4, 8, 16)
+SEEDS = (3, 5, 10)
+SCENE_SD = (0.0, 0.2, 0.6)
+"""dB: how much an effect differs from scene to scene. The gains that the paper prints differ by 0.2."""
+PAIR_SD = 0.248
+"""dB: of a paired difference over seeds, nerf_matched less nerf in the default run."""
+PUBLISHED = 0.174
+"""dB: how much that difference differs from scene to scene in the default run."""
+DEFAULT = (8, 3)
+"""Scenes and seeds of the default run."""
+STUDIES = 4000
+"""Simulated in each place of the grid: they know a coverage of 95 % to ± 0.34 %."""
+COVERAGE = (0.93, 0.98)
+POWER = {0.2: 0.55, 0.3: 0.88}
+"""dB: effect → the least share of studies of the default size that must find it."""
+EFFECTS = tuple(round(0.05 * step, 2) for step in range(13))
+COLLAPSE = 1 / 50
+"""Share of the runs that show nothing but background."""
+UNSEEN_LOSS = 3.0
+"""dB: what a collapse that nobody is warned of costs. One that is seen has no score that is judged."""
+ONE_SCENE, HERE, ELSEWHERE = "on one scene", "on these scenes", "on scenes like these"
+ASKED_WRONGLY = "on these scenes, asked about others"
+
+
+def _normal(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    return PAIR_SD * generator.standard_normal(shape)
+
+
+def _heavy(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    return PAIR_SD * generator.standard_t(4, shape) / math.sqrt(2)
+
+
+def _seen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    return np.where(generator.random(shape) < COLLAPSE, np.nan, _normal(generator, shape))
+
+
+def _unseen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Its mean is part of the truth, which is thus 0 again."""
+    lost = generator.random(shape) < COLLAPSE
+    return _normal(generator, shape) - UNSEEN_LOSS * (lost - COLLAPSE)
+
+
+Noise = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
+CHECKED: dict[str, Noise] = {"normal": _normal, "t₄": _heavy, "1 in 50 collapses and is counted apart": _seen}
+NOISE = CHECKED | {f"1 in 50 loses {UNSEEN_LOSS:g} dB unseen": _unseen}
+
+
+@dataclass(frozen=True)
+class DesignPoint:
+    """A kind of study, and what came of many of it."""
+
+    noise: str
+    scenes: int
+    seeds: int
+    scene_sd: float
+    coverage: dict[str, float]
+    """Interval → share of studies in which it holds what it is about."""
+    found: dict[str, dict[float, float]]
+    """Interval → effect in dB → share of studies that call it better."""
+
+
+def calibration(situation: EvidenceContext) -> Iterator[Finding]:
+    """Coverage over the whole grid, power at the noise of the default run."""
+    count = 1000 if situation.quick else STUDIES
+    grid = [
+        simulated(noise, scenes, seeds, scene_sd, count)
+        for noise, scenes, seeds, scene_sd in product(NOISE, SCENES, SEEDS, SCENE_SD)
+    ]
+    default = simulated("normal", *DEFAULT, PUBLISHED, count, EFFECTS)
+    yield from _sentences(grid, default, count)
+    yield from checks(grid, default, count)
+    for kind, found in default.found.items():
+        yield _curve(kind, found, count)
+    yield _table([default, *grid])
+
+
+def simulated(
+    noise: str, scenes: int, seeds: int, scene_sd: float, count: int, effects: tuple[float, ...] = tuple(POWER)
+) -> DesignPoint:
+    """`count` studies. Power is that of the same studies with the effect added to every difference."""
+    generator = np.random.default_rng([20260108, list(NOISE).index(noise), scenes, seeds, round(1000 * scene_sd)])
+    truth = scene_sd * generator.standard_normal((count, scenes))
+    values = truth[..., None] + NOISE[noise](generator, (count, scenes, seeds))
+    left = np.where(np.isfinite(values).any(axis=-1), truth, np.nan)
+    tried = {
+        HERE: (nested.on_these_scenes(values), np.nanmean(left, axis=-1)),
+        ELSEWHERE: (nested.scenes_like_these(values), np.zeros(count)),
+        ASKED_WRONGLY: (nested.on_these_scenes(values), np.zeros(count)),
+        ONE_SCENE: (nested.on_each_scene(values), left),
+    }
+    coverage, found = {}, {}
+    for kind, (estimated, true) in tried.items():
+        half = half_widths(estimated)
+        known = np.isfinite(half) & np.isfinite(true)
+        coverage[kind] = float((np.abs(estimated.mean - true) <= half)[known].mean())
+        if kind in (HERE, ELSEWHERE):
+            found[kind] = {effect: _share_found(estimated.mean + effect, half) for effect in effects}
+    return DesignPoint(noise, scenes, seeds, scene_sd, coverage, found)
+
+
+def _share_found(mean: np.ndarray, half: np.ndarray) -> float:
+    """Called better: the interval is above 0, and not all of it within what matters to nobody."""
+    return float(((mean - half > 0) & (mean + half >= METRICS[PRIMARY].smallest_of_interest)).mean())
+
+
+def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[Check]:
+    """Each kind of interval from below and from above, and the power that was promised."""
+    judged = [one for one in grid if one.noise in CHECKED]
+    low, high = COVERAGE
+    for kind in (ELSEWHERE, HERE, ONE_SCENE):
+        least, most = (end(judged, key=lambda one: one.coverage[kind]) for end in (min, max))
+        why = f"of {len(judged)} kinds of study, {count} each: {{}}; 95 % is what the interval says"
+        what = f"share of intervals {kind} that hold the truth"
+        yield Check(f"{what}, lowest", least.coverage[kind], low=low, high=high, why=why.format(_named(least)))
+        yield Check(f"{what}, highest", most.coverage[kind], low=low, high=high, why=why.format(_named(most)))
+    for effect, share in POWER.items():
+        yield Check(
+            f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}",
+            default.found[ELSEWHERE][effect],
+            low=share,
+            why=f"{_named(default)}; {count} studies",
+        )
+
+
+def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[str]:
+    judged = [one for one in grid if one.noise in CHECKED]
+
+    def span(kind: str, places: list[DesignPoint]) -> str:
+        values = [one.coverage[kind] for one in places]
+        return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
+
+    yield (
+        f"An interval of 95 % holds the truth in {span(ELSEWHERE, judged)} of simulated studies where it is about "
+        f"scenes like these, in {span(HERE, judged)} where it is about these scenes, and in {span(ONE_SCENE, judged)} "
+        f"where it is about a single scene: {len(judged)} kinds of study, {count} of each."
+    )
+    sizes = " and ".join(
+        f"{effect:g} dB in {100 * default.found[ELSEWHERE][effect]:.0f} % {ELSEWHERE} and in "
+        f"{100 * default.found[HERE][effect]:.0f} % {HERE}"
+        for effect in POWER
+    )
+    yield (
+        f"At the noise of the default run ({DEFAULT[0]} scenes, {DEFAULT[1]} seeds; {PUBLISHED:g} dB from scene to "
+        f"scene, {PAIR_SD:g} dB from seed to seed) a study finds {sizes}."
+    )
+
+    wrong = [one.coverage[ASKED_WRONGLY] for one in judged if one.scene_sd == max(SCENE_SD)]
+    yield (
+        f"The interval on these scenes answers no other question: where effects differ by {max(SCENE_SD):g} dB from "
+        f"scene to scene, it holds the mean of all such scenes in {100 * min(wrong):.0f} to {100 * max(wrong):.0f} %."
+    )
+    unseen = [one for one in grid if one.noise not in CHECKED]
+    yield (
+        "A collapse is a failure, counted apart, and the intervals are about the other runs. Were it not noticed, and "
+        f"one pair in fifty lost {UNSEEN_LOSS:g} dB, intervals would hold the truth in {span(ELSEWHERE, unseen)} on "
+        f"scenes like these, in {span(HERE, unseen)} on these scenes, in {span(ONE_SCENE, unseen)} on a single one."
+    )
+
+
+def _named(one: DesignPoint) -> str:
+    return f"{one.noise}, {one.scenes} scenes, {one.seeds} seeds, {one.scene_sd:g} dB from scene to scene"
+
+
+def _curve(kind: str, found: dict[float, float], count: int) -> Series:
+    error = {effect: 2 * math.sqrt(share * (1 - share) / count) for effect, share in found.items()}
+    return Series(
+        panel="how often an effect is called better, at the noise of the default run",
+        item=0,
+        name=kind,
+        x_label="true effect (dB)",
+        y_label="share of simulated studies",
+        x=list(found),
+        y=list(found.values()),
+        low=[max(0.0, share - error[effect]) for effect, share in found.items()],
+        high=[min(1.0, share + error[effect]) for effect, share in found.items()],
+        log_x=False,
+        log_y=False,
+    )
+
+
+def _table(places: list[DesignPoint]) -> Table:
+    kinds = (ELSEWHERE, HERE, ONE_SCENE)
+    columns = ["noise", "scenes", "seeds", "SD of scenes (dB)", *(f"coverage {kind} (%)" for kind in kinds)]
+    columns += [f"{effect:g} dB found {kind} (%)" for effect in POWER for kind in kinds[:2]]
+    rows: list[list[str | float | None]] = [
+        [
+            *(one.noise, float(one.scenes), float(one.seeds), one.scene_sd),
+            *(round(100 * one.coverage[kind], 1) for kind in kinds),
+            *(round(100 * one.found[kind][effect], 1) for effect in POWER for kind in kinds[:2]),
+        ]
+        for one in places
+    ]
+    return Table("coverage", 0, f"Coverage and power; {PAIR_SD:g} dB from seed to seed throughout", columns, rows)

@@ -1,0 +1,1 @@
+"""View cache, attention and first frame, measured on a finished run."""

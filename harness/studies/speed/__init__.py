@@ -1,0 +1,1 @@
+"""How fast training, rendering and scoring are on this machine."""

@@ -1,0 +1,135 @@
+"""`python -m harness.studies.speed.memory_worker REQUEST OUT`: what a worker of a run does, and the most memory that it
+had.
+
+The peak over all pages is the system's own (`VmHWM`); that of its own pages is the largest of many looks.
+"""
+
+import json
+import resource
+import sys
+import threading
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+STATUS = Path("/proc/self/status")
+LOOK_SECONDS = 0.005
+
+
+@dataclass(frozen=True)
+class Request:
+    """Picklable as JSON."""
+
+    view_set: str
+    resolution: int
+    train: int
+    test: int
+    methods: tuple[str, ...]
+    steps: int
+    quick: bool
+    device: str
+    threads: int
+
+
+class Watch:
+    """Looks at this process's own pages until it is told to stop."""
+
+    def __init__(self) -> None:
+        self.anonymous = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        while not self._ended.is_set():
+            self.anonymous = max(self.anonymous, memory_of(read_status()).get("RssAnon", 0))
+            time.sleep(LOOK_SECONDS)
+
+    def stop(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+def read_status() -> str:
+    """Empty where the system has no such file."""
+    return STATUS.read_text(encoding="utf-8") if STATUS.exists() else ""
+
+
+def memory_of(status: str) -> dict[str, int]:
+    """Bytes by name from `/proc/self/status`: VmHWM (the peak), RssAnon, …"""
+    found = {}
+    for line in status.splitlines():
+        name, _, value = line.partition(":")
+        if value.strip().endswith("kB"):
+            found[name] = 1024 * int(value.split()[0])
+    return found
+
+
+def peak_bytes() -> int:
+    """Of all pages so far; macOS counts bytes, Linux, where the file is missing, kibibytes."""
+    known = memory_of(read_status()).get("VmHWM")
+    if known is not None:
+        return known
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def main(arguments: list[str]) -> None:
+    given = json.loads(arguments[0])
+    request = Request(**{**given, "methods": tuple(given["methods"])})
+    watch = Watch()
+
+    import torch
+
+    from harness.execution.group import GroupTask, run_group
+    from harness.machine.device import multiplies_bfloat16
+    from harness.plan.profiles import PROFILES
+    from harness.plan.schedule import Budget
+    from harness.records.cells import CellRecord
+
+    plan = PROFILES["smoke" if request.quick else "reduced"]
+    precision = plan.train.precision if multiplies_bfloat16(torch.device(request.device)) else "float32"
+    task = GroupTask(
+        scene="memory",
+        seed=0,
+        methods=request.methods,
+        view_set=Path(request.view_set),
+        views=replace(plan.views, resolution=request.resolution, train=request.train, val=0, test=request.test),
+        train=replace(plan.train, precision=precision),
+        # scored at the end alone, so that what comes before is training
+        score=replace(plan.score, checkpoints=1),
+        budget=Budget(request.steps, None),
+        device=request.device,
+        threads=request.threads,
+        out=Path(arguments[1]),
+    )
+    training = (0, 0)
+    failed: list[str] = []
+
+    def on_progress(share: float) -> None:
+        nonlocal training
+        if share < 1.0:
+            training = (peak_bytes(), watch.anonymous)
+
+    def on_cell(cell: CellRecord) -> None:
+        if cell.status != "done":
+            failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
+
+    run_group(task, on_progress, on_cell)
+    watch.stop()
+    if failed:
+        raise SystemExit("; ".join(failed))
+    print(  # noqa: T201
+        json.dumps(
+            {
+                "training": training[0],
+                "training_anonymous": training[1],
+                "whole": peak_bytes(),
+                "whole_anonymous": watch.anonymous,
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

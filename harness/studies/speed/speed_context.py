@@ -1,0 +1,295 @@
+"""What the questions of speed get to work with: machine, scenes, trainers in a state worth measuring, a stopwatch.
+
+What is compared is timed in turn, in one process.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
+from harness.execution.ground_truth import read_views
+from harness.execution.progress import Progress
+from harness.execution.run import view_set_folders
+from harness.machine.device import has_amx, multiplies_bfloat16
+from harness.plan.profiles import Plan, planned
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.plan.settings import GridSettings, TrainSettings, ViewSettings
+from harness.records.speed_record import Measurement
+from harness.studies.drawn_views import write_disc
+from harness.training.batches import Batches
+from harness.training.evaluate import cameras_of
+from harness.training.lockstep import box_of, needs_view_direction
+from harness.training.trainer import Trainer
+from scenes.view_sets.view_set import ViewSet
+
+SCENES = ("lego", "hotdog", "drums")
+DENSE = replace(Accelerations(), grid=False, clipping=False)
+"""Whatever is fast, on every sample of every ray."""
+
+
+@dataclass(frozen=True)
+class SpeedContext:
+    """One run of the benchmark."""
+
+    device: torch.device
+    threads: int
+    """All cores: both sides of every comparison get them, unless the question is about them."""
+    quick: bool
+    """Sizes at which nothing means anything, to try the benchmark itself."""
+    plain_seconds: float
+    view_sets: Path
+    """Cache of rendered view sets."""
+    scratch: Path
+    """Folder of ours for what nobody keeps."""
+    show: Progress
+
+    @property
+    def synchronise(self) -> Callable[[], object]:
+        return torch.cuda.synchronize if self.device.type == "cuda" else lambda: None
+
+    @property
+    def precision(self) -> Precision:
+        """Of matrix products, as `python -m harness run` would choose it here."""
+        return "bfloat16" if multiplies_bfloat16(self.device) else "float32"
+
+    @property
+    def matrix_units(self) -> bool:
+        """Whether this is the kind of machine that the higher targets are set for: a CPU with AMX."""
+        return self.device.type == "cpu" and has_amx() and self.precision == "bfloat16"
+
+    def target(self, with_matrix_units: float, without: float) -> float | None:
+        """None on a GPU, for which the issue sets no such target."""
+        if self.device.type != "cpu":
+            return None
+        return with_matrix_units if self.matrix_units else without
+
+    def repeats(self, usual: int) -> int:
+        return 2 if self.quick else usual
+
+
+def paper_settings(situation: SpeedContext, precision: Precision | None = None) -> TrainSettings:
+    """8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, every one evaluated."""
+    usual = TrainSettings(
+        fine_bins=0,
+        first_bins=64,
+        clip_norm=1e9,  # the plain step has no clipping
+        clip_ratio=1e9,
+        precision=precision or situation.precision,
+        grid=GridSettings(cells=0),
+        accelerations=DENSE,
+    )
+    if not situation.quick:
+        return usual
+    return replace(usual, network=NetworkSize(8, 32, 2, 16, 10, 4), rays=64, bins=8, first_bins=8)
+
+
+def reduced_plan(situation: SpeedContext, scene: str = "lego") -> Plan:
+    """The profile `reduced` on one scene, in the precision that a run would have here."""
+    plan = planned("reduced", scenes=[scene], methods=["nerf"], seeds=1, precision=situation.precision)
+    if not situation.quick:
+        return plan
+    small = replace(
+        plan.train,
+        network=NetworkSize(6, 16, 2, 16, 6, 2),
+        rays=64,
+        bins=16,
+        first_bins=12,
+        grid=GridSettings(cells=8, first_step=5, every=5),
+    )
+    views = ViewSettings(resolution=16, train=6, val=0, test=3, spp_train=4, spp_test=4)
+    return replace(plan, train=small, score=replace(plan.score, chunk=256), views=views)
+
+
+def batches_of(views: ViewSet, device: torch.device) -> Batches:
+    return Batches(cameras_of(views, views.train, device), views.train.rgba)
+
+
+@cache
+def views_of(situation: SpeedContext, scene: str) -> ViewSet:
+    """The view set that the reduced profile trains on, rendered if it is not in the cache; a drawn one with `quick`."""
+    plan = reduced_plan(situation, scene)
+    views = plan.views
+    if situation.quick:
+        folder = situation.scratch / f"{scene}-drawn"
+        write_disc(folder, views.resolution, views.train, views.test, seed=SCENES.index(scene))
+    else:
+        folder = view_set_folders(plan, situation.view_sets, situation.show)[scene]
+    return read_views(folder, views, situation.scratch)
+
+
+def synthetic_batch(situation: SpeedContext, count: int) -> tuple[Rays, Tensor]:
+    """`count` rays from all sides through the middle of the box ±1, near 2 and far 6, and a colour for each."""
+    generator = generator_for("speed", "rays")
+    origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
+    aims = torch.rand(count, 3, generator=generator) - 0.5
+    directions = torch.nn.functional.normalize(aims - origins, dim=-1)
+    colours = torch.rand(count, 3, generator=generator)
+    return Rays(origins.to(situation.device), directions.to(situation.device), 2.0, 6.0), colours.to(situation.device)
+
+
+def unit_box(device: torch.device) -> Box:
+    return Box(-torch.ones(3, device=device), torch.ones(3, device=device))
+
+
+Seconds = dict[str, list[float]]
+"""Side → seconds of one call, one entry a repetition."""
+
+
+def interleaved(
+    sides: Mapping[str, Callable[[], object]],
+    repeats: int,
+    synchronise: Callable[[], object] = lambda: None,
+    least_seconds: float = 0.0,
+    clock: Callable[[], float] = time.perf_counter,
+    before: Mapping[str, Callable[[], object]] | None = None,
+) -> Seconds:
+    """Seconds of a call of each side, A B A B …, after one call of each that does not count.
+
+    A side that is faster than `least_seconds` is called as often as fills them, and the mean of these calls counts.
+    `before` prepares a side, off the clock.
+    """
+    prepared = before or {}
+    calls: dict[str, int] = {}
+    for name, side in sides.items():
+        prepared.get(name, _nothing)()
+        side()  # allocations, choices of kernels, caches
+        once = _seconds(side, 1, synchronise, clock)
+        calls[name] = max(1, round(least_seconds / max(once, 1e-9)))
+    taken: Seconds = {name: [] for name in sides}
+    for _ in range(repeats):
+        for name, side in sides.items():
+            prepared.get(name, _nothing)()
+            taken[name].append(_seconds(side, calls[name], synchronise, clock) / calls[name])
+    return taken
+
+
+def _nothing() -> None:
+    pass
+
+
+def _seconds(
+    side: Callable[[], object], calls: int, synchronise: Callable[[], object], clock: Callable[[], float]
+) -> float:
+    synchronise()
+    began = clock()
+    for _ in range(calls):
+        side()
+    synchronise()
+    return clock() - began
+
+
+def quotients(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
+    """How many times faster, repetition by repetition: what disturbs the machine for a while disturbs both."""
+    return [a / b for a, b in zip(slow, fast, strict=True)]
+
+
+def measured(
+    id: str,
+    item: int,
+    title: str,
+    values: Sequence[float],
+    unit: str,
+    *,
+    target: float | None = None,
+    sense: Literal["at_least", "at_most"] = "at_least",
+    detail: str = "",
+) -> Measurement:
+    """Median, smallest and largest of at least one repetition."""
+    return Measurement(
+        id=id,
+        item=item,
+        title=title,
+        value=statistics.median(values),
+        unit=unit,
+        low=min(values),
+        high=max(values),
+        repeats=len(values),
+        target=target,
+        sense=sense,
+        detail=detail,
+    )
+
+
+def not_measured(
+    id: str, item: int, title: str, unit: str, why: str, *, target: float | None = None, repeats: int = 0
+) -> Measurement:
+    """What has no value, and why."""
+    return Measurement(id=id, item=item, title=title, value=None, unit=unit, repeats=repeats, target=target, detail=why)
+
+
+STREAM = "speed/0"
+"""Seeds every batch and every first weight: all that is compared sees the same."""
+
+
+def new_trainer(
+    situation: SpeedContext,
+    settings: TrainSettings,
+    box: Box,
+    view_dependent: bool,
+    budget: Budget | None = None,
+) -> Trainer:
+    """Vanilla NeRF. Without the acceleration `directions` every scene has a direction branch; without a budget the
+    learning rate stays as it is.
+    """
+    directed = view_dependent or not settings.accelerations.directions
+    return Trainer("nerf", box, settings, budget or Budget(None, None), STREAM, situation.device, directed)
+
+
+def trained_reduced(situation: SpeedContext, view_dependent: bool | None = None, steps: int | None = None) -> Trainer:
+    """The reduced profile's NeRF on lego, far enough that empty space is skipped."""
+    plan = reduced_plan(situation)
+    views = views_of(situation, "lego")
+    directed = needs_view_direction(views) if view_dependent is None else view_dependent
+    trainer = new_trainer(situation, plan.train, box_of(views, situation.device), directed, plan.budget)
+    batches = batches_of(views, situation.device)
+    trainer.warm_up(*batches.batch(STREAM, 0, plan.train.rays))
+    if steps is None:
+        steps = plan.train.grid.first_step + (10 if situation.quick else 300)
+    for step in range(steps):
+        trainer.train_on(*batches.batch(STREAM, step, plan.train.rays))
+    return trainer
+
+
+def variant_of(source: Trainer, situation: SpeedContext, accelerations: Accelerations) -> Trainer:
+    """A copy in the same state with other accelerations; what its colour has of directions starts at zero, so that it
+    shows the same.
+    """
+    settings = replace(source.settings, accelerations=accelerations)
+    copy = new_trainer(situation, settings, source.box, source.coarse.view_dependent, source.budget)
+    copy_weights(source.fields, copy.fields)
+    copy.step = source.step
+    if copy.grid is not None and source.grid is not None:
+        copy.grid.density = source.grid.density.clone()
+        copy.grid.occupied = source.grid.occupied.clone()
+    return copy
+
+
+@torch.no_grad()
+def copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
+    """Equal functions, also where `target` has further inputs behind those of `source`."""
+    theirs = dict(source.named_parameters())
+    for name, weight in target.named_parameters():
+        value = theirs[name]
+        if weight.ndim == 2:
+            weight.zero_()
+            weight[:, : value.shape[1]] = value
+        else:
+            weight.copy_(value)
+
+
+def use_grid_of(source: Trainer, target: Trainer) -> None:
+    """Empty space as `source` has found it, from now on and for good: `target` is not to look for itself."""
+    if source.grid is None or target.grid is None:
+        raise ValueError("both need an occupancy grid")
+    target.grid.density = source.grid.density.clone()
+    target.grid.occupied = source.grid.occupied.clone()
+    target.step = max(target.step, target.settings.grid.first_step + 1)

@@ -1,0 +1,1 @@
+"""The catalogue of stiff and extreme cases."""

@@ -1,0 +1,1 @@
+"""Cases of a field in training: amplifier, units, optimiser."""

@@ -1,0 +1,270 @@
+"""C1: cameras and rays that are none. They must be refused before anything is rendered."""
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from baselines.contract import Rays
+from baselines.numerics.bounds import ray_box
+from harness.records.stability_record import judged
+from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.training.batches import Cameras
+from scenes.files.errors import InputError
+from scenes.modelling.scene import Scene
+from scenes.view_sets.images import write_png
+from scenes.view_sets.transforms import read_transforms, write_transforms
+from scenes.view_sets.view_set import read_view_set
+from scenes.view_sets.viewpoints import (
+    FOV_X_RADIANS,
+    all_poses,
+    check_field_of_view,
+    check_poses,
+    look_at,
+    poses_on_sphere,
+)
+
+SIZE = 4
+"""Pixels of the pictures that stand for a foreign view set."""
+BACKGROUND_PIXELS = 8
+
+
+def _damaged() -> dict[str, np.ndarray]:
+    """What is wrong → a camera [4, 4]."""
+    good = poses_on_sphere(np.array([0.4]), np.array([0.3]))[0]
+    mirrored, singular, scaled, sheared, row, nan, infinite = (good.copy() for _ in range(7))
+    mirrored[:3, 0] *= -1
+    singular[:3, :3] = 0
+    scaled[:3, :3] *= 1.01
+    sheared[:3, 0] += 0.01 * sheared[:3, 1]
+    row[3, 0] = 1e-3
+    nan[1, 1] = math.nan
+    infinite[0, 3] = math.inf
+    return {
+        "mirrored": mirrored, "singular": singular, "scaled by 1.01": scaled, "sheared": sheared,
+        "last row not 0 0 0 1": row, "NaN": nan, "infinite": infinite,
+    }  # fmt: skip
+
+
+def _ways_to_look() -> dict[str, tuple[list[float], list[float], list[float]]]:
+    """What is wrong → origin, target, up."""
+    return {
+        "origin on target": ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1.0]),
+        "up along the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        "up against the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, -2.0]),
+        "up of no length": ([4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+        "NaN origin": ([math.nan, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+    }
+
+
+def _accepted(attempts: dict[str, Callable[[], object]], errors: tuple[type[Exception], ...]) -> list[str]:
+    """Those that raise none of `errors`."""
+    through = []
+    for what, attempt in attempts.items():
+        try:
+            attempt()
+            through.append(what)
+        except errors:
+            pass
+    return through
+
+
+def cameras(situation: StabilityContext) -> Iterator[Finding]:
+    """C1."""
+    yield _refused(situation.scratch)
+    yield _rendered_by_mitsuba_alone()
+    yield from _slabs()
+    yield from _directions()
+    yield _repeated(situation.scratch)
+
+
+def _refused(scratch: Path) -> Finding:
+    """Every camera that is none, by every way in: our own poses, a foreign file, look_at, angles, distances."""
+    attempts: dict[str, Callable[[], object]] = {}
+    for what, pose in _damaged().items():
+        attempts[f"pose: {what}"] = lambda pose=pose: check_poses(pose[None], ["view"])  # type: ignore[misc]
+        attempts[f"file: {what}"] = lambda pose=pose: _read(scratch, pose[None])  # type: ignore[misc]
+    for what, vectors in _ways_to_look().items():
+        attempts[f"look_at: {what}"] = lambda v=vectors: look_at(*(np.array(x) for x in v))  # type: ignore[misc]
+    for degrees in (-10.0, 0.0, 180.0, 360.0, math.nan):
+        fov = math.radians(degrees)
+        attempts[f"field of view {degrees:g}°"] = lambda fov=fov: check_field_of_view(fov, "the camera")  # type: ignore[misc]
+        attempts[f"file: field of view {degrees:g}°"] = lambda fov=fov: _read(scratch, all_poses("test")[:1], fov)  # type: ignore[misc]
+    for near, far in ((2.0, 2.0), (6.0, 2.0), (0.0, 6.0), (-1.0, 6.0), (2.0, math.inf), (math.nan, 6.0)):
+        attempts[f"near {near:g}, far {far:g}"] = lambda near=near, far=far: Scene("s", "t", dict, near=near, far=far)  # type: ignore[misc]
+    through = _accepted(attempts, (InputError,))
+    return judged(
+        "C1", "harness", "ours", len(through), 0, what=f"cameras of {len(attempts)} that are none and not refused",
+        why="; ".join(through),
+    )  # fmt: skip
+
+
+def _read(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> object:
+    return read_transforms(_foreign(scratch, poses, fov), "train")
+
+
+def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
+    """A folder as anyone may ship it, grey pictures seen from `poses` [n, 4, 4]."""
+    folder = scratch / "foreign_cameras"
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [f"./r_{number}" for number in range(len(poses))]
+    for name in names:
+        file = folder / f"{name}.png"
+        if not file.exists():
+            write_png(file, np.full((SIZE, SIZE, 4), 0.5, np.float32))
+    # written by hand where JSON has no word for the number, as other programs do
+    write_transforms(folder / "transforms_train.json", FOV_X_RADIANS if math.isnan(fov) else fov, names, poses)
+    if math.isnan(fov):
+        text = json.loads((folder / "transforms_train.json").read_text(encoding="utf-8"))
+        (folder / "transforms_train.json").write_text(
+            json.dumps({**text, "camera_angle_x": math.nan}), encoding="utf-8"
+        )
+    return folder
+
+
+def _rendered_by_mitsuba_alone() -> Finding:
+    """What happens to the same cameras where nobody looks at them first: Mitsuba's own look_at and its renderer."""
+    from scenes.rendering.render import use
+    from scenes.rendering.variant import Variant
+
+    mi = use(Variant("scalar_rgb", None, "nothing but eight pixels"))
+    scene = mi.load_dict({"type": "scene", "sky": {"type": "constant"}, "ball": {"type": "sphere", "radius": 1.0}})
+    silent = []
+    tries: dict[str, Callable[[], object]] = {
+        what: lambda v=vectors: mi.ScalarTransform4f().look_at(*v)  # type: ignore[misc]
+        for what, vectors in _ways_to_look().items()
+    }
+    tries["NaN"] = lambda: mi.ScalarTransform4f(_damaged()["NaN"])
+    for what, to_world in tries.items():
+        try:
+            film = {"type": "hdrfilm", "width": BACKGROUND_PIXELS, "height": BACKGROUND_PIXELS, "pixel_format": "rgba"}
+            sensor = mi.load_dict({"type": "perspective", "to_world": to_world(), "film": film})
+            integrator = mi.load_dict({"type": "path", "max_depth": 3, "hide_emitters": True})
+            image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=4))
+        except (RuntimeError, ValueError):
+            continue
+        if np.isfinite(image).all() and not image.any():
+            silent.append(what)
+    return judged(
+        "C1", "Mitsuba alone", "usual", len(silent), 0,
+        what=f"cameras of {len(tries)} that are none and give a clean background, without a word",
+        why="; ".join(silent),
+    )  # fmt: skip
+
+
+def _axis_parallel() -> tuple[Tensor, Tensor]:
+    """Origins and directions [rays, 3]: along and against every axis, with +0 and −0, outside, on faces, inside."""
+    places = torch.cartesian_prod(*[torch.tensor([-2.0, -1.0, 0.25, 1.0, 2.0])] * 3)
+    directions = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            for zero in (0.0, -0.0):
+                d = torch.full((3,), zero)
+                d[axis] = sign
+                directions.append(d)
+    d = torch.stack(directions)
+    return places.repeat_interleave(len(d), 0), d.repeat(len(places), 1)
+
+
+def _exact(o: Tensor, d: Tensor, near: float, far: float) -> tuple[float, float] | None:
+    """Interval of one axis-parallel ray inside [−1, 1]³, by cases; None where there is none of positive length."""
+    axis = int(d.abs().argmax())
+    if any(abs(float(o[other])) > 1.0 for other in range(3) if other != axis):
+        return None
+    start, sign = float(o[axis]), float(d[axis])
+    enter, leave = sorted(((-1.0 - start) * sign, (1.0 - start) * sign))
+    enter, leave = max(enter, near), min(leave, far)
+    return (enter, leave) if leave > enter else None
+
+
+def naive_slab(
+    o: Tensor, d: Tensor, lower: Tensor, upper: Tensor, near: float, far: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """As it is usually written: divide by d, take minima and maxima."""
+    first, second = (lower - o) / d, (upper - o) / d
+    entry = torch.minimum(first, second).amax(dim=-1).clamp(min=near)
+    leave = torch.maximum(first, second).amin(dim=-1).clamp(max=far)
+    return entry, leave, leave > entry
+
+
+def _slabs() -> Iterator[Finding]:
+    o, d = _axis_parallel()
+    box, near, far = torch.ones(3), 0.5, 6.0
+    expected = [_exact(one, other, near, far) for one, other in zip(o, d, strict=True)]
+    for subject, whose, slab in (("harness", "ours", ray_box), ("slab test", "usual", naive_slab)):
+        entry, leave, hit = slab(o, d, -box, box, near, far)
+        wrong = 0
+        for truth, a, b, met in zip(expected, entry.tolist(), leave.tolist(), hit.tolist(), strict=True):
+            wrong += met != (truth is not None) or (truth is not None and (a, b) != truth)
+        yield judged(
+            "C1", subject, whose, wrong, 0,  # type: ignore[arg-type]
+            what=f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them",
+        )  # fmt: skip
+
+
+def _directions() -> Iterator[Finding]:
+    """Directions of cameras are unit even where the camera's matrix is not quite, and others are refused."""
+    poses = all_poses("train")[:8].copy()
+    poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
+    check_poses(poses, [str(number) for number in range(len(poses))])
+    focal = 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS)
+    camera = Cameras.of(poses, SIZE, SIZE, focal, 2.0, 6.0)
+    off = max(float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera)))
+    yield judged("C1", "harness", "ours", off, 5e-7, what="largest deviation of a direction's length from 1")
+    d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
+    attempts: dict[str, Callable[[], object]] = {}
+    for length in (0.0, 0.5, 0.99, 1.01, 2.0, math.nan, math.inf):
+        bent = d.clone()
+        bent[1] *= length
+        attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), bent, 2.0, 6.0).require_finite
+    through = _accepted(attempts, (ValueError,))
+    yield judged(
+        "C1", "harness", "ours", len(through), 0, what="rays whose direction is not unit and that are not refused",
+        why="; ".join(through),
+    )  # fmt: skip
+    tolerated = _spread([_through_a_cube(*_middle_ray(scale)) for scale in (0.9996, 1.0, 1.0004)])
+    yield judged(
+        "C1", "harness", "ours", tolerated, 1e-6,
+        what="change of a ray's opacity with the scale of its camera's matrix, as far as that is let through",
+    )  # fmt: skip
+    along = torch.tensor([[-4.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]])
+    unchecked = _spread([_through_a_cube(along[0], length * along[1]) for length in (0.5, 1.0, 2.0)])
+    yield judged(
+        "C1", "no check of d", "usual", unchecked, 1e-6,
+        what="change of a ray's opacity with the length of its direction, 0.5 to 2",
+    )  # fmt: skip
+
+
+def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
+    """Origin and direction [1, 3] of a ray near the middle of a view whose camera matrix is scaled."""
+    pose = all_poses("test")[:1].copy()
+    pose[:, :3, :3] *= scale
+    rays = Cameras.of(pose, SIZE, SIZE, 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS), 2.0, 6.0).all_rays(0)
+    middle = SIZE * SIZE // 2 + SIZE // 2
+    return rays.origins[middle : middle + 1], rays.directions[middle : middle + 1]
+
+
+def _through_a_cube(o: Tensor, d: Tensor) -> float:
+    """Opacity of a cube of density 0.5, ±1, along one ray, distances taken for scene units."""
+    entry, leave, _ = ray_box(o, d, -torch.ones(3), torch.ones(3), 0.0, 100.0)
+    return -math.expm1(-0.5 * float(leave - entry))
+
+
+def _spread(values: list[float]) -> float:
+    return max(values) - min(values)
+
+
+def _repeated(scratch: Path) -> Finding:
+    """The same view twice is allowed, and said."""
+    poses = all_poses("test")[[0, 50, 0, 100]]
+    views = read_view_set(_foreign(scratch / "twice", poses), splits=("train",), scratch=scratch)
+    said = [line for line in views.repeated_views if "r_2.png has the camera of train: r_0.png" in line]
+    found = float(len(said) == 1 and len(views.repeated_views) == 1)
+    return judged(
+        "C1", "harness", "ours", found, 1, sense="at_least", what="the one view that is there twice is reported",
+        why="; ".join(views.repeated_views),
+    )  # fmt: skip

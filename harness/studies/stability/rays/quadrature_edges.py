@@ -1,0 +1,337 @@
+"""Q6 to Q10: rays with almost nothing, with nothing, and with what is no ray; importance sampling at its edges."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from baselines.contract import Box, Rays, Rendering
+from baselines.numerics.checks import BadDensity, BadInterval
+from baselines.numerics.compositing import composite, expected_depth
+from baselines.numerics.quadrature import QUADRATURES, Rule
+from baselines.numerics.sampling import inverse_cdf
+from baselines.rendering import Sampling, render_rays
+from harness.records.stability_record import Outcome, Whose, judged
+from harness.studies.stability.rays.quadrature_rounding import running_product
+from harness.studies.stability.stability_context import Finding, StabilityContext
+
+OURS = {name: rule for name, rule in QUADRATURES.items() if not rule.of_the_paper}
+NEAR, FAR, BINS = 2.0, 6.0, 64
+BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
+
+
+@dataclass
+class Fog:
+    """A field of one colour and any density."""
+
+    density_at: Callable[[Tensor], Tensor]
+
+    pointwise = True
+
+    def encode_directions(self, d: Tensor) -> Tensor:
+        return d
+
+    def density(self, x: Tensor) -> Tensor:
+        return self.density_at(x)
+
+    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density_at(x), self.density_at(x)
+
+    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density_at(x), torch.full_like(x, 0.75)
+
+
+def rendered(
+    density: Callable[[Tensor], Tensor], rule: str, near: float = NEAR, far: float = FAR, clip: bool = False
+) -> Rendering:
+    """Five parallel rays through a box; cut to it with `clip`, else from near to far."""
+    origins = torch.stack([torch.linspace(-0.5, 0.5, 5), torch.zeros(5), torch.full((5,), 4.0)], dim=-1)
+    rays = Rays(origins, torch.tensor([0.0, 0.0, -1.0]).expand(5, 3), near, far)
+    box = Box(-torch.ones(3), torch.ones(3))
+    sampling = Sampling(BINS, quadrature=rule, clip_to_box=clip)
+    return render_rays(Fog(density), None, rays, box, sampling, None, BACKGROUND, None)
+
+
+def _whose(rule: Rule) -> Whose:
+    return "paper" if rule.of_the_paper else "ours"
+
+
+def posts(rays: int = 1, bins: int = BINS) -> Tensor:
+    return torch.linspace(NEAR, FAR, bins + 1).expand(rays, -1).contiguous()
+
+
+def almost_nothing(situation: StabilityContext) -> Iterator[Finding]:
+    """Q6."""
+    del situation
+    exact = -math.expm1(-1e-8 * (FAR - NEAR))
+    for name, rule in QUADRATURES.items():
+        opacity = float(rendered(lambda x: torch.full_like(x[:, 0], 1e-8), name).opacity[0])
+        spike = {sigma: _steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12)}
+        why = f"opacity {opacity:.3g}; ∂opacity/∂σ at most {max(spike.values()):.2g} for σ = 1e-8 to 1e-12"
+        error = abs(opacity / exact - 1.0)
+        yield judged("Q6", name, _whose(rule), error, 1e-6, what="relative error of opacity", why=why)
+        if not rule.of_the_paper:
+            yield judged(
+                "Q6", name, "ours", max(spike.values()), 1.001 * (FAR - NEAR) / BINS,
+                what="largest ∂opacity/∂σ of a sample, at most the length of a bin",
+            )  # fmt: skip
+    lengths = torch.diff(posts(), dim=-1)
+    w, _ = running_product(torch.full_like(lengths, 1e-8), lengths)
+    error = abs(float(w.sum()) / exact - 1.0)
+    yield judged("Q6", "running product", "usual", error, 1e-6, what="relative error of opacity")
+
+
+def _steepest(rule: Rule, sigma: float) -> float:
+    t, t_edges = rule.place(posts(), None)
+    density = torch.full_like(t, sigma).requires_grad_()
+    (gradient,) = torch.autograd.grad(rule.weights(density, rule.lengths(t, t_edges))[0].sum(), density)
+    return float(gradient.abs().max())
+
+
+def nothing(situation: StabilityContext) -> Iterator[Finding]:
+    """Q7."""
+    del situation
+
+    def solid(x: Tensor) -> Tensor:
+        return torch.full_like(x[:, 0], 50.0)
+
+    for name, rule in QUADRATURES.items():
+        seen = {
+            "near = far": (rendered(solid, name, 3.0, 3.0), 3.0),
+            "an empty ray": (rendered(_void, name), FAR),
+            "a box without depth": (_flat_box(solid, name), FAR),
+        }
+        figures = {what: _from_nothing(one, far) for what, (one, far) in seen.items()}
+        figures["no bins"] = _without_bins(rule)
+        worst = max(figures.values(), key=lambda figure: figure if math.isfinite(figure) else math.inf)
+        wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
+        yield judged(
+            "Q7", name, _whose(rule), worst, 0.0,
+            what="largest distance from opacity 0, colour = background, depth = far",
+            why="; ".join(wrong) or f"exact in {len(figures)} situations",
+        )  # fmt: skip
+    w = torch.zeros(BINS)
+    depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()
+    disparity = 1.0 / torch.maximum(torch.tensor(1e-10), depth)
+    yield judged("Q7", "disparity 1 / max(1e-10, Σwt/Σw)", "usual", float(disparity), 1.0 / FAR,
+                 what="disparity of an empty ray, whose depth is far")  # fmt: skip
+
+
+def _void(x: Tensor) -> Tensor:
+    return torch.zeros_like(x[:, 0])
+
+
+def _flat_box(density: Callable[[Tensor], Tensor], rule: str) -> Rendering:
+    """Rays that run beside the box: cut to it, nothing is left of them."""
+    rays = Rays(torch.tensor([[5.0, 0.0, 4.0]]), torch.tensor([[0.0, 0.0, -1.0]]), NEAR, FAR)
+    box = Box(-torch.ones(3), torch.ones(3))
+    return render_rays(Fog(density), None, rays, box, Sampling(BINS, quadrature=rule), None, BACKGROUND, None)
+
+
+def _from_nothing(one: Rendering, far: float) -> float:
+    gaps = [one.opacity.abs().max(), (one.colour - BACKGROUND).abs().max(), (one.depth - far).abs().max()]
+    return max((float(gap) for gap in gaps), key=lambda gap: gap if math.isfinite(gap) else math.inf)
+
+
+def _without_bins(rule: Rule) -> float:
+    t, t_edges = rule.place(posts(3)[:, :1], None)
+    w, T_end = rule.weights(torch.full_like(t, 50.0), rule.lengths(t, t_edges))
+    return float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
+
+
+def no_interval(situation: StabilityContext) -> Iterator[Finding]:
+    """Q8."""
+    del situation
+    backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
+    for name, rule in QUADRATURES.items():
+        accepted = [what for what, (near, far) in backwards.items() if not _refused(name, near, far)]
+        yield judged(
+            "Q8", name, "ours", float(len(accepted)), 0.0, what="intervals that the renderer does not refuse",
+            why=", ".join(accepted),
+        )  # fmt: skip
+        t, t_edges = rule.place(posts(8), None)
+        mixed = t_edges.clone()
+        mixed[5] = mixed[5].flip(-1)
+        if rule.of_the_paper:
+            lengths = rule.lengths(rule.place(mixed, None)[0], mixed)
+            w, _ = rule.weights(torch.ones_like(t), lengths)
+            finite = lengths.clamp(max=1.0)
+            without = float(rule.weights(torch.ones_like(t), finite)[0][5].sum())
+            yield judged(
+                "Q8", name, "paper", abs(float(w[5].sum())), 0.0,
+                what="opacity of a ray whose distances fall",
+                why=f"accepted; {without:.3g} where its last interval is 1 instead of 1e10",
+            )  # fmt: skip
+            continue
+        try:
+            rule(torch.ones_like(t), t, mixed)
+            named = "accepted"
+        except BadInterval as error:
+            named = "" if error.ray == 5 else f"names ray {error.ray}, not 5"
+        yield judged("Q8", name, "ours", float(bool(named)), 0.0, what="unsorted rays accepted or misnamed", why=named)
+    falling = -torch.diff(posts(), dim=-1)
+    w, _ = running_product(torch.ones_like(falling), falling)
+    yield judged(
+        "Q8", "running product", "usual", abs(float(w.sum())), 0.0, what="|opacity| of a ray whose distances fall",
+        why=f"opacity {float(w.sum()):.3g}, nothing is said",
+    )  # fmt: skip
+
+
+def _refused(rule: str, near: float, far: float) -> bool:
+    try:
+        rendered(_void, rule, near, far)
+    except BadInterval:
+        return True
+    return False
+
+
+def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
+    """Q9."""
+    del situation
+    rays, ray, sample = 16, 11, 7
+    for name, rule in OURS.items():
+        t, t_edges = rule.place(posts(rays), None)
+        sound = 2.0 * torch.rand(t.shape, generator=torch.Generator().manual_seed(9))
+        before = _pixels(rule, sound, t, t_edges)
+        unnamed, changed = [], 0
+        for wrong in (math.nan, math.inf, -1.0):
+            sigma = sound.clone()
+            sigma[ray, sample] = wrong
+            try:
+                rule(sigma, t, t_edges)
+                unnamed.append(f"{wrong} accepted")
+            except BadDensity as error:
+                unnamed += [] if (error.ray, error.sample) == (ray, sample) else [f"{wrong} misnamed"]
+            if not _renderer_names(name, wrong):
+                unnamed.append(f"{wrong} not named by the renderer")
+            after = _pixels(rule, sigma, t, t_edges)
+            others = torch.arange(rays) != ray
+            changed += int((after[others] != before[others]).any(dim=-1).sum())
+        yield judged(
+            "Q9", name, "ours", float(len(unnamed)), 0.0, what="bad samples accepted or misnamed",
+            why="; ".join(unnamed),
+        )  # fmt: skip
+        yield judged(
+            "Q9", name, "ours", float(changed), 0.0, what="other rays with a changed bit, where nobody asks (audit)"
+        )  # fmt: skip
+    yield _hidden()
+
+
+def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
+    """Colour, opacity and depth of each ray, unchecked."""
+    w, T_end = rule.weights(sigma, rule.lengths(t, t_edges))
+    ray = torch.arange(len(t)).repeat_interleave(t.shape[1])
+    seen = composite(w.flatten(), ray, torch.cos(t).flatten().unsqueeze(-1).expand(-1, 3), T_end, BACKGROUND)
+    return torch.cat([seen, w.sum(dim=-1, keepdim=True), expected_depth(w, t, FAR).unsqueeze(-1)], dim=-1)
+
+
+def _renderer_names(rule: str, wrong: float) -> bool:
+    """Whether a density that is wrong on the fourth of five rays is refused by that name."""
+    try:
+        rendered(lambda x: torch.where((x[:, 0] - 0.25).abs() < 1e-3, wrong, 1.0), rule, clip=True)
+    except BadDensity as error:
+        return error.ray == 3
+    return False
+
+
+def _hidden() -> Outcome:
+    """nan_to_num, as it is found behind weights: the picture is finite, wrong, and nobody is told."""
+    lengths = torch.diff(posts(2), dim=-1)
+    sigma = torch.ones_like(lengths)
+    sigma[1, 7] = math.nan
+    w = torch.nan_to_num(running_product(sigma, lengths)[0])
+    gap = float((w[1].sum() - w[0].sum()).abs())
+    return judged("Q9", "nan_to_num", "usual", gap, 0.0, what="error of opacity that nobody is told of")
+
+
+SAMPLED_BINS = 16
+SAMPLED_NEAR, SAMPLED_FAR = 2.0, 6.0
+U = torch.tensor([0.0, 0.0, 1e-45, 1e-30, 0.25, 0.5, 1.0 - 2.0**-24, 1.0, 1.0])
+"""Also what no generator should give: 1 belongs to no bin."""
+
+
+def _weights() -> dict[str, tuple[Tensor, int, int]]:
+    """What → weights, and the first and the last bin in which a distance may lie."""
+    cases = {"all zero": (torch.zeros(SAMPLED_BINS), 0, SAMPLED_BINS - 1)}
+    for spike in (0, 7, SAMPLED_BINS - 1):
+        for weight in (1e-45, 1e-38, 1e-10, 1.0, 1e10, 1e30, 3e38):
+            w = torch.zeros(SAMPLED_BINS)
+            w[spike] = weight
+            cases[f"{weight:g} in bin {spike}"] = (w, spike, spike)
+    for weight in (1e-45, 1e-10, 1.0, 1e30, 3e38):
+        cases[f"{weight:g} everywhere"] = (torch.full((SAMPLED_BINS,), weight), 0, SAMPLED_BINS - 1)
+    steep = 10.0 ** torch.linspace(-30, 30, SAMPLED_BINS)
+    cases["1e-30 to 1e30"] = (steep, 0, SAMPLED_BINS - 1)
+    inner = torch.zeros(SAMPLED_BINS)
+    inner[3:6] = torch.tensor([1e-10, 0.0, 1.0])
+    cases["zero at both ends"] = (inner, 3, 5)
+    return cases
+
+
+def _tried(draw: str) -> tuple[float, list[str]]:
+    """Largest distance by which `draw` leaves its bins or steps back, and what it did wrong."""
+    t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0)
+    worst, wrong = 0.0, []
+    for what, (w, first, last) in _weights().items():
+        drawn = {"ours": inverse_cdf, "usual": usual_inverse}[draw](t_edges, w.unsqueeze(0), U.unsqueeze(0))[0]
+        if draw == "usual":  # its floor of 1e-5 means to look everywhere
+            first, last = 0, SAMPLED_BINS - 1
+        out = max(float(t_edges[0, first] - drawn.min()), float(drawn.max() - t_edges[0, last + 1]), 0.0)
+        back = max(float(-torch.diff(drawn).min()), 0.0)
+        gap = max(out, back) if bool(torch.isfinite(drawn).all()) else math.inf
+        if gap > 0.0:
+            wrong.append(f"{what}: {'not finite' if math.isinf(gap) else f'{gap:.2g}'}")
+        worst = max(worst, gap)
+    return worst, wrong
+
+
+def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
+    """As the field has it: weights + 1e-5, and where a bin has no mass its length is taken for 1."""
+    w = w + 1e-5
+    cdf = torch.cumsum(w / w.sum(dim=-1, keepdim=True), dim=-1)
+    cdf = torch.cat([torch.zeros_like(cdf[:, :1]), cdf], dim=-1)
+    right = torch.searchsorted(cdf, u.contiguous(), right=True)
+    below, above = (right - 1).clamp(min=0), right.clamp(max=cdf.shape[-1] - 1)
+    left, mass = cdf.gather(-1, below), cdf.gather(-1, above) - cdf.gather(-1, below)
+    share = (u - left) / torch.where(mass < 1e-5, torch.ones_like(mass), mass)
+    return t_edges.gather(-1, below) + share * (t_edges.gather(-1, above) - t_edges.gather(-1, below))
+
+
+def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
+    """Q10."""
+    del situation
+    what = "largest distance outside of the bins with weight, or backwards"
+    worst, wrong = _tried("ours")
+    yield judged("Q10", "inverse_cdf", "ours", worst, 0.0, what=what, why="; ".join(wrong[:4]))
+    accepted = []
+    for bad, error in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
+        w = torch.ones(3, SAMPLED_BINS)
+        w[1, 4] = bad
+        try:
+            inverse_cdf(torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).expand(3, -1), w, U.expand(3, -1))
+            accepted.append(f"{bad} accepted")
+        except (FloatingPointError, ValueError) as raised:
+            if not isinstance(raised, error) or "bin 4 on ray 1" not in str(raised):
+                accepted.append(f"{bad}: {raised}")
+    yield judged(
+        "Q10", "inverse_cdf", "ours", float(len(accepted)), 0.0, what="bad weights accepted or misnamed",
+        why="; ".join(accepted),
+    )  # fmt: skip
+    yield judged("Q10", "inverse_cdf", "ours", float(_bad_gradients()), 0.0, what="gradients that are not finite")
+    worst, wrong = _tried("usual")
+    yield judged(
+        "Q10", "weights + 1e-5", "usual", worst, 0.0, what="largest distance outside of the ray, or backwards",
+        why=f"{len(wrong)} of {len(_weights())} distributions: {'; '.join(wrong[:3])}" if wrong else "",
+    )  # fmt: skip
+
+
+def _bad_gradients() -> int:
+    """Of the distances by the fenceposts, the one thing that they are differentiable by."""
+    count = 0
+    for w, _, _ in _weights().values():
+        t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0).requires_grad_()
+        inverse_cdf(t_edges, w.unsqueeze(0).requires_grad_(), U.unsqueeze(0)).sum().backward()
+        count += int((~torch.isfinite(t_edges.grad)).sum()) if t_edges.grad is not None else t_edges.numel()
+    return count

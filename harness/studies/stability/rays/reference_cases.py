@@ -1,0 +1,295 @@
+"""R1: our renderer against renderers that share no code with it, and against closed forms."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mpmath
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from baselines.contract import Box, Rays, Rendering
+from baselines.numerics.bounds import ray_box
+from baselines.numerics.quadrature import QUADRATURES
+from baselines.numerics.sampling import points_in_bins, uniform_edges
+from baselines.rendering import Sampling, render_rays
+from harness.records.charts import Table
+from harness.records.stability_record import Outcome, Whose, judged
+from harness.studies.stability.stability_context import Finding, StabilityContext
+from scenes.rendering.medium_reference import Differentiated, Estimate, differentiated, tracked
+from scenes.rendering.variant import OLDEST_LLVM, Variant, llvm_libraries, probe
+
+CELLS = 16
+TAU_OF_A_VOXEL = (0.03, 0.3, 5.0)
+"""At most, in three grids: a veil, a cloud and a solid."""
+LARGEST_Z = 4.0
+LARGEST_ERROR = 1e-3
+"""Standard error above which agreement would say nothing."""
+PATHS = 420_000
+BINS = 256
+"""Of the deterministic comparison; truncation is the same on both sides."""
+FINE_BINS = 4096
+"""Of the comparison with the integral itself."""
+VALUE_BAR, SIGMA_BAR, COLOUR_BAR = 5e-6, 5e-6, 1e-4
+CLOSED_FORM_BAR, FIRST_ORDER_BAR = 1e-6, 5e-4
+SCALAR = Variant("scalar_rgb", None, "always there")
+ORIGIN = np.array([-1.0, 0.3, 0.4])
+DIRECTION = np.array([1.8, 0.4, 0.2]) / np.linalg.norm([1.8, 0.4, 0.2])
+
+
+@dataclass(frozen=True)
+class GridField:
+    """A radiance field read from arrays over the unit cube (`baselines.contract.RadianceField`)."""
+
+    sigma: Float[Tensor, "z y x"]
+    colour: Float[Tensor, "z y x channels"]
+    pointwise: bool = True
+
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays 0"]:
+        return d[:, :0]
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+        return _trilinear(self.sigma.unsqueeze(0), x)[:, 0]
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        sigma = self.density(x)
+        return sigma, sigma
+
+    def density_and_colour(
+        self, x: Float[Tensor, "points 3"], view: Float[Tensor, "rays 0"], ray: Int[Tensor, " points"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
+        del view, ray
+        return self.density(x), _trilinear(self.colour.permute(3, 0, 1, 2), x)
+
+
+def _trilinear(
+    values: Float[Tensor, "channels z y x"], x: Float[Tensor, "points 3"]
+) -> Float[Tensor, "points channels"]:
+    found = torch.nn.functional.grid_sample(
+        values.unsqueeze(0), (2.0 * x - 1.0).reshape(1, -1, 1, 1, 3), align_corners=False, padding_mode="border"
+    )
+    return found.reshape(len(values), -1).T
+
+
+def random_grids(tau_of_a_voxel: float) -> tuple[np.ndarray, np.ndarray]:
+    """Density [z, y, x] and colour [z, y, x, 3] of the same random pattern at every depth."""
+    generator = np.random.default_rng(16)
+    pattern, colour = generator.random((CELLS,) * 3), generator.random((*(CELLS,) * 3, 3))
+    return pattern * CELLS * tau_of_a_voxel, colour
+
+
+def rendered(field: GridField, rays: Rays, bins: int, quadrature: str = "midpoint") -> Rendering:
+    """By our renderer, on black."""
+    box = Box(torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
+    sampling = Sampling(bins=bins, quadrature=quadrature)
+    return render_rays(field, None, rays, box, sampling, None, torch.zeros(3, dtype=torch.float64), None)
+
+
+def field_of(sigma: np.ndarray, colour: np.ndarray) -> GridField:
+    return GridField(torch.as_tensor(sigma), torch.as_tensor(colour))
+
+
+def rays_of(origins: np.ndarray, directions: np.ndarray) -> Rays:
+    return Rays(torch.as_tensor(origins), torch.as_tensor(directions), 0.0, 10.0)
+
+
+# (1) Mitsuba's own path tracer
+
+
+def z_scores(colour: np.ndarray, estimate: Estimate) -> np.ndarray:
+    return (colour - estimate.mean) / estimate.standard_error
+
+
+def _against_tracking(variant: Variant, paths: int) -> Iterator[Finding]:
+    rows: list[list[str | float | None]] = []
+    worst = dict.fromkeys(QUADRATURES, 0.0)
+    largest_error = 0.0
+    for tau in TAU_OF_A_VOXEL:
+        sigma, colour = random_grids(tau)
+        estimate = tracked(sigma, colour, ORIGIN, DIRECTION, paths, variant)
+        largest_error = max(largest_error, float(estimate.standard_error.max()))
+        for rule in worst:
+            ray = rays_of(ORIGIN[None], DIRECTION[None])
+            ours = rendered(field_of(sigma, colour), ray, FINE_BINS, rule).colour[0].numpy()
+            z = z_scores(ours, estimate)
+            worst[rule] = max(worst[rule], float(np.abs(z).max()))
+            for channel, name in enumerate(("red", "green", "blue")):
+                rows.append(
+                    [f"τ of a voxel ≤ {tau:g}, {name}", rule, float(ours[channel]), float(estimate.mean[channel]),
+                     float(estimate.standard_error[channel]), float(z[channel])]
+                )  # fmt: skip
+    columns = ["ray", "rule", "our renderer", "volpath", "standard error", "z"]
+    title = f"One ray through three random grids: {FINE_BINS} bins against {estimate.paths} paths, {variant.name}"
+    yield Table(f"reference.tracking.{variant.name}", 12, title, columns, rows)
+    yield judged(
+        "R1", f"{variant.name}, noise", "ours", largest_error, LARGEST_ERROR,
+        what="largest standard error of volpath's estimates",
+    )  # fmt: skip
+    for rule, largest in worst.items():
+        what = f"largest |z| against volpath, {variant.name}, three grids × three channels"
+        yield judged("R1", f"{rule}, {variant.name}", _whose(rule), largest, LARGEST_Z, what=what)
+
+
+# (2) Dr.Jit on Mitsuba's volumes
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Points along rays, and the weights of their colours in the sum that is differentiated."""
+
+    points: Float[Tensor, "rays bins 3"]
+    t: Float[Tensor, "rays bins"]
+    edges: Float[Tensor, "rays edges"]
+    weights: Float[Tensor, "rays 3"]
+
+
+def bundle(count: int = 16, bins: int = BINS) -> Bundle:
+    """Rays from all around into the cube, with points at the midpoints of equal bins, float64."""
+    generator = torch.Generator().manual_seed(4)
+    origins = 0.5 + 1.5 * torch.nn.functional.normalize(
+        torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1
+    )
+    aims = 0.5 + 0.3 * (torch.rand(count, 3, generator=generator, dtype=torch.float64) - 0.5)
+    directions = torch.nn.functional.normalize(aims - origins, dim=-1)
+    zero, one = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
+    entry, leave, _ = ray_box(origins, directions, zero, one, 0.0, 10.0)
+    edges = uniform_edges(entry, leave, bins)
+    t = points_in_bins(edges, None)
+    points = origins[:, None] + t[..., None] * directions[:, None]
+    weights = torch.randn(count, 3, generator=generator, dtype=torch.float64)
+    return Bundle(points, t, edges, weights)
+
+
+def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str = "midpoint") -> Differentiated:
+    """Our quadrature on torch's interpolation, differentiated by torch, float64."""
+    field = field_of(sigma, colour)
+    field.sigma.requires_grad_()
+    field.colour.requires_grad_()
+    flat = some.points.reshape(-1, 3)
+    density, hue = field.density_and_colour(flat, flat[:, :0], torch.zeros(len(flat), dtype=torch.int64))
+    w, _ = QUADRATURES[rule](density.reshape(some.t.shape), some.t, some.edges)
+    seen = (w.unsqueeze(-1) * hue.reshape(*some.t.shape, 3)).sum(dim=1)
+    (seen * some.weights).sum().backward()
+    assert field.sigma.grad is not None
+    assert field.colour.grad is not None
+    return Differentiated(seen.detach().numpy(), field.sigma.grad.numpy(), field.colour.grad.numpy())
+
+
+def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, float]:
+    """Of colour, absolutely; of both gradients, in the Euclidean norm relative to ours."""
+    return (
+        float(np.abs(theirs.colour - ours.colour).max()),
+        float(np.linalg.norm(theirs.d_sigma - ours.d_sigma) / np.linalg.norm(ours.d_sigma)),
+        float(np.linalg.norm(theirs.d_colour - ours.d_colour) / np.linalg.norm(ours.d_colour)),
+    )
+
+
+def _against_gridvolume(variant: Variant) -> Iterator[Finding]:
+    some = bundle()
+    rows: list[list[str | float | None]] = []
+    worst: dict[str, list[float]] = {"midpoint": [0.0] * 3, "listing4": [0.0] * 3}
+    for tau in TAU_OF_A_VOXEL:
+        sigma, colour = random_grids(tau)
+        delta = torch.diff(some.edges, dim=-1).numpy()
+        theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), variant)
+        for rule, so_far in worst.items():
+            found = errors(theirs, by_autograd(sigma, colour, some, rule))
+            worst[rule] = [max(pair) for pair in zip(so_far, found, strict=True)]
+            rows.append([f"τ of a voxel ≤ {tau:g}", rule, *found])
+    yield Table(
+        "reference.gridvolume", 12, f"Dr.Jit in float32 on Mitsuba's gridvolume against torch in float64, {BINS} bins",
+        ["grid", "rule", "error of colour", "error of ∂/∂σ", "error of ∂/∂c"], rows,
+    )  # fmt: skip
+    for rule, (value, d_sigma, d_colour) in worst.items():
+        for name, figure, bar, what in (
+            ("values", value, VALUE_BAR, "largest difference of a colour"),
+            ("∂σ", d_sigma, SIGMA_BAR, "relative difference of the gradient in σ"),
+            ("∂c", d_colour, COLOUR_BAR, "relative difference of the gradient in colour"),
+        ):
+            yield judged("R1", f"{rule}, gridvolume {name}", _whose(rule), figure, bar, what=what)
+
+
+# (3) closed forms
+
+
+def layered(cells: int = CELLS) -> tuple[np.ndarray, np.ndarray]:
+    """Density and grey level of layers across x."""
+    generator = np.random.default_rng(3)
+    return 5.0 + 20.0 * generator.random(cells), generator.random(cells)
+
+
+def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
+    """Colour and opacity along x through layers whose values are linear between cell centres and flat at both ends:
+    τ in closed form, the colour's integral piece by piece in 40 digits.
+    """
+    with mpmath.workdps(40):
+        cells = len(sigma)
+        ends = [mpmath.mpf(0), *(mpmath.mpf(2 * i + 1) / (2 * cells) for i in range(cells)), mpmath.mpf(1)]
+        at_ends = [[mpmath.mpf(float(v)) for v in (values[0], *values, values[-1])] for values in (sigma, grey)]
+        passed, colour = mpmath.mpf(0), mpmath.mpf(0)
+        for i in range(cells + 1):
+            width = ends[i + 1] - ends[i]
+            (s0, s1), (c0, c1) = (values[i : i + 2] for values in at_ends)
+
+            def glow(u: mpmath.mpf, s0=s0, s1=s1, c0=c0, c1=c1, width=width, passed=passed) -> mpmath.mpf:
+                tau = passed + width * (s0 * u + (s1 - s0) * u * u / 2)
+                return mpmath.exp(-tau) * (s0 + (s1 - s0) * u) * (c0 + (c1 - c0) * u) * width
+
+            colour += mpmath.quad(glow, [0, 1])
+            passed += width * (s0 + s1) / 2
+        return float(colour), float(-mpmath.expm1(-passed))
+
+
+def _against_closed_forms() -> Iterator[Finding]:
+    sigma, grey = layered()
+    colour, opacity = closed_form(sigma, grey)
+    grids = (
+        np.broadcast_to(sigma, (CELLS,) * 3).copy(),
+        np.broadcast_to(grey[:, None], (*(CELLS,) * 3, 3)).copy(),
+    )
+    ray = rays_of(np.array([[-1.0, 0.37, 0.61]]), np.array([[1.0, 0.0, 0.0]]))
+    rows: list[list[str | float | None]] = []
+    for rule in QUADRATURES:
+        seen = rendered(field_of(*grids), ray, FINE_BINS, rule)
+        found = (abs(float(seen.colour[0, 0]) - colour), abs(float(seen.opacity[0]) - opacity))
+        rows.append([rule, *found])
+        bar, why = CLOSED_FORM_BAR, ""
+        if QUADRATURES[rule].orders.colour == 1.0:
+            bar = FIRST_ORDER_BAR
+            why = f"misses the {CLOSED_FORM_BAR:g} of the others: of first order, it would need some 1e6 bins"
+        what = "largest error of colour and opacity through layers, mpmath"
+        yield judged("R1", f"{rule}, closed form", _whose(rule), max(found), bar, what=what, why=why)
+    title = f"Layers of varying density and colour against their closed form, {FINE_BINS} bins"
+    yield Table("reference.closed_form", 12, title, ["rule", "error of colour", "error of opacity"], rows)
+
+
+def _whose(rule: str) -> Whose:
+    return "paper" if QUADRATURES[rule].of_the_paper else "ours"
+
+
+def differentiating_variant() -> tuple[Variant | None, str]:
+    """Mitsuba's LLVM variant where it works, else why it does not."""
+    failures = []
+    for library in map(str, llvm_libraries()):
+        failure = probe("llvm_ad_rgb", library)
+        if failure is None:
+            return Variant("llvm_ad_rgb", library, "found"), ""
+        failures.append(f"{library} failed: {failure}")
+    return None, "; ".join(failures) or f"no shared library of LLVM {OLDEST_LLVM} or newer was found"
+
+
+def independent(situation: StabilityContext) -> Iterator[Finding]:
+    """(1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
+    paths = 1600 if situation.quick else PATHS
+    fast, missing = differentiating_variant()
+    yield from _against_tracking(SCALAR, paths)
+    if fast is None:
+        for subject in ("midpoint, llvm_ad_rgb", "midpoint, gridvolume"):
+            yield Outcome("R1", subject, "ours", "not_available", why=missing)
+    else:
+        yield from _against_tracking(fast, paths)
+        yield from _against_gridvolume(fast)
+    yield from _against_closed_forms()

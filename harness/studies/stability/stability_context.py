@@ -1,0 +1,66 @@
+"""What every case gets to work with, and whose formula a subject is."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from harness.execution.progress import Progress
+from harness.plan.profiles import Machine, Plan, planned
+from harness.records.charts import Series, Table
+from harness.records.stability_record import PICTURES_FOLDER, Outcome, Picture, Whose
+
+Finding = Outcome | Series | Table | Picture
+
+Measure = Callable[["StabilityContext"], Iterator[Finding]]
+
+METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
+
+PRINTED = ("listing2", "equation4")
+"""Amplifiers as the paper has them; others are ours, and must pass."""
+
+
+@dataclass(frozen=True)
+class StabilityContext:
+    """One run of the catalogue."""
+
+    methods: tuple[str, ...]
+    out: Path
+    view_sets: Path
+    scratch: Path
+    """A folder on a disk, gone after the run."""
+    workers: int
+    quick: bool
+    """Sizes at which no figure means anything, to try the catalogue itself."""
+    show: Progress
+    cases: tuple[str, ...] = ()
+    """What is tried in this run, so that cases which share a training ask for all of it at once."""
+
+    def picture_file(self, name: str) -> Path:
+        """Where a case writes the PNG that a `Picture` of path `stability/<name>` refers to."""
+        folder = self.out / PICTURES_FOLDER
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / name
+
+    def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
+        """`profile` with this run's methods, in float32, which is the same on every machine."""
+        plan = planned(profile, scenes=scenes, methods=list(self.methods), precision="float32")
+        if not self.quick:
+            return plan
+        views = replace(plan.views, resolution=16, train=6, val=0, test=2, spp_train=4, spp_test=4)
+        return replace(plan, budget=replace(plan.budget, steps=4), views=views)
+
+    def trained(self, plan: Plan, folder: Path) -> Path:
+        """`folder` with the records of that plan; cells that are there already are not trained again."""
+        from harness.execution.run import run
+
+        run(plan, folder, self.view_sets, Machine("cpu", self.workers, 1), "nox -s stability", self.show)
+        return folder
+
+
+def whose(method: str) -> Whose:
+    """A method with a part that is taken from the paper's listings as printed is the paper's."""
+    from baselines.catalog import CATALOG
+
+    parts = CATALOG[method].parts
+    printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
+    return "paper" if printed else "ours"

@@ -1,0 +1,1 @@
+"""Cases in which methods train on rendered scenes."""

@@ -1,0 +1,1 @@
+"""One method learns one scene; imports `run_folder`, `plan`, `machine`, `records` and what is below."""

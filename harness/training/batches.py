@@ -1,0 +1,212 @@
+"""Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
+
+The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or half of them by
+attention (Eq. 7 over the regions of all images at once), a map that is made of the images alone, so that every method
+of a comparison gets the same rays.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from baselines.contract import Rays
+from baselines.numerics.attention.maps import from_gradients
+from baselines.numerics.attention.priorities import shares
+from baselines.numerics.attention.regions import Regions
+from harness.plan.seeds import generator_for
+from harness.plan.settings import ATTENDED_SHARE, RayAttention
+from scenes.view_sets.image_stack import ImageStack
+from scenes.view_sets.pixels import over_white
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """Pinhole cameras of one split on a device."""
+
+    camera_to_world: Float[Tensor, "views 4 4"]
+    width: int
+    height: int
+    focal: float
+    """In pixels."""
+    near: float
+    far: float
+
+    @staticmethod
+    def of(camera_to_world: np.ndarray, width: int, height: int, focal: float, near: float, far: float) -> "Cameras":
+        return Cameras(torch.as_tensor(camera_to_world, dtype=torch.float32), width, height, focal, near, far)
+
+    def __len__(self) -> int:
+        return self.camera_to_world.shape[0]
+
+    def to(self, device: torch.device) -> "Cameras":
+        return Cameras(self.camera_to_world.to(device), self.width, self.height, self.focal, self.near, self.far)
+
+    def rays(self, view: Int[Tensor, " rays"], column: Int[Tensor, " rays"], row: Int[Tensor, " rays"]) -> Rays:
+        """Rays through pixel centres, `(column + 0.5, row + 0.5)`, unit directions."""
+        x = (column + 0.5 - 0.5 * self.width) / self.focal
+        y = -(row + 0.5 - 0.5 * self.height) / self.focal
+        in_camera = torch.stack([x, y, -torch.ones_like(x)], dim=-1)
+        matrix = self.camera_to_world[view]
+        in_world = torch.einsum("rij,rj->ri", matrix[:, :3, :3], in_camera)
+        directions = torch.nn.functional.normalize(in_world, dim=-1)
+        return Rays(matrix[:, :3, 3], directions, self.near, self.far)
+
+    def all_rays(self, view: int) -> Rays:
+        """Every pixel of one view, row by row."""
+        device = self.camera_to_world.device
+        index = torch.arange(self.width * self.height, device=device)
+        return self.rays(torch.full_like(index, view), index % self.width, index // self.width)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: what makes two views the
+    same is `harness.playback.keys`' to say.
+
+    Raises `ValueError` for a pose or a length that is not finite, an empty picture, or near and far out of order.
+    """
+
+    camera_to_world: np.ndarray
+    """float64 [4, 4], OpenGL axes."""
+    width: int
+    height: int
+    focal: float
+    """In pixels."""
+    near: float
+    far: float
+
+    def __post_init__(self) -> None:
+        pose = np.array(self.camera_to_world, dtype=np.float64)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise ValueError(f"a pose is a finite 4 × 4 matrix, not {pose.tolist()}")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"{self.width} × {self.height} pixels: a view has at least one")
+        if not (math.isfinite(self.focal) and self.focal > 0.0):
+            raise ValueError(f"focal length {self.focal}: must be a positive number of pixels")
+        if not (math.isfinite(self.far) and 0.0 <= self.near < self.far):
+            raise ValueError(f"near {self.near} and far {self.far}: must be distances, near the smaller one")
+        pose.setflags(write=False)
+        object.__setattr__(self, "camera_to_world", pose)
+
+    def resized(self, width: int) -> "Camera":
+        """The same view in pictures of another width; the shape is kept to the nearest pixel."""
+        scale = width / self.width
+        height = max(1, round(self.height * scale))
+        return Camera(self.camera_to_world, width, height, self.focal * scale, self.near, self.far)
+
+    def at(self, camera_to_world: np.ndarray) -> "Camera":
+        """The same lens elsewhere."""
+        return Camera(camera_to_world, self.width, self.height, self.focal, self.near, self.far)
+
+    def cameras(self, device: torch.device) -> Cameras:
+        """As a set of one."""
+        pose = self.camera_to_world[None].copy()  # torch warns of an array that it may not write to
+        return Cameras.of(pose, self.width, self.height, self.focal, self.near, self.far).to(device)
+
+    def rays(self, device: torch.device) -> Rays:
+        """Of all pixels, row by row."""
+        return self.cameras(device).all_rays(0)
+
+
+REGIONS_ACROSS = 25
+"""Regions along the width of a training image, at least as wide as a pixel: 4 pixels of 100, 32 of 800."""
+
+
+@dataclass(frozen=True)
+class AttendedPixels:
+    """A distribution over the pixels of all images."""
+
+    regions: Regions
+    until: np.ndarray
+    """float64 [images · regions]: chance of all regions up to and with this one; a region's is its pixels' share of the
+    attention (Eq. 7's priority over φ)."""
+
+    @staticmethod
+    def by_gradients(images: Iterable[np.ndarray]) -> "AttendedPixels":
+        """Of straight RGBA images [height, width, 4] over white, looked at one at a time."""
+        regions: Regions | None = None
+        attention = []
+        for rgba in images:
+            height, width = rgba.shape[:2]
+            regions = regions or Regions(height, width, max(1, width // REGIONS_ACROSS))
+            attention.append(from_gradients(regions, over_white(rgba)) * regions.rays)
+        if regions is None:
+            raise ValueError("no image to attend to")
+        return AttendedPixels(regions, _until(attention, regions))
+
+    def draw(self, count: int, generator: torch.Generator) -> Int[Tensor, " count"]:
+        """Pixels numbered through all images row by row, as `scenes.view_sets.image_stack.ImageStack.pixels` takes
+        them."""
+        lots = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
+        image, region = np.divmod(np.searchsorted(self.until, lots[0], side="right"), self.regions.count)
+        row, column = np.divmod(region, self.regions.columns)
+        top, left = row * self.regions.tile, column * self.regions.tile
+        rows = np.minimum(self.regions.tile, self.regions.height - top)
+        columns = np.minimum(self.regions.tile, self.regions.width - left)
+        row, column = top + (lots[1] * rows).astype(np.int64), left + (lots[2] * columns).astype(np.int64)
+        return torch.from_numpy((image * self.regions.height + row) * self.regions.width + column)
+
+
+def mixed(attended: AttendedPixels, pixels: int, count: int, seed: int | str, step: int) -> Int[Tensor, " count"]:
+    """The pixels of a batch, of `pixels` that there are: `ATTENDED_SHARE` by attention, then the others by chance."""
+    generator = generator_for(seed, step, "attended batch")
+    by_attention = attended.draw(int(count * ATTENDED_SHARE), generator)
+    return torch.cat([by_attention, torch.randint(pixels, (count - len(by_attention),), generator=generator)])
+
+
+def _until(attention: list[np.ndarray], regions: Regions) -> np.ndarray:
+    """Images of one colour alone are equal attention: each pixel has the same chance, not each region."""
+    everything = np.concatenate(attention)
+    chance = shares(everything if everything.max() > 0.0 else np.tile(regions.rays, len(attention)))
+    until = np.cumsum(chance)
+    return until / until[-1]
+
+
+Batch = tuple[Rays, Float[Tensor, "rays 3"]]
+
+
+class Batches:
+    """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
+
+    def __init__(self, cameras: Cameras, rgba: ImageStack, attention: RayAttention = "none") -> None:
+        """`rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` on any other shape.
+
+        `attention` `none`: all pixels alike. `gradients`: half of a batch by the gradients of the images
+        (`harness.training.batches`), which are looked at once, here.
+        """
+        expected = (len(cameras), cameras.height, cameras.width, 4)
+        if rgba.shape != expected:
+            raise ValueError(f"images {rgba.shape}, the cameras need {expected}")
+        self.cameras = cameras
+        self.rgba = rgba
+        self._attended = AttendedPixels.by_gradients(rgba) if attention == "gradients" else None
+        self._last: tuple[tuple[int | str, int, int], Batch] | None = None
+
+    def batch(self, seed: int | str, step: int, count: int) -> Batch:
+        """`count` rays and their colours over white; depends on nothing but its arguments. Not to be changed."""
+        wanted = (seed, step, count)
+        if self._last is None or self._last[0] != wanted:
+            # kept for the other methods, which are at the same step
+            self._last = (wanted, self._drawn(*wanted))
+        return self._last[1]
+
+    def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
+        index = self._chosen(seed, step, count)
+        colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy())))
+        device = self.cameras.camera_to_world.device
+        index = index.to(device)
+        width, pixels = self.cameras.width, self.cameras.width * self.cameras.height
+        rays = self.cameras.rays(index // pixels, index % width, index % pixels // width)
+        return rays, colours.to(device)
+
+    def _chosen(self, seed: int | str, step: int, count: int) -> Int[Tensor, " count"]:
+        """Numbered through all views row by row."""
+        pixels = math.prod(self.rgba.shape[:3])
+        if self._attended is None:
+            return torch.randint(pixels, (count,), generator=generator_for(seed, step, "batch"))
+        return mixed(self._attended, pixels, count, seed, step)

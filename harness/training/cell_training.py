@@ -1,0 +1,408 @@
+"""One cell in training: steps, scores at checkpoints, is kept on its way, and ends in a record."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from torch import nn
+
+from harness.machine.provenance import CHECKED, PROGRAM
+from harness.plan.plugins import origins
+from harness.plan.schedule import Budget, checkpoint_fractions
+from harness.plan.settings import ScoreSettings, TrainSettings
+from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cell_path, read_cell
+from harness.records.json_record import DamagedRecord
+from harness.records.pictures import RENDER, Render
+from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
+from harness.training import evaluate
+from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
+from harness.training.learner import Learner
+from harness.training.saved_renders import KeptRenders
+from harness.training.trainer import Diverged
+from scenes.files.errors import InputError
+from scenes.rendering.occupancy import read_occupancy
+from scenes.view_sets.view_set import Split, ViewSet
+
+CORNERS = 8
+"""Voxels between which a point is interpolated."""
+FORWARD_AND_BACKWARD = 3
+"""A training step in forward passes: a layer's way back is two products of the size of its way there, one for its
+weights and one for its inputs."""
+
+
+@runtime_checkable
+class Voxels(Protocol):
+    """What is interpolated at a point: one density, and of each of three colours so many coefficients."""
+
+    @property
+    def coefficients(self) -> int: ...
+
+
+def flops_per_evaluation(field: object) -> int | None:
+    """Operations of one evaluation of `field` at one point, density and colour, forward; None where it is neither a
+    network nor voxels.
+    """
+    if isinstance(field, nn.Module):
+        layers = [one for one in field.modules() if isinstance(one, nn.Linear)]
+        return 2 * sum(layer.in_features * layer.out_features for layer in layers) or None
+    if isinstance(field, Voxels):
+        colours = 3 * field.coefficients
+        return 2 * CORNERS * (1 + colours) + 2 * (colours if field.coefficients > 1 else 0)
+    return None
+
+
+def training_flops(network_evaluations: float, per_evaluation: float) -> float:
+    """Of so many evaluations in training. A little too much where an occupancy grid is refreshed, which goes forward
+    alone and asks for density alone.
+    """
+    return FORWARD_AND_BACKWARD * network_evaluations * per_evaluation
+
+
+SAME = 1e-6
+"""Relative: what is found from cameras may differ in its last bits between processors."""
+
+
+def view_set_facts(views: ViewSet) -> dict[str, Any]:
+    """As a cell's record holds them."""
+    return {
+        "name": views.path.resolve().name,
+        "digest": views.rendered.get("digest"),
+        "content": views.content,
+        "width": views.width,
+        "height": views.height,
+        "focal": views.focal,
+        "near": views.near,
+        "far": views.far,
+        "train": len(views.train.names),
+        "test": len(views.test.names),
+        "bounds": views.bounds.tolist(),
+    }
+
+
+def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet) -> int:
+    """How many cells of `keys` (scene, method, seed) are finished, all of them on `views`; what an earlier version did
+    not record counts as the same. Raises `InputError` where one was trained on others, and `DamagedRecord`."""
+    now = view_set_facts(views)
+    finished = 0
+    for key in keys:
+        path = cell_path(out, *key)
+        if not path.exists():
+            continue
+        finished += 1
+        before = read_cell(path).settings.get("view_set") or {}
+        # a folder may be moved: it is what is in it that counts
+        known = [name for name in now if name != "name" and None not in (before.get(name), now[name])]
+        if changed := [name for name in known if not _same(before[name], now[name])]:
+            what = "; ".join(f"{name} was {_short(before[name])}, is {_short(now[name])}" for name in changed)
+            raise InputError(
+                f"--resume: {views.path}: not the view set that {path.stem} was trained on ({what}); put that one "
+                "back, or name a fresh --out"
+            )
+    return finished
+
+
+def _same(before: Any, now: Any) -> bool:
+    if isinstance(before, list) and isinstance(now, list):
+        return len(before) == len(now) and all(map(_same, before, now))
+    if isinstance(before, int | float) and isinstance(now, int | float):
+        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
+    return bool(before == now)
+
+
+def _short(value: Any) -> Any:
+    return f"{value[:12]}…" if isinstance(value, str) and len(value) > 12 else value
+
+
+COLLAPSED_OPACITY = 0.02
+"""Mean test opacity below which a method has learnt nothing but the background."""
+BILLBOARD_GAP_DB = 6.0
+"""Training views this much above test views, and these worse than a copy of the nearest training view: the images are
+painted in front of the cameras, not in the scene."""
+FLAGGED_GAP_DB = 3.0
+"""Training views this much above test views: the views are fitted better than what is between them."""
+REFERENCE_LIMITED_DB = 1.0
+"""Nearer to the ceiling than this, a score says more about the noise of the ground truth than about the method."""
+
+
+@dataclass(frozen=True)
+class GroupSettings:
+    """What a group of cells is trained with; the same for every method."""
+
+    methods: tuple[str, ...]
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+
+
+@dataclass
+class _LastViews:
+    """What the record takes from the last rendering of the test views, which are in memory one at a time."""
+
+    test: Split
+    rows: list[ViewScore] = field(default_factory=list)
+    opacities: list[np.floating[Any]] = field(default_factory=list)
+    """Mean of each view."""
+
+    def passing(self, images: Iterable[evaluate.View]) -> Iterator[evaluate.View]:
+        """The views themselves, each noted on its way."""
+        for index, image in enumerate(images):
+            self.rows.append(evaluate.view_scores(image, self.test, index))
+            self.opacities.append(image.opacity.mean())
+            yield image
+
+
+class IncompatibleSnapshot(Exception):
+    """What was kept of a cell is not what this one needs, though it was written for it; says so in words."""
+
+
+class CellTraining:
+    """One method of a group, from its first step to its record."""
+
+    def __init__(
+        self,
+        trainer: Learner,
+        views: ViewSet,
+        scene: str,
+        seed: int,
+        settings: GroupSettings,
+        out: Path,
+        provenance: dict[str, Any],
+        floor: float | None,
+    ) -> None:
+        self.trainer = trainer
+        self.views = views
+        self.scene = scene
+        self.seed = seed
+        self.settings = settings
+        self.out = out
+        self.provenance = provenance
+        self.floor = floor
+        self.test = evaluate.cameras_of(views, views.test, trainer.device)
+        self.due = checkpoint_fractions(settings.score.checkpoints, settings.score.earliest)
+        self.curve: list[Checkpoint] = []
+        self.kept = KeptRenders.of(views.test, settings.score.stored_views, seed, settings.score.checkpoints)
+        self.occupied = read_occupancy(views)
+        self.ended = False
+        self.resumed_at: list[int] = []
+        """The steps at which it went on in another process than before."""
+        self.can_be_kept = True
+
+    @property
+    def progress(self) -> float:
+        return 1.0 if self.ended else self.trainer.progress
+
+    def warm_up(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """What comes before the clock; the record when the cell ends with it."""
+        try:
+            self.trainer.warm_up(rays, truth)
+        except Diverged as stop:
+            return self._stopped("diverged", str(stop))
+        except Exception as error:
+            return self._stopped("error", f"{type(error).__name__} before the first step: {error}")
+        return None
+
+    @property
+    def file(self) -> Path:
+        """Where it is kept until it has ended."""
+        return unfinished_path(self.out, self.scene, self.trainer.method, self.seed)
+
+    @property
+    def name(self) -> str:
+        return f"{self.scene}, {self.trainer.method}, seed {self.seed}"
+
+    def keep(self) -> str | None:
+        """Write all of it as it stands; in words why that cannot be done, at the first time. Raises `OSError`, naming
+        the file.
+        """
+        if not self.can_be_kept:
+            return None
+        try:
+            self._keep()
+        except OSError:
+            raise
+        except Exception as error:
+            # a method of somebody else's, with what no file of ours holds: no reason to end its training
+            self.can_be_kept = False
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            return f"{self.name}: cannot be kept in the middle of its training ({said})"
+        return None
+
+    def _keep(self) -> None:
+        training = training_state(self.trainer)
+        renders = {
+            f"render.{place}.{name}": getattr(render, name)
+            for place, render in enumerate(self.kept.renders)
+            for name in RENDER
+        }
+        listing = {
+            "made_with": self._made_with(),
+            "resumed_at": self.resumed_at,
+            "due": len(self.due),
+            "curve": [asdict(point) for point in self.curve],
+            "renders": [[render.view, render.step] for render in self.kept.renders],
+        }
+        write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
+
+    def go_on(self) -> str | None:
+        """From where it was kept, if it was, by the same code on the same kind of processor; what a reader should know
+        of it, in words. Raises `IncompatibleSnapshot` where what was kept does not fit, seen too late for this one to
+        begin at all.
+        """
+        if not self.file.exists():
+            return None
+        try:
+            kept = read_unfinished(self.file)
+            before, now = dict(kept.listing["made_with"]), self._made_with()
+        except (DamagedRecord, KeyError, TypeError, ValueError):
+            return f"{self.name}: trained from the start, as what was kept of it is damaged"
+        if unlike := [key for key, value in now.items() if before.get(key) != value]:
+            return f"{self.name}: trained from the start, as {unlike[0]} changed since it was kept"
+        try:
+            self._restore(kept)
+        except Exception as error:
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            raise IncompatibleSnapshot(
+                f"{self.name}: trained from the start, as what was kept of it does not fit ({said})"
+            ) from error
+        return f"{self.name}: goes on at step {self.trainer.step}"
+
+    def _restore(self, kept: Unfinished) -> None:
+        restore_training(self.trainer, kept)
+        listing, arrays = kept.listing, kept.under("render")
+        if not 0 < listing["due"] <= len(self.due):
+            raise ValueError(f"{listing['due']} checkpoints to come of {len(self.due)}")
+        self.due = self.due[len(self.due) - listing["due"] :]
+        self.curve = [Checkpoint(**point) for point in listing["curve"]]
+        self.kept.renders = [
+            Render(view, step, **{part: arrays[f"{place}.{part}"] for part in RENDER})
+            for place, (view, step) in enumerate(listing["renders"])
+        ]
+        self.resumed_at = [*listing["resumed_at"], self.trainer.step]
+
+    def _made_with(self) -> dict[str, Any]:
+        """All that its next steps depend on but what training changed; as it comes back from JSON."""
+        place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
+        packages = self.provenance.get("packages", {})
+        found = {
+            "Python": self.provenance.get("python"),
+            PROGRAM: self.provenance.get("sources"),
+            **{name: packages.get(name) for name in CHECKED},
+            **{key: self.provenance.get(key) for key in place},
+            "package": origins([self.trainer.method]),
+            "settings": {key: value for key, value in asdict(self.settings).items() if key != "methods"},
+            "view set": {key: value for key, value in view_set_facts(self.views).items() if key != "name"},
+        }
+        return dict(json.loads(json.dumps(found)))
+
+    def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+        """One step and whatever is due after it; the record when the cell has ended."""
+        try:
+            self.trainer.train_on(rays, truth)
+            if self.trainer.progress < self.due[0]:
+                return None
+            while self.due and self.trainer.progress >= self.due[0]:
+                self.due.pop(0)
+            rendered = evaluate.render_split(self.trainer, self.test, self.settings.score.chunk)
+            images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
+            if self.due:
+                self.curve.append(self._checkpoint(images))
+                return None
+            last = _LastViews(self.views.test)
+            self.curve.append(self._checkpoint(last.passing(images)))
+            return self._finished(last)
+        except Diverged as stop:
+            return self._stopped("diverged", str(stop))
+        except OSError:
+            raise
+        except Exception as error:
+            # an error of ours costs its own cell, not those that train beside it
+            return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
+
+    def _stopped(self, status: Status, reason: str) -> CellRecord:
+        self.ended = True
+        return self._record(status, reason, {}, [], {})
+
+    def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
+        trainer = self.trainer
+        scores = evaluate.scores_along(images, self.views.test)
+        return Checkpoint(
+            step=trainer.step,
+            seconds=trainer.clock.seconds,
+            network_evaluations=trainer.network_evaluations,
+            density=evaluate.density_histogram(trainer, self.occupied),
+            **scores,
+            **trainer.amplifier_scalars(),
+        )
+
+    def _finished(self, last: _LastViews) -> CellRecord:
+        trainer, score = self.trainer, self.settings.score
+        scores = evaluate.mean_scores(last.rows)
+        scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
+        scores["psnr_floor"] = self.floor
+        save_checkpoint(trainer, checkpoint_path(self.out, self.scene, trainer.method, self.seed))
+        properties = evaluate.measured_properties(trainer, self.test)
+        properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
+        self.ended = True
+        return self._record("done", None, scores, last.rows, properties, float(np.mean(last.opacities)))
+
+    def _record(
+        self,
+        status: Status,
+        reason: str | None,
+        scores: dict[str, float | None],
+        rows: list[ViewScore],
+        properties: dict[str, float | str | None],
+        mean_opacity: float | None = None,
+    ) -> CellRecord:
+        trainer = self.trainer
+        settings = asdict(self.settings)
+        methods = settings.pop("methods")
+        return CellRecord(
+            scene=self.scene,
+            method=trainer.method,
+            seed=self.seed,
+            status=status,
+            reason=reason,
+            steps=trainer.step,
+            train_seconds=trainer.clock.seconds,
+            scores=scores,
+            curve=self.curve,
+            views=rows,
+            trace=trainer.trace,
+            parameters=trainer.field.parameter_counts(),
+            properties={
+                **properties,
+                "flops_per_evaluation": flops_per_evaluation(trainer.field),
+                "rays_per_step": self.settings.train.rays,
+            },
+            warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
+            pictures=self.kept.write(self.out, self.scene, trainer.method, self.seed),
+            settings={**settings, "view_set": view_set_facts(self.views)},
+            # those that trained beside it change no bit of it: after an interruption they may be others
+            provenance={**self.provenance, "in_lockstep": list(methods)}
+            | ({"resumed_at": self.resumed_at} if self.resumed_at else {}),
+        )
+
+
+def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
+    """States that a reader of the scores must know, in words."""
+    found = []
+    psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
+    if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
+        found.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
+    if grid_emptied:
+        found.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
+    if psnr is not None and floor is not None and psnr < floor:
+        found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
+    if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:
+        painted = train - psnr > BILLBOARD_GAP_DB and (floor is None or psnr < floor)
+        name = "billboard" if painted else "gap"
+        found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
+    if psnr is not None and ceiling is not None and psnr > ceiling - REFERENCE_LIMITED_DB:
+        found.append(f"reference-limited: {psnr:.2f} dB, an image without noise would have {ceiling:.2f} dB")
+    return found

@@ -1,0 +1,143 @@
+"""What training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors.
+
+A cell in the middle of its training is a file as well (`harness.records.snapshot`). What is drawn at random depends on
+a cell's seed and step alone (`harness.plan.seeds`), so weights, optimiser, occupancy grid, counters and what was scored
+so far are all that there is to keep. On a CPU, a cell that is resumed from its file ends in the bits of one that was
+never interrupted; its clock goes on as well, from where it stood.
+"""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
+
+from harness.records.cells import checkpoint_name
+from harness.records.json_record import write_whole
+from harness.records.snapshot import Unfinished
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    from harness.training.learner import Learner
+
+OCCUPIED = "occupied"
+"""The mask of the occupancy grid, beside the weights: which points are evaluated is part of a picture."""
+
+
+def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
+    return out / checkpoint_name(scene, method, seed)
+
+
+def tensors_of(learner: "Learner") -> dict[str, Tensor]:
+    """Everything that training changed and a picture depends on, by name."""
+    tensors = {name: value.contiguous() for name, value in learner.fields.state_dict().items()}
+    if learner.grid is not None:
+        tensors[OCCUPIED] = learner.grid.occupied
+    return tensors
+
+
+def save_checkpoint(learner: "Learner", path: Path) -> None:
+    """Whole or not at all; raises `OSError`, naming the file, where it cannot be written."""
+    # not by safetensors itself, whose own error would hide a full disk
+    write_whole(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
+
+
+def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:
+    """Makes a learner what it was after `step` steps. Raises `InputError` for a file that is missing, damaged, of
+    another network, or of another SHA-256 than `digest`; nothing is unpickled.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: this checkpoint is missing; train the cell again, or choose another one")
+    try:
+        content = path.read_bytes()
+        if digest is not None and hashlib.sha256(content).hexdigest() != digest:
+            raise ValueError("changed since it was written; --resume trains the cell again")
+        tensors = {name: value.to(learner.device) for name, value in load(content).items()}
+        if spoilt := [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]:
+            raise ValueError(f"{' '.join(spoilt)}: not finite")
+        learner.restore(tensors, step)
+    except (SafetensorError, RuntimeError, KeyError, ValueError, OSError) as error:
+        said = " ".join(str(error).split())[:300]
+        raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({said})") from error
+
+
+@torch.no_grad()
+def weights_digest(learner: "Learner") -> str:
+    """64 hexadecimal digits: equal where every tensor has the same name, type, shape and bits."""
+    found = hashlib.blake2b(digest_size=32)
+    for name, value in sorted(tensors_of(learner).items()):
+        found.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
+        found.update(value.detach().cpu().reshape(-1).view(torch.uint8).numpy().data)
+    return found.hexdigest()
+
+
+LARGEST_SHARE = 0.02
+"""Of its time that a group spends on keeping: what takes long is kept less often."""
+
+
+class Keeping:
+    """When a group's cells are kept: every so many seconds, and seldom enough to cost little; with 0 always."""
+
+    def __init__(self, every: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._every = every
+        self._clock = clock
+        self._due = clock() + every
+
+    @property
+    def is_due(self) -> bool:
+        return self._clock() >= self._due
+
+    @contextmanager
+    def done(self) -> Iterator[None]:
+        """Around the writing."""
+        began = self._clock()
+        yield
+        ended = self._clock()
+        self._due = ended + (max(self._every, (ended - began) / LARGEST_SHARE) if self._every else 0.0)
+
+
+def training_state(learner: "Learner") -> Unfinished:
+    """All that training has changed in a learner."""
+
+    tensors = {f"trained.{name}": one for name, one in tensors_of(learner).items()}
+    tensors |= {f"optimiser.{name}": one for name, one in learner.optimiser_tensors().items()}
+    listing: dict[str, Any] = {
+        "step": learner.step,
+        "seconds": learner.clock.seconds,
+        "network_evaluations": learner.network_evaluations,
+        "usual_norm": learner.clipping.usual_norm,
+        "clipped_steps": learner.clipping.clipped_steps,
+        "trace": learner.trace,
+    }
+    if learner.grid is not None:
+        tensors["grid.density"] = learner.grid.density
+        listing["grid_emptied"] = learner.grid.emptied
+    return Unfinished(listing, {name: np.array(one.detach().cpu().numpy()) for name, one in tensors.items()})
+
+
+def restore_training(learner: "Learner", kept: Unfinished) -> None:
+    """Makes a fresh learner of the same settings what it was. Where it was another one, raises anything, and leaves the
+    learner good for nothing."""
+    import torch
+
+    def tensors(prefix: str) -> dict[str, torch.Tensor]:
+        return {name: torch.tensor(one, device=learner.device) for name, one in kept.under(prefix).items()}
+
+    listing = kept.listing
+    learner.restore(tensors("trained"), listing["step"])
+    learner.restore_optimiser(tensors("optimiser"))
+    if learner.grid is not None:
+        learner.grid.density = tensors("grid")["density"]
+        learner.grid.emptied = listing["grid_emptied"]
+    learner.clock.seconds = listing["seconds"]
+    learner.network_evaluations = listing["network_evaluations"]
+    learner.clipping.usual_norm = listing["usual_norm"]
+    learner.clipping.clipped_steps = listing["clipped_steps"]
+    learner.trace = {name: list(series) for name, series in listing["trace"].items()}

@@ -1,0 +1,135 @@
+"""What the harness asks of a method in training, whatever it is made of, and how much of a gradient it is given."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.contract import Box, Rays, Rendering
+from baselines.occupancy import OccupancyGrid
+from harness.machine.stopwatch import Stopwatch
+
+NORMS_REMEMBERED = 20
+SPIKE = 10.0
+"""A norm counts in the running mean as at most this many times what was allowed. One spike of any height makes the mean
+(10 · 4 − 1) / 20 + 1 = 2.95 times as large at most; norms that last or come again raise it in a few steps, which norms
+counted only as they are clipped would not: one in ten batches would be cut to 6 times the others' norm for good."""
+
+
+class Clipping:
+    """To a fixed norm and to a multiple of the usual one: what a fixed bound passes may be a hundred times as much."""
+
+    def __init__(self, norm: float, ratio: float) -> None:
+        self.norm = norm
+        self.ratio = ratio
+        self.usual_norm: float | None = None
+        """Running mean of the norm, spikes cut; None before the first that is not zero."""
+        self.clipped_steps = 0
+
+    @property
+    def allowed(self) -> float:
+        """The largest norm that the next gradient may have."""
+        return self.norm if self.usual_norm is None else min(self.norm, self.ratio * self.usual_norm)
+
+    def scale(self, norm: float) -> float:
+        """What a gradient of that finite norm is multiplied by, in (0, 1]; remembers the norm for those after it."""
+        allowed = self.allowed
+        if norm > 0.0:
+            counted, usual = min(norm, SPIKE * allowed), self.usual_norm
+            self.usual_norm = counted if usual is None else usual + (counted - usual) / NORMS_REMEMBERED
+        if norm <= allowed:
+            return 1.0
+        self.clipped_steps += 1
+        return allowed / norm
+
+
+@runtime_checkable
+class LearnedField(Protocol):
+    """The density that scoring looks at, and what it is made of."""
+
+    @property
+    def density_limit(self) -> float:
+        """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""
+        ...
+
+    @property
+    def pointwise(self) -> bool:
+        """Whether a point's density does not depend on the other points of the call."""
+        ...
+
+    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
+
+    def density_before_and_after(
+        self, x: Float[Tensor, "points 3"]
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+        """The density entering the amplifier and the density that is rendered; equal without an amplifier."""
+        ...
+
+    def parameter_counts(self) -> dict[str, int]:
+        """Numbers that are learnt, by component, and their `total`."""
+        ...
+
+
+@runtime_checkable
+class Stored(Protocol):
+    """What a checkpoint keeps."""
+
+    def state_dict(self) -> dict[str, Any]: ...
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """One method on one scene with one seed, trained a batch at a time; `harness.training.trainer.Trainer` is the usual
+    one.
+
+    `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` rather than go on with a number that is
+    not finite.
+    """
+
+    method: str
+    box: Box
+    device: torch.device
+    clock: Stopwatch
+    clipping: Clipping
+    step: int
+    network_evaluations: int
+    """Points at which the method was evaluated for training so far."""
+    trace: dict[str, list[float | None]]
+    grid: OccupancyGrid | None
+    """What leaves empty space out, where the method has one that the harness keeps."""
+
+    @property
+    def field(self) -> LearnedField: ...
+
+    @property
+    def fields(self) -> Stored: ...
+
+    @property
+    def progress(self) -> float: ...
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """`chunk` rays a call; `bins` a ray instead of those of the settings."""
+        ...
+
+    def rendered_by(self) -> dict[str, Any]:
+        """All that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
+        ...
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        """What `harness.training.checkpoints.tensors_of` gave after `step` steps, put back."""
+        ...
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        """What the optimiser remembers of the steps so far; names without an order."""
+        ...
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        """What `optimiser_tensors` gave, put back after `restore`."""
+        ...
+
+    def amplifier_scalars(self) -> dict[str, float | None]: ...

@@ -1,0 +1,155 @@
+"""All methods of one scene and one seed, trained in turn on the same batches, each on its own clock; or one alone."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from baselines.contract import Box
+from harness.plan.defaults import KEPT_EVERY
+from harness.plan.needed import for_scene
+from harness.plan.schedule import Budget
+from harness.plan.settings import TrainSettings
+from harness.records.cells import CellRecord, unscored
+from harness.training import evaluate
+from harness.training.batches import Batches
+from harness.training.cell_training import CellTraining, GroupSettings, IncompatibleSnapshot
+from harness.training.checkpoints import Keeping
+from harness.training.learner import Learner
+from harness.training.make_learner import NotAvailable, learner_for
+from harness.training.saved_renders import keep_truth
+from scenes.files.errors import InputError
+from scenes.view_sets.view_set import Split, ViewSet
+
+
+def train_group(
+    views: ViewSet,
+    scene: str,
+    seed: int,
+    settings: GroupSettings,
+    device: torch.device,
+    out: Path,
+    provenance: dict[str, Any],
+    on_progress: Callable[[float], None],
+    made_by: Callable[..., Learner] | None = None,
+    keep_every: float = KEPT_EVERY,
+    on_notice: Callable[[str], None] = lambda text: None,
+) -> Iterator[CellRecord]:
+    """Yields the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
+
+    `on_progress` gets the share of the group's training that is done; `made_by` stands for `learner_for`. Every
+    `keep_every` seconds all cells are kept in `out` as they stand, and one that was kept there goes on from that, which
+    `on_notice` is told.
+    """
+    box = box_of(views, device)
+    train_cameras = evaluate.cameras_of(views, views.train, device)
+    batches = Batches(train_cameras, views.train.rgba, settings.train.ray_attention)
+    stream = stream_of(scene, seed)
+    floor = evaluate.floor_psnr(views)
+    keep_truth(out, scene, views, settings.score.stored_views)
+    runners = []
+
+    def fresh(method: str) -> CellTraining:
+        learner = (made_by or learner_for)(
+            method, box, settings.train, settings.budget, stream, device, needs_view_direction(views)
+        )
+        return CellTraining(learner, views, scene, seed, settings, out, provenance, floor)
+
+    for method in settings.methods:
+        try:
+            runner = fresh(method)
+        except NotAvailable as missing:
+            yield unscored(scene, method, seed, "not_available", str(missing))
+            continue
+        except InputError:
+            raise
+        except Exception as error:
+            yield unscored(scene, method, seed, "error", f"{type(error).__name__} before the first step: {error}")
+            continue
+        first = batches.batch(stream, 0, settings.train.rays)
+        failed = runner.warm_up(*first)
+        if failed is not None:
+            del runner  # its memory is the next one's
+            yield failed
+            continue
+        try:
+            notice = runner.go_on()
+        except IncompatibleSnapshot as unfit:
+            notice, runner = str(unfit), fresh(method)
+            runner.warm_up(*first)
+        if notice:
+            on_notice(notice)
+        runners.append(runner)
+    active = list(runners)
+    keeping = Keeping(keep_every)
+    turn = 0
+    while active:
+        # who goes first changes, so that nobody always finds the caches that another has filled
+        order = active[turn % len(active) :] + active[: turn % len(active)]
+        for runner in order:
+            rays, truth = batches.batch(stream, runner.trainer.step, settings.train.rays)
+            record = runner.advance(rays, truth)
+            if record is not None:
+                active.remove(runner)
+                yield record
+            if keeping.is_due:
+                with keeping.done():
+                    for notice in filter(None, [one.keep() for one in active]):
+                        on_notice(notice)
+        turn += 1
+        on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+def box_of(views: ViewSet, device: torch.device) -> Box:
+    """The box that everything seen lies in."""
+    return Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+
+
+def stream_of(scene: str, seed: int) -> str:
+    """What seeds the random numbers of a cell. With the scene in it, scenes are independent draws, as the statistics
+    take them to be; without the method in it, methods are paired.
+    """
+    return f"{scene}/{seed}"
+
+
+def needs_view_direction(views: ViewSet) -> bool:
+    """False where the scene's own description says that it looks the same from all sides."""
+    return needs_view_direction_of([row["what"] for row in views.rendered.get("left_out", [])])
+
+
+def needs_view_direction_of(left_out: list[str]) -> bool:
+    """By what a scene does not need, in words."""
+    return "view-direction branch" not in left_out
+
+
+def trained_alone(
+    method: str,
+    views: ViewSet,
+    stream: str,
+    settings: TrainSettings,
+    budget: Budget,
+    device: torch.device,
+    on_step: Callable[[Learner], None] | None = None,
+) -> Learner:
+    """Trained to the end of its budget on the batches of `stream`; `on_step` is called after each step, off the clock.
+
+    What the scene does not need is left out. Raises `Diverged`, and `NotAvailable` for a method that cannot run here.
+    """
+    settings = for_scene(settings, views)
+    cameras = evaluate.cameras_of(views, views.train, device)
+    batches = Batches(cameras, views.train.rgba, settings.ray_attention)
+    box, directed = box_of(views, device), needs_view_direction(views)
+    trainer = learner_for(method, box, settings, budget, stream, device, directed)
+    trainer.warm_up(*batches.batch(stream, 0, settings.rays))
+    while trainer.progress < 1.0:
+        trainer.train_on(*batches.batch(stream, trainer.step, settings.rays))
+        if on_step is not None:
+            on_step(trainer)
+    return trainer
+
+
+def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
+    """Mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
+    cameras = evaluate.cameras_of(views, split, trainer.device)
+    return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]

@@ -1,0 +1,109 @@
+"""Image and geometry scores, pure functions on arrays. Images are display colour over white, float [h, w, 3].
+
+Every score refuses values that are not finite: a NaN pixel is never a number (FLIP would give 0.97 for it).
+"""
+
+import numpy as np
+from scipy.ndimage import correlate1d
+
+from scenes.view_sets.pixels import decode_srgb
+
+SSIM_WINDOW = 11
+SSIM_SIGMA = 1.5
+
+
+def mse(image: np.ndarray, truth: np.ndarray) -> float:
+    """Mean squared difference; raises `ValueError` where a value is not finite or the shapes differ."""
+    _require_finite(image, truth)
+    return float(np.mean((image.astype(np.float64) - truth.astype(np.float64)) ** 2))
+
+
+def psnr_from_mse(error: float) -> float:
+    """−10 log10(mse) for a peak of 1; infinite for identical images."""
+    return float("inf") if error == 0.0 else float(-10.0 * np.log10(error))
+
+
+def psnr(image: np.ndarray, truth: np.ndarray) -> float:
+    """Peak signal-to-noise ratio of one image in dB (float, display colour)."""
+    return psnr_from_mse(mse(image, truth))
+
+
+def rmse_linear(image: np.ndarray, truth: np.ndarray) -> float:
+    """Root mean squared difference in linear light."""
+    _require_finite(image, truth)
+    return float(np.sqrt(mse(decode_srgb(image), decode_srgb(truth))))
+
+
+def ssim(image: np.ndarray, truth: np.ndarray) -> float:
+    """Structural similarity as the field computes it (Wang et al. 2004): 11 × 11 Gaussian window of σ = 1.5, valid
+    windows only, averaged over channels; an image smaller than the window gets the whole image as one window.
+    """
+    _require_finite(image, truth)
+    x, y = image.astype(np.float64), truth.astype(np.float64)
+    window = min(SSIM_WINDOW, *x.shape[:2])
+    offsets = np.arange(window) - (window - 1) / 2
+    kernel = np.exp(-0.5 * (offsets / SSIM_SIGMA) ** 2)
+    kernel /= kernel.sum()
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        half, rows, columns = window // 2, x.shape[0] - window + 1, x.shape[1] - window + 1
+        return np.asarray(
+            correlate1d(correlate1d(values, kernel, axis=0), kernel, axis=1)[half : half + rows, half : half + columns]
+        )
+
+    mean_x, mean_y = blurred(x), blurred(y)
+    variance_x = np.maximum(blurred(x * x) - mean_x**2, 0.0)
+    variance_y = np.maximum(blurred(y * y) - mean_y**2, 0.0)
+    covariance = blurred(x * y) - mean_x * mean_y
+    c1, c2 = 0.01**2, 0.03**2
+    luminance = (2 * mean_x * mean_y + c1) / (mean_x**2 + mean_y**2 + c1)
+    structure = (2 * covariance + c2) / (variance_x + variance_y + c2)
+    return float(np.mean(luminance * structure))
+
+
+def flip(image: np.ndarray, truth: np.ndarray) -> float:
+    """Mean FLIP error (Andersson et al. 2020), 0 to 1, at the default 67 pixels per degree."""
+    _require_finite(image, truth)
+    import flip_evaluator
+
+    reference, test = (np.clip(one, 0.0, 1.0).astype(np.float32) for one in (truth, image))
+    _, mean, _ = flip_evaluator.evaluate(
+        reference, test, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True
+    )
+    return float(mean)
+
+
+def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
+    """Mean CIEDE2000 colour difference (D65), by colour-science."""
+    _require_finite(image, truth)
+    import colour
+
+    first, second = (
+        colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(np.clip(one, 0.0, 1.0)), "sRGB")) for one in (image, truth)
+    )
+    return float(np.mean(colour.delta_E(first, second, method="CIE 2000")))
+
+
+def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> float | None:
+    """Root mean squared depth error in scene units over the truly opaque pixels; None where there are none."""
+    if not opaque.any():
+        return None
+    _require_finite(depth, truth[opaque])
+    return float(np.sqrt(np.mean((depth[opaque] - truth[opaque]) ** 2)))
+
+
+def opacity_iou(opacity: np.ndarray, truth: np.ndarray) -> float | None:
+    """Intersection over union of the silhouettes (opacity above one half); None where both are empty."""
+    _require_finite(opacity, truth)
+    ours, theirs = opacity > 0.5, truth > 0.5
+    union = np.count_nonzero(ours | theirs)
+    return float(np.count_nonzero(ours & theirs) / union) if union else None
+
+
+def _require_finite(*arrays: np.ndarray) -> None:
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1 and all(array.ndim >= 2 for array in arrays):
+        raise ValueError(f"shapes differ: {sorted(map(str, shapes))}")
+    for array in arrays:
+        if not np.isfinite(array).all():
+            raise ValueError(f"{np.count_nonzero(~np.isfinite(array))} values are not finite: no score exists")

@@ -1,0 +1,127 @@
+"""The few test views that a run keeps as pictures: which, their truth, and what a cell renders of them."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from harness.records.cells import records_folder
+from harness.records.json_record import DamagedRecord
+from harness.records.pictures import (
+    EVERY_CHECKPOINT_SEED,
+    HEADER_BYTES,
+    LARGEST_BYTES,
+    RENDER,
+    TRUTH,
+    Render,
+    Truth,
+    cell_pictures,
+    half,
+    read_truth,
+    truth_pictures,
+    write_renders,
+    write_truth,
+)
+from harness.training.evaluate import View
+from scenes.files.errors import InputError
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
+
+ROOM = LARGEST_BYTES - HEADER_BYTES
+TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
+RENDER_BYTES = 2 * sum(channels or 1 for channels in RENDER.values())
+"""A pixel."""
+SAME_COLOUR = 0.01
+"""Display colours nearer than this may be of one view: one that was rendered twice, or read by another version."""
+
+
+def kept_views(test: Split, count: int) -> list[int]:
+    """Indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer, if at all, where
+    the file of their truth would be too large."""
+    count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
+    spread = np.linspace(0, len(test.names) - 1, count + 2).round().astype(int)[1:-1].tolist()
+    return list(dict.fromkeys(spread))
+
+
+def _pixels(test: Split) -> int:
+    return math.prod(test.rgba.image_shape[:2])
+
+
+def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
+    """Writes the truth of the kept views, the same bytes whoever does it first; one that is there is kept. Raises
+    `OSError`, and `InputError` where that is of other views, and for a view set that was damaged meanwhile."""
+    test = views.test
+    found = []
+    for index in kept_views(test, count):
+        rgba, light = test.rgba[index], linear_over_white(views, test.names[index])
+        found.append(
+            Truth(
+                test.names[index],
+                half(over_white(rgba)),
+                half(rgba[..., 3]),
+                None if light is None else half(light),
+                None if test.depth is None else half(test.depth[index]),
+            )
+        )
+    path = records_folder(out) / truth_pictures(scene)
+    kept = _kept_truth(path)
+    if kept is None and found:
+        write_truth(path, found)
+    elif kept is not None and not _same_truth(kept, found):
+        raise InputError(f"{views.path}: not the views that {path} is of; put those back, or name a fresh --out")
+
+
+def drop_truth(out: Path, scene: str) -> None:
+    """Of views that nothing was trained on."""
+    (records_folder(out) / truth_pictures(scene)).unlink(missing_ok=True)
+
+
+def _kept_truth(path: Path) -> list[Truth] | None:
+    """None where there is none or it is damaged."""
+    try:
+        return read_truth(path)
+    except DamagedRecord:
+        return None
+
+
+def _same_truth(kept: list[Truth], found: list[Truth]) -> bool:
+    """As far as a processor or a version may change the last bits."""
+    return [(one.view, one.display.shape) for one in kept] == [(one.view, one.display.shape) for one in found] and all(
+        np.abs(one.display.astype(np.float32) - other.display).max() < SAME_COLOUR
+        for one, other in zip(kept, found, strict=True)
+    )
+
+
+@dataclass
+class KeptRenders:
+    """What one cell keeps of the views that pass on their way to being scored."""
+
+    chosen: list[int]
+    names: tuple[str, ...]
+    every: bool
+    """Of every checkpoint, or of the last one alone."""
+    renders: list[Render] = field(default_factory=list)
+
+    @staticmethod
+    def of(test: Split, count: int, seed: int, checkpoints: int) -> "KeptRenders":
+        chosen = kept_views(test, count)
+        fits = checkpoints * len(chosen) * _pixels(test) * RENDER_BYTES <= ROOM
+        return KeptRenders(chosen, test.names, fits and seed == EVERY_CHECKPOINT_SEED)
+
+    def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
+        """The views themselves, one at a time, some of them noted on their way."""
+        for index, image in enumerate(images):
+            if (last or self.every) and index in self.chosen:
+                parts = (half(image.colour), half(image.opacity), half(image.depth))
+                self.renders.append(Render(self.names[index], step, *parts))
+            yield image
+
+    def write(self, out: Path, scene: str, method: str, seed: int) -> str | None:
+        """Path relative to the records; None where nothing was kept. Raises `OSError`."""
+        if not self.renders:
+            return None
+        path = cell_pictures(scene, method, seed)
+        write_renders(records_folder(out) / path, self.renders)
+        return path

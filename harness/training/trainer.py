@@ -1,0 +1,317 @@
+"""One method in training: its field, optimiser, occupancy grid and clock. Prints and writes nothing."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+from functools import cached_property
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering
+from baselines.field import field_of, training_step
+from baselines.numerics.checks import BadDensity
+from baselines.occupancy import OccupancyGrid
+from baselines.rendering import Sampling, render_rays
+from harness.machine.stopwatch import Stopwatch
+from harness.plan.plugins import method_named, origins
+from harness.plan.schedule import Budget, learning_rate
+from harness.plan.seeds import generator_for
+from harness.plan.settings import TrainSettings
+from harness.training.checkpoints import OCCUPIED
+from harness.training.learner import Clipping
+
+
+class Diverged(ArithmeticError):
+    """Something is NaN or infinite; says at which step and in which tensor."""
+
+    def __init__(self, step: int, tensor: str) -> None:
+        super().__init__(f"not finite at step {step}: {tensor}")
+        self.step = step
+        self.tensor = tensor
+
+
+class Trainer:
+    """Trains one method on one scene with one seed, a batch at a time."""
+
+    def __init__(
+        self,
+        method: str,
+        box: Box,
+        settings: TrainSettings,
+        budget: Budget,
+        seed: int | str,
+        device: torch.device,
+        view_dependent: bool = True,
+    ) -> None:
+        described = method_named(method)
+        self.method = method
+        self.parts = described.parts
+        self.settings = settings
+        self.budget = budget
+        self.seed = seed
+        self.device = device
+        self.box = box
+        self.background = torch.ones(3, device=device)
+
+        on = settings.accelerations
+        # a direction that no colour depends on is left out, unless that is switched off
+        self.view_dependent = view_dependent = view_dependent or not on.directions
+
+        def field(name: str) -> Any:
+            asked = FieldSpec(settings.network, box, settings.precision, f"{seed}/{name}", view_dependent)
+            return field_of(described, asked, on).to(device)
+
+        self.coarse = field("coarse")
+        self.fine = field("fine") if settings.fine_bins else None
+        self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
+        # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
+        self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
+        self.whole_rays = self.quadrature == "listing4"
+        has_grid = on.grid and settings.grid.cells > 0 and not self.whole_rays
+        self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold) if has_grid else None
+        self.clock = Stopwatch(device)
+        self.step = 0
+        self.network_evaluations = 0
+        self.clipping = Clipping(settings.clip_norm, settings.clip_ratio)
+        self.last_loss: float | None = None
+        """Of the batch of the last step, before that step."""
+        self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
+
+    @cached_property
+    def optimiser(self) -> torch.optim.Optimizer:
+        """Made when it is first needed: it imports torch's compiler, seconds that what only renders need not wait."""
+        return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
+
+    @property
+    def field(self) -> Any:
+        """The field that is rendered in the end (`baselines.field.field_of`)."""
+        return self.fine or self.coarse
+
+    @property
+    def progress(self) -> float:
+        return self.budget.progress(self.step, self.clock.seconds)
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """One forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
+        self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
+        self.optimiser.zero_grad(set_to_none=True)
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """One step on one batch, on the clock.
+
+        Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
+        """
+        noted = (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
+        with self.clock.running():
+            self._refresh_grid()
+            rate = learning_rate(
+                self.progress,
+                self.step,
+                self.settings.learning_rate,
+                self.settings.last_learning_rate,
+                self.settings.warm_up_steps,
+            )
+            for group in self.optimiser.param_groups:
+                group["lr"] = rate
+            with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
+                loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
+                if not math.isfinite(loss_value := loss.item()):
+                    where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
+                    raise Diverged(self.step, where)
+                norms = self._clipped_gradient(loss, noted)
+                self.optimiser.step()
+            self.optimiser.zero_grad(set_to_none=True)
+            if not _all_finite(self._weights()):
+                raise Diverged(self.step, self._first_not_finite("weight"))
+        self.step += 1
+        self.last_loss = loss_value
+        self.network_evaluations += rendering.network_evaluations
+        if noted:
+            self._note(loss_value, norms, rendering.network_evaluations / len(rays))
+
+    @torch.no_grad()
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given,
+        and of as many more in the second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel not
+        finite.
+        """
+        if bins is not None:
+            require_bins(bins)
+        starts = range(0, max(len(rays), 1), chunk)
+        parts = [self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts]
+        whole = Rendering(
+            colour=torch.cat([part.colour for part in parts]),
+            opacity=torch.cat([part.opacity for part in parts]),
+            depth=torch.cat([part.depth for part in parts]),
+            network_evaluations=sum(part.network_evaluations for part in parts),
+        )
+        for name in ("colour", "opacity", "depth"):
+            finite = torch.isfinite(getattr(whole, name))
+            finite = finite.all(dim=-1) if finite.ndim > 1 else finite
+            if not bool(finite.all()):
+                raise Diverged(self.step, f"rendered {name} of ray {int(finite.int().argmin())}")
+        return whole
+
+    def amplifier_scalars(self) -> dict[str, float | None]:
+        """α and β of the amplifier, None where the method has none."""
+        amplifier = getattr(self.field, "amplifier", None)
+        return {
+            name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
+        }
+
+    def rendered_by(self) -> dict[str, Any]:
+        return {
+            "method": self.method,
+            "parts": asdict(self.parts) if self.parts is not None else None,
+            **origins([self.method]),
+            "sampling": asdict(self._sampling()),
+            "network": asdict(self.settings.network),
+            "precision": self.settings.precision,
+            "accelerations": asdict(self.settings.accelerations),
+            "view_dependent": self.view_dependent,
+            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "background": self.background.tolist(),
+            "device": self.device.type,
+        }
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        weights = dict(tensors)
+        occupied = weights.pop(OCCUPIED, None)
+        self.fields.load_state_dict(weights)
+        if (occupied is None) != (self.grid is None):
+            raise ValueError("an occupancy grid is in one of settings and checkpoint alone")
+        if self.grid is not None and occupied is not None:
+            if occupied.shape != self.grid.occupied.shape or occupied.dtype != torch.bool:
+                raise ValueError(f"an occupancy grid of {occupied.dtype} {tuple(occupied.shape)}")
+            self.grid.occupied = occupied.to(self.device)
+        self.step = step
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        state = self.optimiser.state_dict()["state"]
+        return {f"{weight}.{name}": value for weight, one in state.items() for name, value in one.items()}
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        remembered: dict[int, dict[str, Tensor]] = defaultdict(dict)
+        for key, value in tensors.items():
+            number, name = key.split(".")
+            remembered[int(number)][name] = value
+        state: dict[int, dict[str, Tensor]] = {}
+        for place, weight in enumerate(self.fields.parameters()):
+            if found := remembered.get(place):
+                # with the strides of the weight: a fused step looks at none
+                moments = {name: torch.empty_like(weight).copy_(found[name]) for name in ("exp_avg", "exp_avg_sq")}
+                state[place] = {"step": found["step"], **moments}
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": state, "param_groups": groups})
+
+    def _sampling(self) -> Sampling:
+        grid = self.settings.grid
+        # also without the grid, so that switching it off changes nothing but what is left out
+        settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
+        return Sampling(
+            bins=self.settings.bins if settled else self.settings.first_bins,
+            fine_bins=self.settings.fine_bins,
+            quadrature=self.quadrature,
+            clip_to_box=self.settings.accelerations.clipping and not self.whole_rays,
+            early_stop=self.settings.accelerations.early_stop and self.quadrature == "midpoint",
+            exploration=self.settings.grid.exploration,
+        )
+
+    def _rendered(
+        self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
+    ) -> Rendering:
+        """`first` is what the rays are counted from where one of them is named."""
+        rays.require_finite()
+        sampling = self._sampling()
+        if bins is not None:
+            sampling = replace(sampling, bins=bins, fine_bins=round(sampling.fine_bins * bins / sampling.bins))
+        try:
+            return render_rays(self.coarse, self.fine, rays, self.box, sampling, self.grid, self.background, generator)
+        except BadDensity as error:
+            where = f"density of sample {error.sample} of ray {first + error.ray}"
+            raise Diverged(
+                self.step, where if _all_finite(self._weights()) else self._first_not_finite("weight")
+            ) from error
+        except FloatingPointError as error:  # the coarse pass gave weights that are not finite
+            raise Diverged(self.step, self._first_not_finite("weight")) from error
+
+    def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
+        """Mean squared error of display colours, of the coarse pass as well where there is one (as the original)."""
+        rendering = self._rendered(rays, generator)
+        loss = torch.mean((rendering.colour - colours) ** 2)
+        if rendering.coarse_colour is not None:
+            loss = loss + torch.mean((rendering.coarse_colour - colours) ** 2)
+        return loss, rendering
+
+    def _clipped_gradient(self, loss: Tensor, measured: bool) -> tuple[float, float]:
+        """Leaves the gradient of all weights, clipped; its norm before and, if it is to be `measured`, after that.
+
+        Raises `Diverged`.
+        """
+        scale = LOSS_SCALE[self.settings.precision]
+        (loss * scale).backward()
+        gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
+        if scale != 1.0:
+            torch._foreach_div_(gradients, scale)
+        if not math.isfinite(norm := float(nn.utils.get_total_norm(gradients))):
+            # before anything is scaled by it, which would make every gradient NaN
+            raise Diverged(self.step, self._first_not_finite("gradient"))
+        if (kept := self.clipping.scale(norm)) < 1.0:
+            torch._foreach_mul_(gradients, kept)
+        return norm, float(nn.utils.get_total_norm(gradients)) if measured else math.nan
+
+    def _refresh_grid(self) -> None:
+        settings = self.settings.grid
+        since = self.step - settings.first_step
+        if self.grid is None or since < 0 or since % settings.every:
+            return
+        share = 1.0 if since == 0 else settings.share
+        generator = generator_for(self.seed, self.step, "grid")
+        self.network_evaluations += self.grid.refresh(self.field, share, generator)
+        if not bool(torch.isfinite(self.grid.density).all()):
+            # a NaN is not above any threshold: the cell would count as empty for good, and never be seen again
+            raise Diverged(self.step, "density in the occupancy grid")
+
+    def _note(self, loss: float, norms: tuple[float, float], samples_per_ray: float) -> None:
+        values = {
+            "step": float(self.step),
+            "loss": loss,
+            "gradient_norm": norms[0],
+            "clipped_norm": norms[1],
+            "samples_per_ray": samples_per_ray,
+            **self.amplifier_scalars(),
+        }
+        for name, series in self.trace.items():
+            series.append(values[name])
+
+    def _weights(self) -> Iterable[Tensor]:
+        return (weight.detach() for weight in self.fields.parameters())
+
+    def _first_not_finite(self, what: str) -> str:
+        for name, weight in self.fields.named_parameters():
+            tensor = weight.grad if what == "gradient" else weight
+            if tensor is not None and not bool(torch.isfinite(tensor).all()):
+                return f"{what} of {name}"
+        return f"norm of all {what}s"
+
+
+LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
+"""What the loss is multiplied by on the way back alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
+512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32."""
+TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
+TRACE_EVERY = 20
+
+
+def require_bins(bins: int) -> None:
+    if bins < 1:
+        raise ValueError(f"{bins} bins a ray: must be at least 1")
+
+
+def _all_finite(tensors: Iterable[Tensor]) -> bool:
+    """Asks the device once, where every norm is finite, as it nearly always is."""
+    some = list(tensors)
+    return bool(torch.isfinite(nn.utils.get_total_norm(some))) or all(bool(torch.isfinite(one).all()) for one in some)

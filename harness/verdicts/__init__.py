@@ -1,0 +1,1 @@
+"""Pure statistics on records; imports `records`, and neither torch nor Mitsuba."""

@@ -1,0 +1,229 @@
+"""Cells → paired comparisons, at equal steps and at equal time."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from harness.records.cells import CellRecord, Comparison, Estimate
+from harness.verdicts.failures import judgeable
+from harness.verdicts.paper import TABLE4
+from harness.verdicts.statistics import (
+    PairedDifference,
+    detectable,
+    on_one_scene,
+    on_these_scenes,
+    scenes_like_these,
+    verdict,
+)
+
+
+@dataclass(frozen=True)
+class Metric:
+    higher_is_better: bool
+    smallest_of_interest: float
+    """Differences below it do not matter to anybody; for PSNR the smallest step of the paper's Table 4."""
+    along_training: bool
+    """Scored at every checkpoint, so that it can be compared at equal time."""
+
+
+METRICS: dict[str, Metric] = {
+    "psnr": Metric(True, 0.2, True),
+    "ssim": Metric(True, 0.005, True),
+    "rmse_linear": Metric(False, 0.002, True),
+    "flip": Metric(False, 0.005, True),
+    "delta_e": Metric(False, 0.1, False),
+    "depth_rmse": Metric(False, 0.02, True),
+    "opacity_iou": Metric(True, 0.005, False),
+}
+
+PRIMARY = "psnr"
+FEWEST_SEEDS = 3
+"""Fewer give no verdict on a single scene."""
+
+Budget = Literal["steps", "seconds"]
+Key = tuple[str, str, int]
+
+
+def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS)) -> int:
+    """How many comparisons of two methods at one budget are looked at together with this one.
+
+    Declared before any data: PSNR over all scenes is the question itself, and stands alone. PSNR by scene is asked once
+    a scene, the other metrics over all scenes once a metric, and by scene as often as both. Methods and budgets are
+    questions of their own. `metrics` is how many are looked at, PSNR included.
+    """
+    by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
+    return by_metric * (1 if scene == "all" else scenes)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A table of paired differences as a verdict sees it."""
+
+    difference: float | None
+    """The mean over scenes of the means over seeds, which both estimates are of."""
+    on_these_scenes: Estimate | None
+    scenes_like_these: Estimate | None
+    pairs: int
+    unpaired: int
+
+    @property
+    def chosen(self) -> Estimate:
+        """The one that a verdict without a name is of: scenes like these where several were tried."""
+        return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
+
+
+NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
+
+
+def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
+    """Every method against `nerf` (else the first one), and against `nerf_matched` where it takes part.
+
+    Scene by scene where both have cells, however these ended, and over all scenes where both have cells on all.
+    """
+    by_key, _, seeds = keyed(cells)
+    rows = []
+    for method, against in duels(methods):
+        where = scenes_of(cells, method, against)
+        shared = [scene for scene in where if scene != "all"]
+        for name, metric in METRICS.items():
+            budgets: tuple[Budget, ...] = ("steps", "seconds") if metric.along_training else ("steps",)
+            for budget in budgets:
+                table = differences(by_key, shared, seeds, method, against, name, budget)
+                rows += [_comparison(table, scene, method, against, name, budget) for scene in where]
+    return rows
+
+
+def duels(methods: list[str]) -> list[tuple[str, str]]:
+    """Who is compared with whom: (method, against). A row of the paper's ablation also with the row above it."""
+    references = [
+        name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
+    ]
+    found = [
+        (method, against)
+        for against in references
+        for method in methods
+        if method != against and not (method in references and against != references[0])
+    ]
+    steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
+    return [*found, *(pair for pair in steps if set(pair) <= set(methods) and pair not in found)]
+
+
+def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
+    """Where two methods are compared: the scenes on which both have cells, and `all` first where that is every one."""
+    planned = {(cell.scene, cell.method) for cell in cells}
+    scenes = sorted({cell.scene for cell in cells})
+    shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
+    return ["all", *shared] if shared == scenes else shared
+
+
+def keyed(cells: list[CellRecord]) -> tuple[dict[Key, CellRecord], list[str], list[int]]:
+    """Cells by scene, method and seed, with all scenes and all seeds."""
+    by_key = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
+    return by_key, sorted({cell.scene for cell in cells}), sorted({cell.seed for cell in cells})
+
+
+def differences(
+    cells: dict[Key, CellRecord],
+    scenes: list[str],
+    seeds: list[int],
+    method: str,
+    against: str,
+    metric: str,
+    budget: Budget,
+) -> dict[str, np.ndarray]:
+    """Scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
+    found = {}
+    for scene in scenes:
+        pairs = [
+            scores_at(cells.get((scene, method, seed)), cells.get((scene, against, seed)), metric, budget)
+            for seed in seeds
+        ]
+        found[scene] = np.array(
+            [math.nan if ours is None or theirs is None else ours - theirs for ours, theirs in pairs], dtype=np.float64
+        )
+    return found
+
+
+def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
+    """Scene → differences [seeds], NaN where there is none: over `all` its scenes, or on one of them.
+
+    A pair without a difference is counted, and keeps no other from being judged: whether methods fail is a question of
+    its own (`harness.verdicts.failures`).
+    """
+    chosen = table if scene == "all" else {scene: table[scene]}
+    pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
+    unpaired = int(sum(values.size for values in chosen.values())) - pairs
+    if not pairs:
+        return Judgement(None, None, None, 0, unpaired)
+    if scene != "all" or len(table) == 1:
+        (only,) = chosen
+        here = on_one_scene(table, only, family)
+        return Judgement(here.mean, _estimate(here, metric, table[only].size >= FEWEST_SEEDS), None, pairs, unpaired)
+    here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
+    return Judgement(here.mean, _estimate(here, metric), _estimate(elsewhere, metric), pairs, unpaired)
+
+
+def _estimate(result: PairedDifference, metric: str, settled: bool = True) -> Estimate:
+    """No verdict unless `settled`."""
+    about = METRICS[metric]
+    return Estimate(
+        result.interval,
+        result.simultaneous,
+        result.family,
+        verdict(result, about.smallest_of_interest, about.higher_is_better) if settled else "inconclusive",
+        detectable(result, about.smallest_of_interest),
+        result.effect,
+    )
+
+
+def _comparison(
+    table: dict[str, np.ndarray], scene: str, method: str, against: str, metric: str, budget: Budget
+) -> Comparison:
+    one = judged(table, metric, family_of(metric, scene, len(table)), scene)
+    return Comparison(
+        scene=scene,
+        method=method,
+        against=against,
+        metric=metric,
+        budget=budget,
+        difference=one.difference,
+        interval=one.chosen.interval,
+        verdict=one.chosen.verdict,
+        smallest_detectable=one.chosen.smallest_detectable,
+        pairs=one.pairs,
+        unpaired=one.unpaired,
+        simultaneous=one.chosen.simultaneous,
+        family=family_of(metric, scene, len(table)),
+        on_these_scenes=one.on_these_scenes,
+        scenes_like_these=one.scenes_like_these,
+    )
+
+
+def scores_at(
+    first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
+) -> tuple[float | None, float | None]:
+    """A metric of two cells: at the steps that both have done, or at the training time that the quicker one took."""
+    if first is None or second is None or not (judgeable(first) and judgeable(second)):
+        return None, None
+    if budget == "steps" and first.steps == second.steps:
+        return first.scores.get(name), second.scores.get(name)
+    axis: Literal["step", "seconds"] = "step" if budget == "steps" else "seconds"
+    at = min(first.steps, second.steps) if budget == "steps" else min(first.train_seconds, second.train_seconds)
+    return score_on_curve(first, name, axis, at), score_on_curve(second, name, axis, at)
+
+
+def score_on_curve(cell: CellRecord, name: str, axis: Literal["step", "seconds"], at: float) -> float | None:
+    """A metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
+
+    None before the first checkpoint, and for a metric that is scored at the end alone.
+    """
+    points = [
+        (getattr(point, axis), value) for point in cell.curve if (value := getattr(point, name, None)) is not None
+    ]
+    if not points or at < points[0][0]:
+        return None
+    positions = [math.log(position) for position, _ in points]
+    return float(np.interp(math.log(at), positions, [value for _, value in points]))

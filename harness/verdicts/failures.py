@@ -1,0 +1,125 @@
+"""Runs that end without a result: how often a method diverges or shows nothing, and whether another does so less often.
+
+A failure is a result of its method. It is judged here and nowhere else: differences of scores are of the pairs of
+which neither failed. A run that ended for reasons of its own (a full disk, a killed process) is no failure and no run.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Literal
+
+from scipy.stats import beta, binomtest
+
+from harness.records.cells import CellRecord
+
+CONFIDENCE = 0.95
+COLLAPSED = "empty collapse"
+"""How the warning of a run begins that shows little but background."""
+
+Failure = Literal["diverged", "empty collapse"]
+
+
+@dataclass(frozen=True)
+class FailureRate:
+    """How many of a method's runs failed."""
+
+    method: str
+    runs: int
+    diverged: int
+    collapsed: int
+    rate: float
+    interval: tuple[float, float]
+    """95 %, two-sided, exact (Clopper & Pearson): of runs on these scenes with other seeds."""
+
+    @property
+    def failed(self) -> int:
+        return self.diverged + self.collapsed
+
+
+@dataclass(frozen=True)
+class FailureComparison:
+    """Whether two methods fail equally often, paired by scene and seed (McNemar, exact)."""
+
+    method: str
+    against: str
+    pairs: int
+    only_method: int
+    """Pairs of which `method` alone failed."""
+    only_against: int
+    difference: float
+    """Share of the pairs in which `method` failed less that of `against`."""
+    p_value: float
+    """Two-sided: how often chance alone makes the two counts as unequal, if both fail equally often."""
+    verdict: Literal["better", "worse", "inconclusive"]
+    """better: `method` fails less often."""
+
+
+@dataclass(frozen=True)
+class Failures:
+    rates: list[FailureRate]
+    comparisons: list[FailureComparison]
+
+
+def failure_of(cell: CellRecord) -> Failure | None:
+    """How a run failed by what its method does; None for all others."""
+    if cell.status == "diverged":
+        return "diverged"
+    collapsed = cell.status == "done" and any(warning.startswith(COLLAPSED) for warning in cell.warnings)
+    return "empty collapse" if collapsed else None
+
+
+def judgeable(cell: CellRecord) -> bool:
+    """Whether a run's scores may be compared with another's."""
+    return cell.status == "done" and failure_of(cell) is None
+
+
+def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str, str]]) -> Failures:
+    """Rates of the methods that have runs, and of each duel (method, against) that has pairs who fails more often."""
+    runs = [cell for cell in cells if cell.status in ("done", "diverged")]
+    failed = {(cell.scene, cell.seed, cell.method): failure_of(cell) is not None for cell in runs}
+    rates = [_rate(method, mine) for method in methods if (mine := [one for one in runs if one.method == method])]
+    compared = [_comparison(method, against, failed) for method, against in duels]
+    return Failures(rates, [one for one in compared if one.pairs])
+
+
+def exact_interval(failed: int, runs: int) -> tuple[float, float]:
+    """Clopper and Pearson's interval of a share: holds the truth in 95 % or more, whatever that is."""
+    tail = (1.0 - CONFIDENCE) / 2
+    low = float(beta.ppf(tail, failed, runs - failed + 1)) if failed else 0.0
+    high = float(beta.ppf(1.0 - tail, failed + 1, runs - failed)) if failed < runs else 1.0
+    return low, high
+
+
+def _rate(method: str, runs: list[CellRecord]) -> FailureRate:
+    kinds = Counter(failure_of(cell) for cell in runs)
+    failed = kinds["diverged"] + kinds["empty collapse"]
+    return FailureRate(
+        method,
+        len(runs),
+        kinds["diverged"],
+        kinds["empty collapse"],
+        failed / len(runs),
+        exact_interval(failed, len(runs)),
+    )
+
+
+def _comparison(method: str, against: str, failed: dict[tuple[str, int, str], bool]) -> FailureComparison:
+    pairs = [
+        (mine, failed[scene, seed, against])
+        for (scene, seed, who), mine in failed.items()
+        if who == method and (scene, seed, against) in failed
+    ]
+    only_method, only_against = pairs.count((True, False)), pairs.count((False, True))
+    unequal = only_method + only_against
+    p_value = float(binomtest(only_method, unequal, 0.5).pvalue) if unequal else 1.0
+    called: Literal["better", "worse"] = "worse" if only_method > only_against else "better"
+    return FailureComparison(
+        method,
+        against,
+        len(pairs),
+        only_method,
+        only_against,
+        (only_method - only_against) / len(pairs) if pairs else 0.0,
+        p_value,
+        called if p_value < 1.0 - CONFIDENCE else "inconclusive",
+    )

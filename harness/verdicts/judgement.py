@@ -1,0 +1,315 @@
+"""A table of results → which methods are told apart, which are not, which results are suspect; and that in words."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from harness.records.cells import Estimate
+from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
+from harness.verdicts.comparisons import PRIMARY
+from harness.verdicts.result_table import MARGINS, ResultTable
+from harness.verdicts.statistics import PairedDifference, detectable, on_these_scenes, paired_difference, verdict
+from scenes.files.errors import InputError
+
+
+def headline(record: JudgementRecord) -> str:
+    """What the table says, as given."""
+    return f"{len(record.given.places)} methods on {len(record.scenes)} scenes: {told(record, record.given)}"
+
+
+def told(record: JudgementRecord, ranking: Ranking) -> str:
+    """How many pairs are told apart."""
+    if record.baseline is not None:
+        verdicts = Counter[str](pair.verdict for pair in ranking.pairs)
+        words = {"better": "better", "worse": "worse", "equivalent": "equivalent", "inconclusive": "not told apart"}
+        known = [f"{verdicts[name]} {said}" for name, said in words.items() if verdicts[name]]
+        return f"against {record.baseline} {', '.join(known)}"
+    apart, every = (sum(pair.told_apart for pair in pairs) for pairs in (ranking.neighbours, ranking.pairs))
+    many, all_many = len(ranking.neighbours), len(ranking.pairs)
+    if every == all_many:
+        return "all told apart from each other"
+    if every == 0:
+        return "no two told apart"
+    return f"{apart or 'none'} of {many} neighbouring pairs told apart, {every} of all {all_many} pairs"
+
+
+def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
+    """With two decimals of dB, and four significant digits of what else there is."""
+    if value is None:
+        return "–"
+    text = format(value, f"{sign}.2f" if record.unit else f"{sign}#.4g")
+    return text.replace("-", "−")
+
+
+def suspect_line(record: JudgementRecord, one: Suspect) -> str:
+    unit = f" {record.unit}" if record.unit else ""
+    seed = f", seed {one.seed}" if one.seed else ""
+    return (
+        f"{one.method} on {one.scene}{seed}: {number(record, one.value)}{unit} where method and scene let one expect "
+        f"{number(record, one.expected)}{unit}"
+    )
+
+
+def without_line(record: JudgementRecord) -> str:
+    """What becomes of the verdicts without the suspect results."""
+    if record.without_suspects is None:
+        return ""
+    many = len(changed_pairs(record))
+    changes = f"{many or 'no'} verdict{'' if many == 1 else 's'} change{'s' if many == 1 else ''}"
+    return (
+        f"Without {'it' if len(record.suspects) == 1 else 'them'}: {told(record, record.without_suspects)}; {changes}."
+    )
+
+
+def lines(record: JudgementRecord) -> Iterator[str]:
+    """The table of a terminal, what is suspect, what is missing, and what a reader must know."""
+    yield headline(record)
+    last = "groups" if record.baseline is None else f"against {record.baseline}"
+    rows = [("method", f"mean {record.metric}", "scenes", last)]
+    for one in record.given.places:
+        said = shown_groups(one.groups) if record.baseline is None else _against(record, one.method)
+        rows.append((one.method, number(record, one.mean), str(one.scenes), said))
+    widths = [max(len(row[place]) for row in rows) for place in range(3)]
+    for name, mean, scenes, said in rows:
+        yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {said}"
+    if record.baseline is None:
+        yield "No two methods of a group are told apart."
+    for suspect in record.suspects[:10]:
+        yield f"suspect: {suspect_line(record, suspect)}"
+    if len(record.suspects) > 10:
+        yield f"suspect: {len(record.suspects) - 10} more"
+    if record.without_suspects is not None:
+        yield without_line(record)
+    if record.missing:
+        yield missing_line(record)
+    yield from record.notes
+
+
+def missing_line(record: JudgementRecord) -> str:
+    shown = "; ".join(record.missing[:5]) + (f"; {len(record.missing) - 5} more" if len(record.missing) > 5 else "")
+    return f"Without a result ({len(record.missing)}): {shown}. Pairs are compared on the scenes that both have."
+
+
+def shown_groups(groups: list[int]) -> str:
+    """`2`, or `2–4`: a method's groups follow each other."""
+    return f"{groups[0]}" if len(groups) == 1 else f"{groups[0]}–{groups[-1]}" if groups else ""
+
+
+def _against(record: JudgementRecord, method: str) -> str:
+    pair = next((pair for pair in record.given.pairs if pair.method == method), None)
+    if pair is None:
+        return "–"
+    ends = pair.scenes_like_these.simultaneous if pair.scenes_like_these else None
+    within = f" [{', '.join(number(record, end, '+') for end in ends)}]" if ends else ""
+    return f"{number(record, pair.difference, '+')}{within} {pair.verdict}"
+
+
+SUSPECT_DEVIATIONS = 8.0
+"""Robust standard deviations from the fit at which a result is suspect: next to none is in a table of normal residuals,
+and one in ten tables of 17 methods and 8 scenes has one where they are of Student's t with four degrees of freedom."""
+SUSPECT_MARGINS = 10.0
+"""Smallest effects of interest that it must be away as well: in a small table the spread itself is hardly known."""
+SMALLEST_FIT = 3
+"""Methods, and scenes, below which nobody can say which of two results is off."""
+POLISHES = 20
+
+
+def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
+    """Raises `InputError` for a baseline that is no method of the table, and a margin that is no size."""
+    if baseline is not None and baseline not in table.methods:
+        raise InputError(f"--baseline {baseline}: no such method; methods of the table: {', '.join(table.methods)}")
+    if margin is None:
+        margin = MARGINS.get(table.metric, 0.0)
+    if not 0 <= margin < float("inf"):
+        raise InputError(f"--margin {margin}: must be 0 or more")
+    found = suspects(table, margin)
+    cleaned = without(table, found)
+    has = np.isfinite(table.values).any(axis=2)
+    return JudgementRecord(
+        source=table.source,
+        metric=table.metric,
+        unit="dB" if table.metric == PRIMARY else "",
+        higher_is_better=table.higher_is_better,
+        margin=margin,
+        baseline=baseline,
+        scenes=table.scenes,
+        seeds=len(table.seeds),
+        results=int(np.isfinite(table.values).sum()),
+        missing=[f"{table.methods[i]}, {table.scenes[j]}" for i, j in np.argwhere(~has)],
+        notes=[*table.notes, *training_notes(table), *seed_notes(table), *margin_notes(table, margin)],
+        suspects=found,
+        given=ranking(table, margin, baseline),
+        without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
+        digests=digests,
+    )
+
+
+def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
+    """Every pair, or every method against `baseline`, with the methods from best to worst."""
+    means = adjusted_means(scene_means(table.values))
+    order = [int(place) for place in np.argsort(-means if table.higher_is_better else means, kind="stable")]
+    many = len(order)
+    if baseline is None:
+        duels = [(a, b) for a in range(many) for b in range(a + 1, many)]
+    else:
+        rival = order.index(table.methods.index(baseline))
+        duels = [(a, rival) for a in range(many) if a != rival]
+    pairs = []
+    for a, b in duels:
+        shown = baseline is not None or b == a + 1
+        differences = table.values[order[a]] - table.values[order[b]]
+        names = table.methods[order[a]], table.methods[order[b]]
+        pairs.append(_pair(*names, differences, len(duels), margin, table.higher_is_better, shown))
+    ranked = Ranking([_place(table, row, float(means[row])) for row in order], pairs, len(duels))
+    return ranked if baseline is not None else _grouped(ranked)
+
+
+def scene_means(values: np.ndarray) -> np.ndarray:
+    """[methods, scenes, seeds] → [methods, scenes], means over the seeds that are there; NaN where none is."""
+    there = np.isfinite(values)
+    counts = there.sum(axis=2)
+    return np.where(counts > 0, np.where(there, values, 0.0).sum(axis=2) / np.maximum(counts, 1), np.nan)
+
+
+def adjusted_means(cells: np.ndarray) -> np.ndarray:
+    """Each method's mean [methods] over all scenes of `cells` [methods, scenes].
+
+    With missing cells it is that of an additive fit by least squares: who lacks a hard scene is not ahead for that.
+    """
+    there = np.isfinite(cells)
+    known = np.where(there, cells, 0.0)
+    rows, columns = there.sum(axis=1), there.sum(axis=0)
+    of_scene = np.zeros(cells.shape[1])
+    for _ in range(1 if there.all() else 500):
+        of_method = (known - there * of_scene).sum(axis=1) / rows
+        before, of_scene = of_scene, (known - there * of_method[:, None]).sum(axis=0) / columns
+        if np.allclose(before, of_scene, rtol=0, atol=1e-9 * (1 + np.abs(of_scene).max())):
+            break
+    return np.asarray(of_method + (0.0 if there.all() else of_scene.mean()))
+
+
+def _pair(
+    method: str, against: str, differences: np.ndarray, family: int, margin: float, higher: bool, shown: bool
+) -> Pair:
+    """From `differences` [scenes, seeds], NaN where there is no pair; with what it could have found if `shown`."""
+    means = scene_means(differences[None])[0]
+    there = means[np.isfinite(means)]
+    if not there.size:
+        return Pair(method, against, 0, None, None, None)
+
+    def estimate(result: PairedDifference) -> Estimate:
+        said = verdict(result, margin, higher)
+        least = detectable(result, margin) if shown else None
+        return Estimate(result.interval, result.simultaneous, family, said, least, result.effect)
+
+    like = estimate(paired_difference(there, family)) if there.size > 1 else None
+    here = None
+    if np.isfinite(differences).sum(axis=1).max() > 1:
+        names = {str(place): row for place, row in enumerate(differences)}
+        here = estimate(on_these_scenes(names, family))
+    return Pair(method, against, int(there.size), float(there.mean()), like, here)
+
+
+def _place(table: ResultTable, row: int, mean: float) -> Place:
+    scenes = int(np.isfinite(table.values[row]).any(axis=1).sum())
+    return Place(table.methods[row], mean, scenes, table.seconds[row], table.steps[row], [])
+
+
+def _grouped(ranked: Ranking) -> Ranking:
+    """With its groups: the longest runs of neighbours in which no two methods are told apart."""
+    names = [one.method for one in ranked.places]
+    apart = {frozenset((pair.method, pair.against)) for pair in ranked.pairs if pair.told_apart}
+    runs: list[tuple[int, int]] = []
+    first = 0
+    for last in range(len(names)):
+        while any(frozenset((names[place], names[last])) in apart for place in range(first, last)):
+            first += 1
+        if runs and runs[-1][0] == first:
+            runs[-1] = first, last
+        else:
+            runs.append((first, last))
+    groups = [[number for number, (a, b) in enumerate(runs, 1) if a <= place <= b] for place in range(len(names))]
+    return replace(ranked, places=[replace(one, groups=of) for one, of in zip(ranked.places, groups, strict=True)])
+
+
+def suspects(table: ResultTable, margin: float) -> list[Suspect]:
+    """Results that lie far from a fit of method plus scene by medians, the farthest first."""
+    values = table.values
+    if min(values.shape[:2]) < SMALLEST_FIT:
+        return []
+    fit = polished(_median(values, 2))
+    residuals = values - fit[..., None]
+    sizes = np.abs(residuals)
+    methods, scenes = values.shape[:2]
+    # medians take up a part of the spread, which in a small table is most of it
+    taken = ((methods - 1) * (scenes - 1) / (methods * scenes)) ** 0.5
+    of_method = _median(sizes.reshape(methods, -1), 1)[:, None, None]
+    of_scene = _median(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
+    spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.maximum(of_method, of_scene)) / taken
+    least = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
+    rounding = 1e-9 * np.nanmax(np.abs(values))
+    found = [
+        Suspect(
+            table.methods[i], table.scenes[j], table.seeds[k], float(values[i, j, k]), float(fit[i, j]),
+            # of a table without any other spread it is as many as one likes
+            float(residuals[i, j, k] / max(spread[i, j, 0], rounding)),
+        )
+        for i, j, k in np.argwhere(sizes > np.maximum(least, rounding))
+    ]  # fmt: skip
+    return sorted(found, key=lambda one: -abs(one.value - one.expected))
+
+
+def polished(cells: np.ndarray) -> np.ndarray:
+    """Tukey's median polish: what method and scene let one expect of each of `cells` [methods, scenes]."""
+    residuals = cells.copy()
+    for _ in range(POLISHES):
+        residuals = residuals - _median(residuals, 1)[:, None]
+        residuals = residuals - _median(residuals, 0)[None]
+    return np.asarray(cells - residuals)
+
+
+def _median(values: np.ndarray, axis: int) -> np.ndarray:
+    """As `nanmedian`, NaN without a warning where nothing is there."""
+    there = np.isfinite(values).any(axis=axis, keepdims=True)
+    found = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
+    return np.asarray(np.where(there, found, np.nan).squeeze(axis))
+
+
+def without(table: ResultTable, found: list[Suspect]) -> ResultTable | None:
+    """`table` without these results; None where there is none, or where a method would have no result left."""
+    if not found:
+        return None
+    values = table.values.copy()
+    for one in found:
+        values[table.methods.index(one.method), table.scenes.index(one.scene), table.seeds.index(one.seed)] = np.nan
+    kept = np.isfinite(values).any(axis=(0, 2))
+    if not np.isfinite(values).any(axis=(1, 2)).all():
+        return None
+    scenes = [name for name, has in zip(table.scenes, kept, strict=True) if has]
+    return replace(table, values=values[:, kept], scenes=scenes)
+
+
+def seed_notes(table: ResultTable) -> Iterator[str]:
+    if (np.isfinite(table.values).sum(axis=2) > 1).any():
+        yield (
+            "On these scenes: the error comes from seeds alone. On scenes like these: scenes are drawn too, Student's "
+            "t over their means; verdicts and groups are of this kind. Seeds are paired by their names."
+        )
+    else:
+        yield (
+            "One result for each method and scene: how much seeds differ is not known. Nothing is said of these very "
+            "scenes, only of scenes like these."
+        )
+
+
+def margin_notes(table: ResultTable, margin: float) -> Iterator[str]:
+    if margin == 0:
+        yield f"No smallest effect of interest is known for {table.metric}: nothing is called equivalent (--margin)."
+
+
+def training_notes(table: ResultTable) -> Iterator[str]:
+    known = [one for one in table.steps if one is not None]
+    if known and max(known) > 1.01 * min(known):
+        yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."

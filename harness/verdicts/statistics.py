@@ -1,0 +1,220 @@
+"""Paired differences, their intervals and their verdicts: pure functions on arrays.
+
+Seeds are nested in scenes: every scene and seed is a draw of its own. Two questions can be asked of such a table, and
+their intervals are not the same:
+
+    on these scenes     how large is the mean difference on the scenes that were tried? Error comes from seeds alone.
+    scenes like these   how large is it on scenes of this kind? Each scene's mean is one value, and Student's t is
+                        exact for normal ones, however much seeds differ.
+
+Never are pixels or views the units.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import gammainc
+from scipy.stats import t as student
+
+from harness.verdicts import nested
+
+Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
+
+CONFIDENCE = 0.95
+LEAST_FREEDOM = 1.0
+"""Degrees of freedom of an error of which an interval can be made: with fewer it would reach beyond every scale."""
+MOST_FREEDOM = 1e6
+POWER = 0.80
+
+NORMAL = np.linspace(-8.0, 8.0, 801)
+WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
+"""A standard normal variable on a grid: the trapezoidal rule is as good as exact where the integrand is smooth."""
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """A mean of paired differences, its two-sided 95 % interval, and what such a sample can detect."""
+
+    mean: float
+    interval: tuple[float, float] | None
+    """None with fewer than two units: one difference has no spread."""
+    smallest_detectable: float | None
+    """The true difference that samples of this size tell from 0 in 80 % of repetitions, if the true spread is the one
+    measured here."""
+    units: int
+    simultaneous: tuple[float, float] | None = None
+    """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
+    in 95 % of repetitions (Bonferroni). Equal to `interval` for a family of one."""
+    error: float | None = None
+    """Standard error of the mean."""
+    freedom: float | None = None
+    """Degrees of freedom of `error`."""
+    family: int = 1
+    effect: float | None = None
+    """Standardised: the mean in standard deviations of one of the differences that `error` was made from, of pairs
+    within a scene or of scenes. None where they do not differ."""
+
+
+def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
+    """From independent differences [units]; raises `ValueError` where there is none or one is not finite.
+
+    `family` is the number of comparisons that are looked at together.
+    """
+    values = np.asarray(differences, dtype=np.float64)
+    if values.size == 0 or not np.isfinite(values).all():
+        raise ValueError(f"differences must be finite and not empty, got {values}")
+    return _difference(nested.scenes_like_these(values[:, None]), values.size, family)
+
+
+def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
+    """Scene → differences [seeds], NaN where a seed has none: the mean over scenes of the means over seeds.
+
+    The scenes are those that are asked about, so that the error comes from seeds alone. Raises `ValueError` where there
+    is no difference at all.
+    """
+    values = _rows(table)
+    return _difference(nested.on_these_scenes(values), len(values), family)
+
+
+def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> PairedDifference:
+    """One scene of `table`, its variance moderated by those of the others (`harness.verdicts.nested`).
+
+    Raises `ValueError` where it has no difference.
+    """
+    there = {name: values for name, values in table.items() if name == scene or np.isfinite(values).any()}
+    count = int(np.isfinite(table[scene]).sum())
+    if not count:
+        raise ValueError(f"{scene} has no difference")
+    return _difference(nested.on_each_scene(_rows(there)), count, family, list(there).index(scene))
+
+
+def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
+    """As `on_these_scenes`, of scenes that were not tried: Student's t over the means of the scenes.
+
+    Without an interval where there is a single scene.
+    """
+    values = _rows(table)
+    return _difference(nested.scenes_like_these(values), len(values), family)
+
+
+def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
+    """[scenes that have a difference, seeds]"""
+    there = [values for values in table.values() if np.isfinite(values).any()]
+    if not there:
+        raise ValueError("no scene has a difference")
+    found = np.full((len(there), max(map(len, there))), np.nan)
+    for row, values in zip(found, there, strict=True):
+        row[: len(values)] = values
+    return found
+
+
+def _difference(found: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
+    """Of one table: `place` is the scene where each has an estimate of its own."""
+    parts = (found.mean, found.error, found.freedom, found.spread)
+    mean, error, freedom, spread = (float(one if place is None else one[place]) for one in parts)
+    if np.isnan(error) or freedom < LEAST_FREEDOM:
+        return PairedDifference(mean, None, None, units, family=family)
+    freedom = rounded_down(freedom)
+    alone, together = (critical(freedom, many) * error for many in (1, family))
+    detected = shift_found(critical(freedom, family), freedom) * error
+    interval, simultaneous = ((mean - half, mean + half) for half in (alone, together))
+    effect = mean / spread if spread > 0 else None
+    return PairedDifference(mean, interval, detected, units, simultaneous, error, freedom, family, effect)
+
+
+def rounded_down(freedom: float) -> float:
+    """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike; so many that
+    t is normal to six digits are as good as any number of them.
+    """
+    return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
+
+
+def half_widths(found: nested.Estimated) -> np.ndarray:
+    """Of the 95 % intervals of many estimates, as they are printed for one."""
+    values, places = np.unique(found.freedom, return_inverse=True)
+    factors = np.array([critical(rounded_down(float(one))) if one > 0 else np.nan for one in values])
+    return np.asarray(factors[places.reshape(found.freedom.shape)] * found.error)
+
+
+def critical(freedom: float, family: int = 1) -> float:
+    """Half-width, in standard errors, of one of `family` two-sided intervals that hold together in 95 %."""
+    return _quantile(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom)
+
+
+@lru_cache(maxsize=4096)
+def _quantile(share: float, freedom: float) -> float:
+    return float(student.ppf(share, freedom))
+
+
+def detectable(result: PairedDifference, smallest_of_interest: float) -> float | None:
+    """The true difference of which `verdict` would say better or worse in 80 % of repetitions, not only tell from 0.
+
+    Larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
+    interest.
+    """
+    if result.error is None or result.freedom is None:
+        return None
+    if result.error == 0:
+        return smallest_of_interest
+    threshold = critical(result.freedom, result.family)
+    return shift_found(threshold, result.freedom, smallest_of_interest / result.error) * result.error
+
+
+def shift_found(threshold: float, freedom: float, of_interest: float = 0.0) -> float:
+    """The true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
+
+    Found is a mean beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of freedom,
+    and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's own
+    uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
+    """
+    # equal to all digits that matter, so that a table and the same one shifted find each other
+    return _shift_found(*(float(f"{value:.7g}") for value in (threshold, freedom, of_interest)))
+
+
+@lru_cache(maxsize=32768)
+def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
+    high = threshold + of_interest + 2.0
+    while share_found(high, threshold, freedom, of_interest) < POWER:
+        high *= 2.0
+    found = brentq(
+        lambda shift: share_found(shift, threshold, freedom, of_interest) - POWER, 0.0, high, xtol=1e-9 * high
+    )
+    return float(found)
+
+
+def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:
+    """Of repetitions, with a true mean of `shift` standard errors; see `shift_found`.
+
+    Without `of_interest` it is the noncentral t distribution's upper tail. Given the mean, its estimated error must be
+    small enough for 0 to lie outside, and large enough for the smallest effect of interest to lie inside.
+    """
+    mean = NORMAL + shift
+    most, least = mean / threshold, (of_interest - mean) / threshold
+    return float(WEIGHTS @ np.maximum(_error_below(most, freedom) - _error_below(least, freedom), 0.0))
+
+
+def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
+    """Probability that the estimated standard error is below `bound` true ones: χ."""
+    return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
+
+
+def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_better: bool) -> Verdict:
+    """What the simultaneous interval allows to say.
+
+    equivalent    the whole interval lies within ± the smallest effect of interest
+    better/worse  the interval does not hold 0
+    inconclusive  anything else, and whatever has no interval
+    """
+    if result.simultaneous is None:
+        return "inconclusive"
+    low, high = result.simultaneous
+    if -smallest_of_interest < low and high < smallest_of_interest:
+        return "equivalent"
+    if low > 0:
+        return "better" if higher_is_better else "worse"
+    if high < 0:
+        return "worse" if higher_is_better else "better"
+    return "inconclusive"

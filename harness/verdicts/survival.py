@@ -1,0 +1,315 @@
+"""Cells → when each reached a PSNR, and who was sooner: times that are censored, never dropped.
+
+A run that ends below the target was watched until its end: its time is known to be longer (censored). One that
+diverged never gets there, whatever it scored before: that is a result of its method. One that failed (a full disk, a
+killed process) says nothing of its method: it was watched until then, and its pairs are not judged. One above the
+target at its first checkpoint was there at that time or earlier; its time counts as that of the checkpoint, which can
+only hide a difference, never make one.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from scipy.stats import binomtest
+
+from harness.records.cells import CellRecord, Checkpoint, Estimate
+from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
+from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, duels, family_of, scenes_of
+from harness.verdicts.statistics import (
+    CONFIDENCE,
+    PairedDifference,
+    Verdict,
+    detectable,
+    on_one_scene,
+    on_these_scenes,
+    scenes_like_these,
+    verdict,
+)
+
+PRINTED_TARGET = 30.0
+"""dB, the paper's Table 3."""
+SMALLEST_SAVING = 5.0
+"""Per cent of training time that matter to somebody: the paper prints 18 and 19."""
+LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
+"""Status → why a run was not seen to get there, whatever it scored before."""
+AXES: tuple[Axis, ...] = ("steps", "seconds")
+
+Key = tuple[str, str, int]
+
+
+def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
+    """Everything about a PSNR that is chosen from the runs of `nerf` (else the first method) alone.
+
+    Cells that were not available here are no runs.
+    """
+    runs = [cell for cell in cells if cell.status != "not_available"]
+    baseline = "nerf" if "nerf" in methods else methods[0]
+    target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
+    if target is None:
+        return TargetsRecord(None, False, baseline, declared)
+    scenes = sorted({cell.scene for cell in runs})
+    reaches = [reach(cell, axis, target) for axis in AXES for cell in runs]
+    curves = [
+        ReachCurve(method, scene, axis, *kaplan_meier(chosen))
+        for axis in AXES
+        for method in methods
+        for scene in ["all", *scenes]
+        if (chosen := [one for one in reaches if _is(one, axis, method, scene)])
+    ]
+    comparisons = [
+        compared(runs, method, against, axis, target, scene)
+        for axis in AXES
+        for method, against in duels(methods)
+        for scene in scenes_of(runs, method, against)
+    ]
+    return TargetsRecord(target, target == PRINTED_TARGET, baseline, declared, reaches, curves, comparisons)
+
+
+def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, str]:
+    """The paper's where half of the `runs` reach it, else the largest whole dB that half of them reach; and why.
+
+    None where fewer than half of them finished with a score.
+    """
+    best = sorted((_best(cell) for cell in runs), reverse=True)
+    median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
+    if not math.isfinite(median):
+        return None, f"No target: fewer than half of {baseline}'s runs have a score."
+    at_paper = sum(one >= PRINTED_TARGET for one in best)
+    if median >= PRINTED_TARGET:
+        return PRINTED_TARGET, (
+            f"{PRINTED_TARGET:g} dB as in the paper's Table 3: {at_paper} of {len(best)} runs of {baseline} reach it."
+        )
+    target = math.floor(median)
+    return float(target), (
+        f"{target} dB, the largest whole number that at least half of {baseline}'s runs reach "
+        f"({sum(one >= target for one in best)} of {len(best)}; {at_paper} reach the paper's {PRINTED_TARGET:g} dB); "
+        f"chosen from {baseline}'s runs alone."
+    )
+
+
+def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
+    """When `cell` first reached `target`, between checkpoints on a line over the logarithm of steps or seconds."""
+    points = scored(cell, axis)
+    if cell.status != "done" or not points:
+        watched = points[-1][0] if points else float(cell.steps if axis == "steps" else cell.train_seconds)
+        return Reach(cell.scene, cell.method, cell.seed, axis, watched, "never", LOST[cell.status])
+    time, known = first_reached(points, target)
+    why = f"ended at {points[-1][1]:.2f} dB" if known == "never" else ""
+    return Reach(cell.scene, cell.method, cell.seed, axis, time, known, why)
+
+
+def first_reached(
+    points: list[tuple[float, float]], target: float
+) -> tuple[float, Literal["reached", "never", "earlier"]]:
+    """From (time, score) in the order of time, at least one: the time, and what is known of it (`Reach.known`)."""
+    if points[0][1] >= target:
+        return points[0][0], "earlier"
+    for (before, low), (after, high) in pairwise(points):
+        if high >= target:
+            share = (target - low) / (high - low)
+            return math.exp(math.log(before) + share * (math.log(after) - math.log(before))), "reached"
+    return points[-1][0], "never"
+
+
+def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
+    """(times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
+
+    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk
+    until then: to take them out as if they had only been watched for a shorter time would count them as no worse than
+    the others. Runs that failed for reasons of their own were watched until they did.
+    """
+    end = max(one.time for one in reaches)
+    watched = np.array([end if _lost(one) else one.time for one in reaches])
+    event = np.array([one.known != "never" for one in reaches])
+    times = np.unique(np.append(watched[event], end))
+    left, share, at_risk = 1.0, [], []
+    for time in times:
+        risk = int((watched >= time).sum())
+        left *= 1.0 - (event & (watched == time)).sum() / risk
+        share.append(1.0 - float(left))
+        at_risk.append(risk)
+    return [float(time) for time in times], share, at_risk
+
+
+@dataclass(frozen=True)
+class _Paired:
+    """The runs of two methods, side by side."""
+
+    ratios: dict[str, np.ndarray]
+    """Scene → logarithm of the ratio of times [seeds], NaN where a run does not exist."""
+    apart: dict[str, np.ndarray]
+    """Scene → difference of times [seeds]."""
+    pairs: list[tuple[Reach, Reach]]
+    horizons: list[float]
+    aside: int
+
+    def count(self, known: str) -> tuple[int, int]:
+        ours, theirs = (sum(pair[side].known == known for pair in self.pairs) for side in (0, 1))
+        return ours, theirs
+
+    def sooner(self, family: int) -> Verdict:
+        """Who was known to be there first in more pairs than chance explains (sign test, exact and two-sided)."""
+        ours, theirs = (sum(pair[side].time < pair[1 - side].time for pair in self.pairs) for side in (0, 1))
+        if not ours + theirs or binomtest(ours, ours + theirs).pvalue >= (1.0 - CONFIDENCE) / family:
+            return "inconclusive"
+        return "better" if ours > theirs else "worse"
+
+    @property
+    def bounded(self) -> int:
+        """Pairs of which a time is a bound alone: how far apart they are, nobody knows."""
+        return sum(one.known != "reached" or other.known != "reached" for one, other in self.pairs)
+
+    @property
+    def silent(self) -> int:
+        """Pairs of which both times are bounds on the same side, so that nobody knows which was sooner."""
+        return sum(ours.known == theirs.known != "reached" for ours, theirs in self.pairs)
+
+
+def compared(
+    cells: Iterable[CellRecord], method: str, against: str, axis: Axis, target: float, scene: str
+) -> TargetComparison:
+    """`method` against `against` on one scene, or on `all` of `cells`.
+
+    What is compared is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a finished
+    run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored; of the
+    time to the target itself it is a bound at most. While some pair's time is a bound alone, nothing is called
+    equivalent.
+    """
+    runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
+    scenes, seeds = sorted({key[0] for key in runs}), {key[2] for key in runs}
+    found = _paired(runs, scenes if scene == "all" else [scene], method, against, axis, target)
+    shared = [one for one in scenes_of(list(runs.values()), method, against) if one != "all"]
+    family = family_of("psnr", scene, len(shared))
+    nothing = found.silent == len(found.pairs)
+    here = elsewhere = apart = None
+    if not nothing and scene == "all" and len(found.ratios) > 1:
+        here = _estimate(found, on_these_scenes(found.ratios, family))
+        elsewhere, apart = _estimate(found, scenes_like_these(found.ratios, family)), scenes_like_these(found.apart)
+    elif not nothing:
+        (only,) = found.ratios
+        beside = _paired(runs, shared, method, against, axis, target)
+        here = _estimate(found, on_one_scene(beside.ratios, only, family), settled=len(seeds) >= FEWEST_SEEDS)
+        apart = on_one_scene(beside.apart, only)
+    one = elsewhere or here or NO_ESTIMATE
+    never, earlier = found.count("never"), found.count("earlier")
+    low, high = one.interval or (None, None)
+    return TargetComparison(
+        scene=scene,
+        method=method,
+        against=against,
+        axis=axis,
+        horizon=min(found.horizons, default=0.0),
+        saving=None if nothing else _per_cent(on_these_scenes(found.ratios).mean),
+        interval=one.interval,
+        simultaneous=one.simultaneous,
+        family=family,
+        verdict=one.verdict,
+        smallest_detectable=one.smallest_detectable,
+        difference=apart.mean if apart else None,
+        difference_interval=_with_width(apart.interval if apart else None),
+        pairs=len(found.pairs),
+        never=never,
+        earlier=earlier,
+        unpaired=found.aside,
+        # what was cut short of `against`, or came before the first look at `method`, can only have been saved besides
+        at_least=None if never[0] or earlier[1] else low,
+        at_most=None if never[1] or earlier[0] else high,
+        on_these_scenes=here,
+        scenes_like_these=elsewhere,
+    )
+
+
+def _estimate(found: _Paired, result: PairedDifference, settled: bool = True) -> Estimate:
+    """No verdict unless `settled`."""
+    of_interest = -math.log1p(-SMALLEST_SAVING / 100)
+    said, least = verdict(result, of_interest, higher_is_better=False), detectable(result, of_interest)
+    if found.bounded and not _with_width(result.interval):  # times that are bounds alone agree by construction
+        said = found.sooner(result.family)
+    return Estimate(
+        _in_per_cent(_with_width(result.interval)),
+        _in_per_cent(_with_width(result.simultaneous)),
+        result.family,
+        "inconclusive" if not settled or (said == "equivalent" and found.bounded) else said,
+        None if least is None else _per_cent(-least),
+        None if result.effect is None else -result.effect,
+    )
+
+
+def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    """None for an interval without any width: equal times say nothing of how much times differ."""
+    return interval if interval is not None and interval[1] > interval[0] else None
+
+
+def _paired(
+    runs: dict[Key, CellRecord], scenes: list[str], method: str, against: str, axis: Axis, target: float
+) -> _Paired:
+    seeds = sorted({seed for _, _, seed in runs})
+    found = _Paired({}, {}, [], [], 0)
+    for scene in scenes:
+        there = [(runs.get((scene, method, seed)), runs.get((scene, against, seed))) for seed in seeds]
+        horizon = _horizon([cell for pair in there for cell in pair if cell is not None], axis)
+        if horizon is None:
+            found = replace(found, aside=found.aside + len(seeds))
+            continue
+        ratios, apart = np.full(len(seeds), math.nan), np.full(len(seeds), math.nan)
+        for place, (ours, theirs) in enumerate(there):
+            if ours is not None and theirs is not None and "error" not in (ours.status, theirs.status):
+                pair = (_cut(reach(ours, axis, target), horizon), _cut(reach(theirs, axis, target), horizon))
+                ratios[place] = math.log(pair[0].time / pair[1].time)
+                apart[place] = pair[0].time - pair[1].time
+                found.pairs.append(pair)
+        found = replace(found, aside=found.aside + int(np.isnan(ratios).sum()))
+        if np.isfinite(ratios).any():
+            found.ratios[scene], found.apart[scene] = ratios, apart
+            found.horizons.append(horizon)
+    return found
+
+
+def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
+    """(steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
+
+    def at(point: Checkpoint) -> float:
+        return float(point.step if axis == "steps" else point.seconds)
+
+    return sorted((at(point), point.psnr) for point in cell.curve if point.psnr is not None and at(point) > 0)
+
+
+def _best(cell: CellRecord) -> float:
+    return max((psnr for _, psnr in scored(cell, "steps")), default=-math.inf) if cell.status == "done" else -math.inf
+
+
+def _is(one: Reach, axis: Axis, method: str, scene: str) -> bool:
+    return (one.axis, one.method) == (axis, method) and scene in ("all", one.scene)
+
+
+def _lost(one: Reach) -> bool:
+    return one.known == "never" and one.why in (LOST["diverged"], LOST["done"])
+
+
+def _horizon(cells: list[CellRecord], axis: Axis) -> float | None:
+    """None where no cell finished with a score."""
+    return min(
+        (points[-1][0] for cell in cells if cell.status == "done" and (points := scored(cell, axis))), default=None
+    )
+
+
+def _cut(one: Reach, horizon: float) -> Reach:
+    """What of a time can be said that is watched until `horizon`."""
+    if one.known != "never" and one.time <= horizon:
+        return one
+    return Reach(one.scene, one.method, one.seed, one.axis, horizon, "never", one.why)
+
+
+def _per_cent(log_ratio: float) -> float:
+    """Saved: 0 for a ratio of 1, 50 for one half, −100 for 2."""
+    return -100.0 * math.expm1(log_ratio)
+
+
+def _in_per_cent(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    if interval is None or max(interval) > 300:  # beyond what a number holds: no interval to speak of
+        return None
+    return _per_cent(interval[1]), _per_cent(interval[0])

@@ -1,0 +1,62 @@
+"""The folder of a film: a fresh one, or one of the same film that is gone on with; never one that is in use.
+
+DIR/film.json                     what is filmed, so that another film is not mixed into it
+DIR/<scene>/<method>/0000.png …   frames (`harness.viewer.film.frames`)
+DIR/<scene>/side_by_side/0000.png …
+DIR/<scene>/<path>.webp           the animation
+"""
+
+import os
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.records.json_record import load_record, write_record
+from harness.run_folder.folder_lock import LOCK_FILE
+from harness.run_folder.integrity import DAMAGED, aside
+from harness.viewer.film.frames import LISTING
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    from harness.viewer.film.takes import FilmSpec
+
+RECORD = "film.json"
+SIDE_BY_SIDE = "side_by_side"
+
+
+def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None]) -> None:
+    """Makes the folder this film's, of which this process has the lock. Scenes and methods may come later; everything
+    else must be as it was. Where the record is lost, `say` is told: frames know for themselves what they show.
+
+    Raises `InputError` for a folder that is something else's, holds another film, or cannot be written.
+    """
+    # relative to the folder: a run may be moved with its films
+    now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in folder.glob(f".{RECORD}.*.part"):  # of a writer that was killed
+            part.unlink()
+        used = any(one.name not in (LOCK_FILE, DAMAGED) for one in folder.iterdir())
+        if used and not (folder / RECORD).exists() and any(folder.glob(f"*/*/{LISTING}")):
+            say(f"{folder / RECORD}: missing: written again")
+        elif used and not (folder / RECORD).is_file():
+            raise InputError(f"--to {folder}: the folder is in use by something else; name another one")
+        elif used:
+            _same_film(folder, now, say)
+        write_record(folder / RECORD, now)
+    except OSError as error:
+        raise InputError(f"--to {folder}: cannot be written ({error.strerror}); name another folder") from error
+
+
+def _same_film(folder: Path, now: dict[str, Any], say: Callable[[str], None]) -> None:
+    try:
+        before = load_record(folder / RECORD)
+    except ValueError as error:
+        say(f"{folder / RECORD}: {error}: written again")
+        aside(folder, RECORD)
+        return
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
+    if changed:
+        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+        raise InputError(f"--to {folder}: holds another film ({what}); use the same options or name another folder")

@@ -1,0 +1,102 @@
+"""Makes the frames that are missing, and of all frames pictures side by side and an animation."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.playback.cached import CachedMethod
+from harness.viewer.film.film_folder import SIDE_BY_SIDE
+from harness.viewer.film.film_plan import FilmPlan, Part, rendered
+from harness.viewer.film.frames import write_levels
+from harness.viewer.film.panels import side_by_side, write_animation
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+PLACES = {0: "memory", 1: "memory", 2: "disk"}
+"""Level of the view cache → where that is."""
+
+
+@dataclass
+class Tally:
+    """How the frames of one method came about."""
+
+    there: int = 0
+    rendered: int = 0
+    rendering_seconds: float = 0.0
+    found: dict[str, int] = field(default_factory=dict)
+    """Place of the view cache → frames."""
+    finding_seconds: float = 0.0
+
+    def line(self, method: str, use_cache: bool) -> str:
+        found = sum(self.found.values())
+        parts = [f"{method}: {self.there + self.rendered + found} frames"]
+        if self.there:
+            parts.append(f"{self.there} there already")
+        if self.rendered:
+            parts.append(f"{self.rendered} rendered in {1e3 * self.rendering_seconds / self.rendered:.1f} ms each")
+        if found:
+            places = " and ".join(f"{count} from {place}" for place, count in self.found.items())
+            parts.append(f"{found} from the view cache in {1e3 * self.finding_seconds / found:.2f} ms each ({places})")
+        if use_cache and (asked := self.rendered + found):
+            parts.append(f"hit rate {found / asked:.0%}")
+        return ", ".join(parts)
+
+
+def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
+    """Scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
+    tallies = {part.method: Tally() for part in plan.parts}
+    total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan says what is there
+    for name in dict.fromkeys(part.take.scene.name for part in plan.parts):
+        parts = [part for part in plan.parts if part.take.scene.name == name]
+        for part in parts:
+            for _ in _frames(plan, part, tallies[part.method]):
+                done += 1
+                show.part(f"{name} {part.method}", done, total)
+        folder = plan.folder / name
+        sheets = [_sheet(folder / SIDE_BY_SIDE, parts, number) for number in range(len(parts[0].keys))]
+        file = folder / f"{plan.wish.path}.webp"
+        size = write_animation(file, sheets, fps)
+        yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
+    yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())
+    if plan.use_cache and (failure := plan.store.statistics.last_failure) is not None:
+        yield f"the view cache could not be written ({failure}): frames are whole, another film renders them again"
+
+
+def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
+    """Yields the number of each missing frame as soon as its files are there."""
+    tally.there += len(part.keys) - len(part.missing)
+    if not part.missing:
+        return
+    cell = plan.run.trained(part.take.scene, part.method, plan.wish.seed, plan.device)
+    cached = CachedMethod(cell.learner, plan.store, cell.chunk, frozen=True)
+    for number in part.missing:
+        camera = part.take.cameras[number]
+        began = time.perf_counter()
+        found = cached.lookup(camera) if plan.use_cache else None
+        view = rendered(cell, camera) if found is None else found[0]
+        spent = time.perf_counter() - began
+        if found is None:
+            tally.rendered += 1
+            tally.rendering_seconds += spent
+            if plan.use_cache:
+                cached.keep(camera, view)
+        else:
+            place = PLACES[found[1]]
+            tally.found[place] = tally.found.get(place, 0) + 1
+            tally.finding_seconds += spent
+        part.frames.write(number, part.keys[number], view)
+        yield number
+
+
+def _sheet(folder: Path, parts: list[Part], number: int) -> np.ndarray:
+    """All methods' pictures of one frame, and the truth where it is known, written and given back."""
+    pictures = {part.method: part.frames.picture(number) for part in parts}
+    sheet = side_by_side({**pictures, **parts[0].take.truth_levels(number)})
+    folder.mkdir(parents=True, exist_ok=True)
+    write_levels(folder / f"{number:04}.png", sheet)
+    return sheet

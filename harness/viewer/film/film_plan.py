@@ -1,0 +1,125 @@
+"""What there is to film, how much of it is there already, and what the rest will cost."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from harness.playback.cached import CachedMethod
+from harness.playback.run_loader import FinishedRun, TrainedCell
+from harness.playback.store import ViewStore
+from harness.training.batches import Camera
+from harness.training.evaluate import View, render_view
+from harness.training.trainer import Diverged
+from harness.viewer.film.frames import FrameFolder
+from harness.viewer.film.takes import FilmSpec, Take, take_of
+from scenes.files.errors import InputError
+
+SHOWN = ("nerf", "qnerf")
+MEMORY_BYTES = 128 << 20
+"""Of the view cache: a path may come to the same place twice."""
+BYTES_A_PIXEL = 23
+"""Of a frame at most: 3 in its PNG and 20 in its EXR."""
+WARM_UP_PIXELS = 4
+"""Across, of the picture that pays for what is done once."""
+
+
+@dataclass
+class Part:
+    """The frames of one scene and one method."""
+
+    take: Take
+    method: str
+    frames: FrameFolder
+    keys: list[str]
+    missing: list[int]
+    cached: int
+    """Of the missing ones, in the view cache."""
+
+
+@dataclass
+class FilmPlan:
+    """What there is to do."""
+
+    run: FinishedRun
+    wish: FilmSpec
+    folder: Path
+    device: torch.device
+    store: ViewStore
+    use_cache: bool
+    parts: list[Part]
+    seconds: dict[str, float]
+    """Method → what rendering a frame takes, measured on one where any is to be rendered."""
+
+    def lines(self) -> list[str]:
+        lens = self.parts[0].take.cameras[0]
+        count = sum(len(part.keys) for part in self.parts)
+        missing = sum(len(part.missing) for part in self.parts)
+        cached = sum(part.cached for part in self.parts)
+        frames = sorted({len(part.keys) for part in self.parts})
+        measured = ", ".join(f"{method} {1e3 * spent:.0f} ms" for method, spent in self.seconds.items())
+        return [
+            f"film: {self.wish.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",
+            f"  scenes   {' '.join(dict.fromkeys(part.take.scene.name for part in self.parts))}",
+            f"  methods  {' '.join(dict.fromkeys(part.method for part in self.parts))}, seed {self.wish.seed}",
+            f"  folder   {self.folder}",
+            f"  frames   {count}: {count - missing} there, {cached} in the view cache, {missing - cached} to render",
+            f"  estimated cost: {self._cost():.1f} s of rendering{f' ({measured} a frame)' if measured else ''}, "
+            f"{self._bytes() / 1e6:.1f} MB of frames at most",
+        ]
+
+    def _cost(self) -> float:
+        return sum(self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached) for part in self.parts)
+
+    def _bytes(self) -> int:
+        lenses = [(part.take.cameras[0], len(part.missing)) for part in self.parts]
+        return sum(lens.width * lens.height * missing * BYTES_A_PIXEL for lens, missing in lenses)
+
+
+def planned(
+    run: FinishedRun,
+    scenes: list[str] | None,
+    methods: list[str] | None,
+    wish: FilmSpec,
+    folder: Path,
+    view_sets: Path,
+    disk: Path | None,
+    device: torch.device,
+) -> FilmPlan:
+    """Looks at every cell that is filmed, so that whatever is wrong is said before the first frame, as `InputError`.
+
+    `disk` is the view cache's folder; without one nothing is taken from a cache. Writes nothing but that folder.
+    """
+    known = list(run.run.methods)
+    shown = run.methods(methods or (list(SHOWN) if set(SHOWN) <= set(known) else known[:2]))
+    store = ViewStore(MEMORY_BYTES if disk else 0, disk)
+    parts = []
+    seconds: dict[str, float] = {}
+    for scene in run.scenes(scenes):
+        take = None
+        for method in shown:
+            cell = run.trained(scene, method, wish.seed, device)
+            take = take or take_of(run, cell, wish, view_sets, len(shown))
+            cached = CachedMethod(cell.learner, store, cell.chunk, frozen=True)
+            keys = [cached.key(camera) for camera in take.cameras]
+            frames = FrameFolder(folder / scene.name / method)
+            missing = [number for number, key in enumerate(keys) if not frames.is_whole(number, key)]
+            unseen = [number for number in missing if keys[number] not in store]
+            parts.append(Part(take, method, frames, keys, missing, len(missing) - len(unseen)))
+            if unseen and method not in seconds:
+                rendered(cell, take.cameras[unseen[0]].resized(WARM_UP_PIXELS))
+                began = time.perf_counter()
+                rendered(cell, take.cameras[unseen[0]])
+                seconds[method] = time.perf_counter() - began
+    return FilmPlan(run, wish, folder, device, store, disk is not None, parts, seconds)
+
+
+def rendered(cell: TrainedCell, camera: Camera) -> View:
+    """One view, plainly; raises `InputError` where a pixel is not finite."""
+    try:
+        return render_view(cell.learner, camera.cameras(cell.learner.device), 0, cell.chunk)
+    except Diverged as error:
+        raise InputError(
+            f"{cell.scene.name}, {cell.cell.method}: {error}; it cannot be filmed here, leave it out with --methods"
+        ) from error

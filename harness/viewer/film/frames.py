@@ -1,0 +1,106 @@
+"""One frame as files, and a folder of them that knows which are whole.
+
+FOLDER/0000.png      display colour over white, 8 bit, as the report's pictures
+FOLDER/0000.exr      float R G B A, linear and premultiplied, and Z
+FOLDER/frames.json   frame → key of the view and digests of both files, written after them
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from harness.records.json_record import load_json, write_json
+from harness.training.evaluate import View
+from scenes.view_sets.images import read_image, write_channels, write_png
+from scenes.view_sets.pixels import decode_srgb
+
+LISTING = "frames.json"
+
+
+def exr_channels(view: View) -> dict[str, np.ndarray]:
+    """float32 [h, w] by name: R G B linear, premultiplied by A, the opacity; Z, the distance along the unit ray.
+
+    Methods are trained in display colour over white and know no other: the white is taken off there,
+    `colour − (1 − A)`, what is left is divided by A, decoded to linear light and multiplied by A again. Where A is 0
+    colour is 0. Z is the method's mean distance, which is `far` where a ray hits nothing.
+    """
+    opacity = np.clip(view.opacity.astype(np.float64), 0.0, 1.0)
+    alpha = opacity[..., None]
+    covered = np.clip(view.colour.astype(np.float64) - (1.0 - alpha), 0.0, alpha)
+    straight = covered / np.where(alpha > 0.0, alpha, 1.0)
+    linear = decode_srgb(straight) * alpha
+    channels = {name: linear[..., index] for index, name in enumerate("RGB")}
+    return {name: values.astype(np.float32) for name, values in {**channels, "A": opacity, "Z": view.depth}.items()}
+
+
+class FrameFolder:
+    """The frames of one scene and one method."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._listed = _read_listing(path / LISTING)
+
+    def is_whole(self, number: int, key: str) -> bool:
+        """Whether a frame shows the view with `key`, and both files hold what was written."""
+        told = self._listed.get(_stem(number), {})
+        return told.get("key") == key and all(told.get(file.suffix) == _digest(file) for file in self._files(number))
+
+    def write(self, number: int, key: str, view: View) -> None:
+        """Whole or not at all; raises `OSError` where it cannot be written."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        png, exr = self._files(number)
+        _in_place(png, lambda file: write_png(file, np.clip(view.colour, 0.0, 1.0)))
+        _in_place(exr, lambda file: write_channels(file, exr_channels(view)))
+        self._listed[_stem(number)] = {"key": key, **{file.suffix: _digest(file) or "" for file in (png, exr)}}
+        write_json(self.path / LISTING, self._listed)
+
+    def picture(self, number: int) -> np.ndarray:
+        """The PNG as levels, uint8 [h, w, 3]."""
+        return as_levels(read_image(self._files(number)[0]))
+
+    def _files(self, number: int) -> tuple[Path, Path]:
+        return self.path / f"{_stem(number)}.png", self.path / f"{_stem(number)}.exr"
+
+
+def as_levels(display: np.ndarray) -> np.ndarray:
+    """Display colour 0 … 1 → uint8, rounded as `write_png` does."""
+    return np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def write_levels(file: Path, levels: np.ndarray) -> None:
+    """uint8 [h, w, 3] as a PNG, whole or not at all; raises `OSError`."""
+    _in_place(file, lambda beside: write_png(beside, levels / 255.0))
+
+
+def _in_place(file: Path, write: Callable[[Path], None]) -> None:
+    """Written beside its place first; images are told apart by their suffix, so that stays."""
+    beside = file.with_name(f".{file.stem}.part{file.suffix}")
+    try:
+        write(beside)
+        beside.replace(file)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _stem(number: int) -> str:
+    return f"{number:04}"
+
+
+def _digest(file: Path) -> str | None:
+    try:
+        return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
+    except OSError:
+        return None
+
+
+def _read_listing(path: Path) -> dict[str, dict[str, str]]:
+    """Empty where it cannot be read: frames are then rendered again, which costs time and nothing else."""
+    try:
+        found = load_json(path)
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    return {name: told for name, told in found.items() if isinstance(told, dict)}

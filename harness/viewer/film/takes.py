@@ -1,0 +1,99 @@
+"""What is filmed of a scene: the cameras of a path, or the test views with their ground truth."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.playback.camera_paths import ELEVATION, PATHS
+from harness.playback.run_loader import FinishedRun, TrainedCell
+from harness.records.cells import SceneRecord
+from harness.training.batches import Camera
+from harness.viewer.film.frames import as_levels
+from harness.viewer.film.panels import LARGEST, size_of
+from scenes.files.errors import InputError
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import ViewSet
+from scenes.view_sets.viewpoints import evenly_spread
+
+FRAMES = 60
+TRUTH = "ground truth"
+
+
+@dataclass(frozen=True)
+class FilmSpec:
+    """What is filmed, whatever the scene; None: as the run has it, or the path."""
+
+    path: str
+    """Of `harness.playback.camera_paths.PATHS`, or test."""
+    frames: int | None
+    resolution: int | None
+    """Width in pixels."""
+    elevation: float | None
+    """In degrees, of an orbit."""
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """What is not the default, in the name of a folder."""
+        parts = {
+            "frames": self.frames,
+            "px": self.resolution,
+            "degrees": None if self.elevation is None else f"{self.elevation:g}",
+            "seed": self.seed or None,
+        }
+        return "-".join([self.path, *(f"{value}-{what}" for what, value in parts.items() if value is not None)])
+
+
+@dataclass(frozen=True)
+class Take:
+    """The views of one scene, for all methods alike."""
+
+    scene: SceneRecord
+    cameras: tuple[Camera, ...]
+    truth: ViewSet | None = None
+    """Where the views are test views."""
+    shown: tuple[int, ...] = ()
+    """Which of them."""
+
+    def truth_levels(self, number: int) -> dict[str, np.ndarray]:
+        """The ground truth of one frame by its name, uint8 [h, w, 3]; nothing where there is none."""
+        if self.truth is None:
+            return {}
+        return {TRUTH: as_levels(over_white(self.truth.test.rgba[self.shown[number]]))}
+
+
+def take_of(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path, methods: int) -> Take:
+    """Raises `InputError` where that many `methods` side by side are too large a picture, for more test views than
+    there are, and where a view set that is needed is not there.
+    """
+    take = _test_views(run, cell.scene, wish, view_sets) if wish.path == "test" else _path(run, cell, wish, view_sets)
+    lens = take.cameras[0]
+    across, down = size_of(methods + (take.truth is not None), lens.width, lens.height)
+    if max(across, down) > LARGEST:
+        raise InputError(
+            f"{methods} methods side by side make {across} × {down} pixels, {LARGEST} are the most along a side; "
+            "choose fewer --methods or a smaller --resolution"
+        )
+    return take
+
+
+def _path(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path) -> Take:
+    raised = {}
+    if wish.path == "orbit":
+        raised["elevation"] = ELEVATION if wish.elevation is None else float(np.radians(wish.elevation))
+    radius = run.view_radius(cell.scene, view_sets)
+    poses = PATHS[wish.path](FRAMES if wish.frames is None else wish.frames, radius=radius, **raised)
+    lens = cell.camera(poses[0])
+    if wish.resolution is not None:
+        lens = lens.resized(wish.resolution)
+    return Take(cell.scene, tuple(lens.at(pose) for pose in poses))
+
+
+def _test_views(run: FinishedRun, scene: SceneRecord, wish: FilmSpec, view_sets: Path) -> Take:
+    """Those that the run was scored on, or some of them."""
+    views = run.views(scene, view_sets, wish.resolution, geometry=False)
+    poses = views.test.camera_to_world
+    shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")
+    cameras = [Camera(poses[one], views.width, views.height, views.focal, views.near, views.far) for one in shown]
+    return Take(scene, tuple(cameras), views, tuple(int(one) for one in shown))

@@ -1,0 +1,1 @@
+"""The printed numbers, judged; imports `studies` and what is below."""

@@ -1,0 +1,97 @@
+"""The claims ledger: what the paper prints, with what was measured here and a verdict. Never a silent pass.
+
+Statements that are one comparison are one entry; what the paper does not say but we read into it stands apart.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+from harness.records.json_record import DamagedRecord
+from reports.claims import arithmetic, scores, serving
+from reports.claims import time as times
+from reports.claims.ablation import added_part
+from reports.claims.ledger import Bench, Claim, Finding, Printed, claim_of, entries
+from reports.data.beside import ALONE, Beside
+from reports.data.load import Records
+from reports.data.wording import UNTESTED, VERDICTS, Verdict, number, signed
+
+KINDS = {
+    "gains": "Gains, speed, ablation",
+    "levels": "Absolute scores and times",
+    "figures": "Weights and its own arithmetic",
+    "serving": "View cache and attention",
+    "others": "Settings and code",
+    "readings": "Our readings of the paper, which it does not print",
+}
+
+Judge = Callable[[Bench, Printed], Finding]
+
+RULES: dict[str, tuple[str, Judge]] = {
+    "gain": ("gains", scores.gain),
+    "each gain": ("gains", scores.each_row),
+    "each level": ("levels", scores.each_row),
+    "saving": ("gains", times.saving),
+    "derived saving": ("readings", times.saving),
+    "added part": ("gains", added_part),
+    "score": ("levels", scores.score),
+    "time to target": ("levels", times.time_to_target),
+    "weights": ("figures", arithmetic.weights),
+    "listing 1": ("figures", arithmetic.listing_1),
+    "skip layer": ("figures", arithmetic.skip_layer),
+    "sum of weights": ("figures", arithmetic.sum_of_weights),
+    "differences of rows": ("figures", arithmetic.differences_of_rows),
+    "means of rows": ("figures", arithmetic.means_of_rows),
+    "range of rows": ("figures", arithmetic.range_of_rows),
+    "scenes of rows": ("figures", arithmetic.scenes_of_rows),
+    "source of the baseline": ("readings", arithmetic.source_of_baseline),
+    "ratio of times": ("figures", arithmetic.ratio_of_times),
+    "final is average": ("figures", arithmetic.final_is_average),
+    "row of table 2": ("figures", arithmetic.row_of_table2),
+    "number of a table": ("figures", arithmetic.number_of_a_table),
+    "retrieval": ("serving", serving.retrieval),
+    "pose key": ("readings", serving.pose_key),
+    "attended first": ("serving", serving.attended_first),
+    "factor of priorities": ("readings", serving.factor_of_priorities),
+    "setting": ("others", arithmetic.run_setting),
+    "lines": ("others", arithmetic.lines),
+    "their code": ("others", arithmetic.their_code),
+}
+"""Rule of an entry → what sort of statement it is, and who judges it."""
+
+
+def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
+    """Every printed number that the run's record lists, in the paper's order.
+
+    Raises `DamagedRecord` for a ledger that cannot be read.
+    """
+    bench = Bench(records, beside.evidence, records.targets, beside.serving)
+    try:
+        return [_judged(bench, entry) for entry in entries(records.run.paper)]
+    except KeyError as error:
+        raise DamagedRecord(
+            f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
+            "`python -m harness run --resume` writes it anew and trains nothing that is finished"
+        ) from error
+
+
+def _judged(bench: Bench, entry: Printed) -> Claim:
+    kind, judge = RULES.get(entry.rule, ("others", _unknown))
+    found = judge(bench, entry)
+    if entry.leaves_open and found.verdict != UNTESTED:
+        ends = " and ".join(
+            number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open
+        )
+        derived = f"the paper prints rounded totals: this step is between {ends} {entry.unit}".strip()
+        found = replace(found, note="; ".join(filter(None, [found.note, derived])))
+    return claim_of(entry, found, kind, bench.scale)
+
+
+def _unknown(bench: Bench, entry: Printed) -> Finding:
+    return Finding(UNTESTED, "", note=f"need a version of the report with the rule {entry.rule!r}")
+
+
+def tally(found: list[Claim]) -> list[tuple[Verdict, int]]:
+    """How many claims have each verdict; verdicts that nothing has are left out."""
+    many = Counter(claim.verdict for claim in found)
+    return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

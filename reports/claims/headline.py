@@ -1,0 +1,217 @@
+"""What came out, in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
+
+The verdicts are those of the run's comparisons; this module only finds the words. A gain over `nerf` that is gone
+against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called no more than what
+bandwidth alone brings.
+"""
+
+from dataclasses import dataclass
+
+from harness.records.cells import Comparison
+from reports.data.load import Records
+from reports.data.table import average_of, cells_frame, shared_scenes
+from reports.data.wording import counted, interval, listed, number, signed
+
+BASELINE = "nerf"
+CONTROL = "nerf_matched"
+FAVOURITE = "qnerf"
+LOST = ("diverged", "error")
+BUDGETS = (("steps", "equal steps"), ("seconds", "equal training time"))
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Who stands against whom."""
+
+    baseline: str
+    control: str | None
+    contenders: list[str]
+    """Every method that is put to the test, the one of the headline first."""
+
+
+@dataclass(frozen=True)
+class Duel:
+    """One contender against one rival over all scenes, at equal steps and at equal time."""
+
+    method: str
+    against: str
+    steps: Comparison | None
+    seconds: Comparison | None
+
+
+@dataclass(frozen=True)
+class Headline:
+    title: str
+    sentences: list[str]
+    duels: list[Duel]
+
+
+def roles(records: Records) -> Roles:
+    methods = records.methods
+    baseline = BASELINE if BASELINE in methods else methods[0]
+    control = CONTROL if CONTROL in methods and baseline != CONTROL else None
+    others = [method for method in methods if method not in (baseline, control)]
+    others.sort(key=lambda method: method != FAVOURITE)
+    return Roles(baseline, control, others or [method for method in (control,) if method])
+
+
+def duels(records: Records, scene: str = "all") -> list[Duel]:
+    """Every contender against the baseline and against the control."""
+    cast = roles(records)
+    rivals = [rival for rival in (cast.baseline, cast.control) if rival is not None]
+    pairs = [(method, rival) for method in cast.contenders for rival in rivals if method != rival]
+    return [
+        Duel(
+            method,
+            rival,
+            records.comparison(scene, method, rival, budget="steps"),
+            records.comparison(scene, method, rival, budget="seconds"),
+        )
+        for method, rival in pairs
+    ]
+
+
+def headline(records: Records) -> Headline:
+    cast, fought = roles(records), duels(records)
+    if not cast.contenders:
+        return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
+    method = cast.contenders[0]
+    of_method = [duel for duel in fought if duel.method == method]
+    sentences = [_means(records), *_bandwidth(records, cast, of_method), *disagreements(records, method)]
+    return Headline(_title(records, cast, method, of_method), [sentence for sentence in sentences if sentence], fought)
+
+
+def title_of(method: str, baseline: str, control: str | None, vs_baseline: str | None, vs_control: str | None) -> str:
+    """The one line that a reader takes home, from the two verdicts at equal steps."""
+    if vs_baseline is None:
+        return f"No comparison of {method} with {baseline} could be made"
+    if vs_baseline == "better":
+        return _title_of_a_gain(method, baseline, control, vs_control)
+    alone = {
+        "worse": f"{method} scores below {baseline}",
+        "equivalent": f"{method} and {baseline} score the same within the margin",
+        "inconclusive": f"This run cannot tell {method} from {baseline}",
+    }[vs_baseline]
+    if control is None or vs_control is None or control == method:
+        return alone
+    if vs_control == vs_baseline:
+        return {
+            "worse": f"{method} scores below both {baseline} and {control}",
+            "equivalent": f"{method} scores the same as {baseline} and {control}, within the margin",
+            "inconclusive": f"{alone} or {control}",
+        }[vs_control]
+    return {
+        "better": f"{alone}; {method} scores above {control}",
+        "worse": f"{alone}; {method} scores below {control}",
+        "equivalent": f"{alone}; {method} is level with {control}",
+        "inconclusive": f"{alone}; against {control} nothing is settled",
+    }[vs_control]
+
+
+def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control: str | None) -> str:
+    gain = f"The gain of {method} over {baseline}"
+    if control == method:
+        return f"{method} scores above {baseline}: bandwidth alone makes this difference"
+    if control is None or vs_control is None:
+        return f"{method} scores above {baseline}, but without a bandwidth control beside it this says little"
+    return {
+        "better": f"{method} scores above both {baseline} and {control}",
+        "equivalent": f"{gain} is no more than bandwidth alone brings: {control} does as well",
+        "worse": f"{gain} is no more than bandwidth alone brings: {control} does better still",
+        "inconclusive": f"{gain} is not shown to be more than bandwidth alone brings: {control} may do as well",
+    }[vs_control]
+
+
+def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
+    cells = [cell for cell in records.cells if cell.method == method]
+    lost = sum(cell.status in LOST for cell in cells)
+    if cells and all(cell.status == "not_available" for cell in cells):
+        return f"{method} was not available: nothing can be said of it"
+    if cells and lost == len(cells):
+        return f"{method} did not finish a single cell: nothing can be said of its quality"
+    verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
+    vs_control = verdicts.get(cast.control) if cast.control else None
+    title = title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
+    losses = [said for name in (method, cast.baseline) if (said := _lost(records, name))]
+    if losses and verdicts.get(cast.baseline) is None:
+        open_ = f"against {cast.baseline} nothing is settled" if lost else f"nothing is settled about {method}"
+        return f"{' and '.join(losses)}: {open_}"
+    differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
+    how = ", ".join(filter(None, ["at equal steps" if differs else "", _sense(fought) if verdicts else ""]))
+    return "; ".join([f"{title} ({how})" if how else title, *losses])
+
+
+def _sense(fought: list[Duel]) -> str:
+    """Which question the verdicts answer (`reports.claims.estimands`)."""
+    judged = [duel.steps for duel in fought if duel.steps is not None]
+    like = any(one.scenes_like_these is not None for one in judged)
+    return "on scenes like these" if like else "on these scenes" if judged else ""
+
+
+def _lost(records: Records, method: str) -> str:
+    """`qnerf lost 1 of its 6 cells`, or nothing."""
+    cells = [cell for cell in records.cells if cell.method == method]
+    lost = sum(cell.status in LOST for cell in cells)
+    return f"{method} lost {lost} of its {counted(len(cells), 'cell')}" if lost else ""
+
+
+def _means(records: Records) -> str:
+    """Mean test PSNR of every method over the scenes that all of them have; of the survivors, where some are lost."""
+    frame = cells_frame(records)
+    scenes = shared_scenes(frame, "psnr")
+    if not scenes:
+        return ""
+    means = {method: average_of(frame, method, "psnr", scenes).mean for method in records.methods}
+    scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
+    where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
+    losses = [said for method in records.methods if (said := _lost(records, method))]
+    survivors = f" This is of the cells that finished: {listed(losses)}." if losses else ""
+    return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
+
+
+def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
+    """Why there is a control, and what it gains by itself: the size of the bandwidth effect."""
+    if cast.control is None:
+        return [f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."]
+    why = (
+        f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
+        f"the frequencies that the φ encoding reaches. "
+        f"What it gains too is owed to bandwidth, not to the parts of the new method"
+    )
+    one = records.comparison("all", cast.control, cast.baseline)
+    if one is None or one.difference is None:
+        return [f"{why}."]
+    return [f"{why}: here {signed(one.difference)} dB {interval(one.interval)}".rstrip() + f" ({one.verdict})."]
+
+
+def disagreements(records: Records, method: str) -> list[str]:
+    """Where the verdict at equal time is not the one at equal steps, and where that cannot be told."""
+    found, compared, skipped = [], 0, 0
+    for scene in ["all", *records.scenes]:
+        for duel in duels(records, scene):
+            if duel.method != method or (duel.steps is None and duel.seconds is None):
+                continue
+            sides = [one for one in (duel.steps, duel.seconds) if one is not None and one.difference is not None]
+            skipped += len(sides) < 2
+            compared += len(sides) == 2
+            if duel.steps is None or duel.seconds is None:
+                continue
+            if duel.steps.verdict != duel.seconds.verdict:
+                where = "over all scenes" if scene == "all" else f"on {scene}"
+                found.append(f"{where} against {duel.against} ({duel.steps.verdict} → {duel.seconds.verdict})")
+    if not found:
+        where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
+        same = f"Equal steps and equal time lead to the same verdict on {method} {where}."
+        return [same] if compared else []
+    if len(found) > 5:
+        found = [*found[:5], counted(len(found) - 5, "more case")]
+    return [f"Equal steps and equal time differ on {method} {listed(found)}."]
+
+
+def smallest_detectable(records: Records) -> str:
+    """The power of the run to tell the first contender from the baseline, in a sentence, or nothing."""
+    cast = roles(records)
+    one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    if one is None or one.smallest_detectable is None:
+        return ""
+    return f"A true difference below {number(one.smallest_detectable)} dB could have gone unnoticed (power 80 %)."

@@ -1,0 +1,280 @@
+"""The printed numbers as a run record keeps them, and their verdicts: pure functions of figures and intervals.
+
+`RunRecord.paper` holds the paper's tables and, under `ledger`, every printed number of it. A gain is a level. At the
+paper's scale it is *reproduced* where the interval of what was measured lies above 0 and within `margin` of what is
+printed, and *not reproduced* where it lies outside. At another scale it can only be *seen*, where the interval lies
+above 0 and reaches to within `margin` of what is printed, or *not seen at this scale*, where it does not reach there.
+All else is *inconclusive*. A printed sum is judged by the figures that it is made of.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from statistics import NormalDist
+from typing import Any
+
+from harness.records.evidence_record import EvidenceRecord
+from harness.records.json_record import DamagedRecord
+from harness.records.serving_record import ServingRecord
+from harness.records.targets import TargetsRecord
+from harness.verdicts.statistics import critical
+from reports.data.load import REMEDY, Records
+from reports.data.scale import in_a_line, is_paper_scale
+from reports.data.selection import Selection
+from reports.data.wording import UNTESTED, Verdict, counted
+
+Number = int | float
+Pair = tuple[float, float]
+
+OWN_FIGURES = "the paper’s own figures"
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A printed number, as `harness.verdicts.paper` lists it."""
+
+    id: str
+    where: tuple[str, ...]
+    printed: Number | Pair | None
+    statement: str
+    rule: str
+    unit: str = ""
+    of: dict[str, str] = field(default_factory=dict)
+    leaves_open: Pair | None = None
+
+    @property
+    def digits(self) -> int:
+        """Decimals as printed."""
+        return {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A printed number with what was measured and a verdict."""
+
+    id: str
+    source: str
+    """Every place of the paper that states it."""
+    statement: str
+    printed: Number | Pair | None
+    measured: Number | Pair | None
+    """A range as a pair: from the worst to the best scene."""
+    interval: Pair | None
+    """95 %, and the one that the verdict is taken from where there is one."""
+    scale: str
+    verdict: Verdict
+    how: str
+    """How it is measured here."""
+    kind: str
+    """What sort of statement it is: a key of `reports.claims.claim_list.KINDS`."""
+    unit: str = ""
+    digits: int = 0
+    """Decimals of the printed number."""
+    note: str = ""
+    """What qualifies the verdict; of what was not tested, what it needs."""
+    runs: Selection | None = None
+    """The runs of this report that the verdict is taken from; None where it is of something else, or there is none."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What claims are judged by."""
+
+    records: Records
+    evidence: EvidenceRecord | None
+    targets: TargetsRecord | None
+    serving: ServingRecord | None = None
+
+    @property
+    def paper(self) -> dict[str, Any]:
+        return self.records.run.paper
+
+    @cached_property
+    def scale(self) -> str:
+        """Of the run, in a line."""
+        return in_a_line(self.records)
+
+    def at_paper_scale(self, scene: str) -> bool:
+        """Whether what was measured on a scene, or over `all`, can speak of the paper's own numbers."""
+        return is_paper_scale(self.records, scene)
+
+    def row(self, table: str, name: str) -> dict[str, Any]:
+        """A row of one of the paper's tables; empty where the record has none."""
+        found = self.paper.get(table)
+        row = found.get(name) if isinstance(found, dict) else None
+        return row if isinstance(row, dict) else {}
+
+    def scenes_of_table2(self) -> dict[str, dict[str, float]]:
+        """Scene → row, without the average."""
+        table = self.paper.get("table2") or {}
+        return {scene: row for scene, row in table.items() if isinstance(row, dict) and scene not in ("average", "all")}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a judge says of an entry."""
+
+    verdict: Verdict
+    how: str
+    measured: Number | Pair | None = None
+    interval: Pair | None = None
+    scale: str = ""
+    """Where it is not that of the run."""
+    note: str = ""
+    runs: Selection | None = None
+    """Of this report, all that `measured` is taken from."""
+
+
+def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
+    return Claim(
+        entry.id,
+        ", ".join(entry.where),
+        entry.statement,
+        entry.printed,
+        found.measured,
+        found.interval,
+        found.scale or scale,
+        found.verdict,
+        found.how,
+        kind,
+        entry.unit,
+        entry.digits,
+        found.note,
+        found.runs if found.verdict != UNTESTED else None,
+    )
+
+
+def entries(paper: dict[str, Any]) -> list[Printed]:
+    """The ledger of a record, in the paper's order; raises `DamagedRecord` where it is not as the harness writes it."""
+    try:
+        return [
+            Printed(
+                **{
+                    **row,
+                    "where": tuple(row["where"]),
+                    "printed": _pair(row["printed"]),
+                    "leaves_open": _pair(row.get("leaves_open")),
+                }
+            )
+            for row in paper.get("ledger") or []
+        ]
+    except (TypeError, KeyError) as error:
+        raise DamagedRecord(f"run.json: the paper's ledger is not readable ({error}); {REMEDY}") from error
+
+
+def _pair(value: Any) -> Any:
+    return (value[0], value[1]) if isinstance(value, list | tuple) else value
+
+
+MARGINS = {"psnr": 0.2, "ssim": 0.005}
+"""How near a level must come: the smallest differences of interest, as the harness declares them."""
+LEAST_PAIRS = 3
+"""Two seeds give no verdict."""
+POWER = 0.8
+MOST_SEEDS = 1000
+
+
+def half_unit(printed: Number, unit: str = "") -> float:
+    """Half of the last printed digit: what may have been rounded away. 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
+
+    dB and hours are printed with one decimal, also where it is 0.
+    """
+    if unit in ("dB", "h"):
+        return 0.05
+    if isinstance(printed, int) or float(printed).is_integer():
+        digits = str(abs(int(printed)))
+        zeros = len(digits) - len(digits.rstrip("0")) if digits != "0" else 0
+        return 0.5 * 10**zeros
+    decimals = len(repr(float(printed)).split(".")[1])
+    return 0.5 * 10**-decimals
+
+
+def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_scale: bool) -> Verdict:
+    """A printed gain against the interval of the measured one; without an interval nothing is settled."""
+    if measured is None:
+        return "inconclusive"
+    low, high = measured
+    least, most = max(0.0, printed - margin), printed + margin
+    if high < least or low > most:
+        return "not reproduced" if at_paper_scale else "not seen at this scale"
+    if low <= 0:
+        return "inconclusive"
+    if at_paper_scale:
+        return "reproduced" if least <= low and high <= most else "inconclusive"
+    return "seen"
+
+
+def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
+    """A printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
+    if measured is None:
+        return "inconclusive"
+    low, high = measured
+    if high < printed - margin or low > printed + margin:
+        return "not reproduced"
+    return "reproduced" if printed - margin <= low and high <= printed + margin else "inconclusive"
+
+
+def judge_all(parts: Iterable[Verdict]) -> Verdict:
+    """A statement about each of several things: refuted by one, reproduced by all."""
+    found = set(parts)
+    if "not reproduced" in found:
+        return "not reproduced"
+    return "reproduced" if found == {"reproduced"} else "inconclusive"
+
+
+def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int = 1) -> int | None:
+    """How many seeds a scene would show a true gain that is just the printed one, in 80 % of repetitions.
+
+    `deviation` is that of a paired difference about its scene's mean. The interval on `scenes` fixed scenes, one of
+    `family`, must then fit into ± `margin`. None where a thousand would not do.
+    """
+    off_centre = NormalDist().inv_cdf((1 + POWER) / 2)
+    for seeds in range(LEAST_PAIRS, MOST_SEEDS):
+        reach = critical(scenes * (seeds - 1), family) + off_centre
+        if reach * deviation / math.sqrt(scenes * seeds) <= margin:
+            return seeds
+    return None
+
+
+def judge_figures(printed: float, rounding: float, computed: float, reachable: Pair) -> Verdict:
+    """A printed result against what the printed figures give: `computed` from them as they stand, `reachable` from
+    all that rounds to them.
+
+    *reproduced* where `computed` rounds to the printed result, *not reproduced* where nothing reachable does, and
+    *inconclusive* where only the rounding of the figures could explain it.
+    """
+    slack = 1e-9 * max(1.0, abs(printed))  # decimals are no binary fractions
+    if abs(computed - printed) <= rounding + slack:
+        return "reproduced"
+    missed = reachable[1] < printed - rounding - slack or reachable[0] > printed + rounding + slack
+    return "not reproduced" if missed else "inconclusive"
+
+
+def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
+    """Claims that were not tested, gathered by what they need: `4 claims need …`, most first."""
+    missing: dict[str, list[Claim]] = {}
+    for claim in found:
+        if claim.verdict == UNTESTED:
+            missing.setdefault(claim.note, []).append(claim)
+    gathered = sorted(missing.items(), key=lambda one: -len(one[1]))
+    return [(f"{counted(len(some), 'claim')} {_agreeing(cause, len(some))}.", some) for cause, some in gathered]
+
+
+def _agreeing(cause: str, many: int) -> str:
+    """A cause begins with its verb in the plural."""
+    return cause if many != 1 else cause.replace("need ", "needs ", 1).replace("are settings", "is a setting", 1)
+
+
+def not_tested(said: list[str], found: list[Claim]) -> list[str]:
+    """`said` by the run, then what the claims `found` that were not tested need."""
+    return [*said, *(sentence for sentence, _ in by_cause(found))]
+
+
+def in_short(said: list[str]) -> str:
+    """How many things, and the first of them, which weighs most; nothing where all was tested."""
+    if not said:
+        return ""
+    first = said[0].split(": ")[0].rstrip(".")
+    first = f"the {first.removeprefix('The ')}" if first.startswith("The ") else first
+    return f"{counted(len(said), 'thing')}{', among them ' if len(said) > 1 else ': '}{first}"

@@ -1,0 +1,184 @@
+"""PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
+
+from harness.records.cells import CellRecord, Comparison
+from reports.claims.headline import BUDGETS, roles
+from reports.data.load import Records
+from reports.data.selection import Selection, behind_difference
+from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
+from reports.data.wording import NOTHING, counted, interval, number, signed
+from reports.page.grid import EMPTY, Column, Entry, Grid
+
+LIMITED_DB = 1.0
+"""A score so near to its ceiling says more about the ground truth than about the method."""
+TOGETHER = (
+    "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
+    "the truth in 95 %."
+)
+FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
+
+
+def scores_grid(records: Records) -> Grid:
+    """Mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
+    frame = cells_frame(records)
+    printed = _printed(records)
+    columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
+    columns += [Column(method, method) for method in records.methods]
+    columns.append(Column("ceiling", small="noise of the truth"))
+    columns += [Column(name, small="paper") for name in ("NeRF", "Q-NeRF")] if printed else []
+    rows = []
+    for scene in records.scenes:
+        about = records.scene(scene)
+        row = [Entry(scene), Entry(number(about.psnr_floor if about else None, 1), tone="muted")]
+        for method in records.methods:
+            test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
+            ceiling = about.psnr_ceiling if about else None
+            behind = Selection(scene, method, metric="psnr")
+            row.append(score_entry(test, train, records.cells_of(scene, method), ceiling, behind))
+        row.append(Entry(number(about.psnr_ceiling if about else None, 1), tone="muted"))
+        rows.append(row + [Entry(number(value, 1), tone="muted") for value in printed.get(scene.lower(), ())])
+        rows[-1] += [EMPTY] * (len(columns) - len(rows[-1]))
+    note = (
+        "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
+        "The smaller line is PSNR on training views: a wide gap means that views were memorised. "
+        "Reference-limited: within 1 dB of the ceiling that the noise of the ground truth sets."
+    )
+    return Grid("Test PSNR", columns, rows, _average(records, len(columns), bool(printed)), note)
+
+
+def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]]:
+    frame = cells_frame(records)
+    scenes = shared_scenes(frame, "psnr")
+    if len(scenes) < 2:
+        return []
+    whole = len(scenes) == len(records.scenes)
+    name = "mean" if whole else f"mean of {len(scenes)} of {len(records.scenes)} scenes"
+    levels = [records.scene(scene) for scene in scenes]
+    row = [Entry(name), _mean_entry([about.psnr_floor if about else None for about in levels])]
+    for method in records.methods:
+        test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
+        row.append(score_entry(test, train, [], behind=Selection(method=method, metric="psnr")))
+    row.append(_mean_entry([about.psnr_ceiling if about else None for about in levels]))
+    if with_paper:
+        printed = [value for scene, value in _printed(records).items() if scene in scenes]
+        complete = len(printed) == len(scenes)
+        row += [
+            Entry(number(sum(pair[place] for pair in printed) / len(printed), 1), tone="muted") if complete else EMPTY
+            for place in (0, 1)
+        ]
+    return [row + [EMPTY] * (width - len(row))]
+
+
+def _mean_entry(values: list[float | None]) -> Entry:
+    """The mean, where none is missing."""
+    there = [value for value in values if value is not None]
+    return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
+
+
+def score_entry(
+    test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None, behind: Selection | None = None
+) -> Entry:
+    """The mean of the finished seeds; whatever did not finish is named in the same cell, and so is a score that the
+    noise of the ground truth holds down.
+    """
+    lost = losses(cells)
+    if test.mean is None:
+        return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted", runs=behind)
+    text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
+    parts = [f"train {number(train.mean)}"] if train.mean is not None else []
+    parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - LIMITED_DB else []
+    parts += [lost] if lost else []
+    further = {"sd": test.sd, "train": train.mean}
+    return Entry(text, lines(*parts), tone_of(cells), test.mean, further, behind)
+
+
+def tone_of(cells: list[CellRecord]) -> str:
+    """`failed` where a cell did; what was not available failed nobody."""
+    if any(cell.status in ("diverged", "error") for cell in cells):
+        return "failed"
+    return "muted" if any(cell.status == "not_available" for cell in cells) else ""
+
+
+def reason_of(cells: list[CellRecord]) -> str:
+    """Why a method was not available, where that is the same for all cells."""
+    reasons = {cell.reason or "" for cell in cells if cell.status == "not_available"}
+    return reasons.pop() if len(reasons) == 1 else ""
+
+
+def losses(cells: list[CellRecord]) -> str:
+    """`1 of 3 diverged`, or nothing."""
+    words = []
+    for status, name in FAILURES.items():
+        many = sum(cell.status == status for cell in cells)
+        if many:
+            words.append(f"{many} of {len(cells)} {name}")
+    return ", ".join(words)
+
+
+def differences_grids(records: Records) -> list[Grid]:
+    """For each contender its difference to baseline and control, at equal steps and equal time, as compared."""
+    cast = roles(records)
+    found = []
+    for method in cast.contenders:
+        pairs = [(rival, *budget) for budget in BUDGETS for rival in (cast.baseline, cast.control) if rival]
+        scenes = [*records.scenes, "all"]
+        pairs = [pair for pair in pairs if any(records.comparison(s, method, pair[0], budget=pair[1]) for s in scenes)]
+        if pairs:
+            found.append(_differences(records, method, pairs, cast.control))
+    return found
+
+
+def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]], control: str | None) -> Grid:
+    printed = _printed(records) if method == "qnerf" else {}
+    gains = {scene: values[1] - values[0] for scene, values in printed.items()}
+    columns = [Column("scene", numeric=False)]
+    columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
+    columns += [Column("Δ", small="paper")] if gains else []
+    rows = []
+    for scene in [*records.scenes, "all"]:
+        row = [Entry("all scenes" if scene == "all" else scene)]
+        row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
+        row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
+        rows.append(row)
+    note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and the verdict. "
+    note += "A scene's interval is over seeds, that of all scenes on scenes like these."
+    note += f" {TOGETHER}" if any(one.family > 1 and one.simultaneous for one in records.comparisons) else ""
+    note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
+    return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
+
+
+def difference_entry(one: Comparison | None) -> Entry:
+    """`+0.82`, below it interval and verdict, and how many cells could not be paired."""
+    if one is None:
+        return EMPTY
+    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
+    behind = behind_difference(one)
+    if one.difference is None:
+        return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)
+    digits = 2 if one.metric in ("psnr", "delta_e") else 4
+    pair = one.simultaneous or one.interval
+    small = lines(interval(pair, digits), one.verdict, aside)
+    low, high = pair or (None, None)
+    return Entry(signed(one.difference, digits), small, one.verdict, one.difference, {"low": low, "high": high}, behind)
+
+
+def lines(*parts: str) -> str:
+    return "\n".join(filter(None, parts))
+
+
+def _printed(records: Records) -> dict[str, tuple[float, float]]:
+    table = records.run.paper.get("table2") or {}
+    known = {scene.lower() for scene in records.scenes}
+    return {
+        scene.lower(): (row["nerf"], row["qnerf"])
+        for scene, row in table.items()
+        if scene.lower() in known and isinstance(row, dict) and {"nerf", "qnerf"} <= set(row)
+    }
+
+
+def _gain(gains: dict[str, float], scenes: list[str], scene: str) -> float | None:
+    """The printed gain, or for `all` the mean of those of the scenes that were run, where all are printed."""
+    if scene != "all":
+        return gains.get(scene.lower())
+    there = [gains.get(one.lower()) for one in scenes]
+    complete = [gain for gain in there if gain is not None]
+    return sum(complete) / len(complete) if len(complete) == len(there) else None

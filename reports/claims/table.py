@@ -1,0 +1,151 @@
+"""The ledger as tables: what the paper prints, what was measured, the verdict, and how and at which scale."""
+
+from dataclasses import dataclass
+
+from reports.claims.claim_list import KINDS, tally
+from reports.claims.ledger import Claim, Number, Pair, by_cause
+from reports.data.wording import NOTHING, UNTESTED, count, counted, interval, listed, number, signed, significant
+from reports.page.grid import Column, Entry, Grid
+from reports.studies.evidence_page import plain
+
+TONES = {"reproduced": "holds", "seen": "holds", "not reproduced": "fails", "not seen at this scale": "fails"}
+TONES |= {"inconclusive": "", UNTESTED: "muted"}
+MARKS = {"reproduced": "✓", "not reproduced": "✕", "seen": "✓", "not seen at this scale": "✕"}
+MARKS |= {"inconclusive": "?", UNTESTED: "–"}
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """All claims of a kind that were tested."""
+
+    title: str
+    grid: Grid
+
+
+@dataclass(frozen=True)
+class Fold:
+    """All claims that one thing would test."""
+
+    title: str
+    claims: list[str]
+
+
+def chapters(found: list[Claim], here: str) -> list[Chapter]:
+    """One table a kind of statement, each in the paper's order. `here` is the run's scale, which stands above them."""
+    of_kind = {kind: [claim for claim in found if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
+    return [
+        Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]))
+        for kind, some in of_kind.items()
+        if some
+    ]
+
+
+def folds(found: list[Claim]) -> list[Fold]:
+    """What was not tested, gathered by what it needs."""
+    return [Fold(sentence, [_in_a_line(claim) for claim in some]) for sentence, some in by_cause(found)]
+
+
+def _in_a_line(claim: Claim) -> str:
+    """`Layers of the density MLP (Table 1): printed 8, here 6`."""
+    here = f", here {measured_text(claim)}" if claim.measured is not None else ""
+    return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
+
+
+def in_a_sentence(found: list[Claim]) -> str:
+    """`Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
+    if not found:
+        return ""
+    said = [f"{many} {verdict}" for verdict, many in tally(found)]
+    return f"Of {counted(len(found), 'statement')} in the ledger: {listed(said)}."
+
+
+def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
+    columns = [Column("claim", numeric=False), Column("printed", small="where"), Column("measured", small="interval")]
+    columns += [
+        Column("verdict", small="scale, where another", numeric=False),
+        Column("how it is measured", numeric=False),
+    ]
+    rows = []
+    for claim in found:
+        scale = "" if claim.scale == here else claim.scale
+        row = [Entry(claim.statement), printed_entry(claim, claim.source.replace(", ", "\n")), measured_entry(claim)]
+        row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
+        row.append(Entry(claim.how, claim.note))
+        rows.append(row)
+    # without what was judged, it would read as if nothing had been
+    return Grid(caption, columns, rows, filtered=False)
+
+
+def printed_entry(claim: Claim, small: str = "") -> Entry:
+    """With its unit for files, in which numbers stand without."""
+    value, parts = _numbers(claim.printed)
+    unit = claim.unit if claim.printed is not None and claim.unit else None
+    return Entry(printed_text(claim), small, value=value, parts={**parts, "unit": unit})
+
+
+def measured_entry(claim: Claim) -> Entry:
+    value, parts = _numbers(claim.measured)
+    between = interval_text(claim)
+    low, high = claim.interval if claim.interval and between else (None, None)
+    parts = {**parts, "low": low, "high": high}
+    return Entry(measured_text(claim), between, value=value, parts=parts, runs=claim.runs)
+
+
+def _numbers(found: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
+    """A number; or the ends of a range, which is none, and is no interval either."""
+    if isinstance(found, tuple):
+        return None, {"from": found[0], "to": found[1]}
+    return found, {}
+
+
+def printed_text(claim: Claim) -> str:
+    """+1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
+    if claim.printed is None:
+        return "in words" if claim.kind != "others" else NOTHING
+    if isinstance(claim.printed, tuple):
+        low, high = (_value(claim, value, claim.digits) for value in claim.printed)
+        return f"{low} to {high} {claim.unit}".strip()
+    return _with_unit(claim, claim.printed, claim.digits)
+
+
+def measured_text(claim: Claim) -> str:
+    """A range where it was one that was asked for."""
+    if isinstance(claim.measured, tuple):
+        digits = _finer(claim) if _is_difference(claim) else claim.digits
+        return f"{' to '.join(_value(claim, value, digits) for value in claim.measured)} {claim.unit}"
+    return NOTHING if claim.measured is None else _with_unit(claim, claim.measured, _finer(claim))
+
+
+def interval_text(claim: Claim) -> str:
+    """Nothing where there is none."""
+    if claim.interval is None or claim.measured is None:
+        return ""
+    digits = _finer(claim)
+    if _is_difference(claim):
+        return interval(claim.interval, digits)
+    return f"[{', '.join(_value(claim, value, digits) for value in claim.interval)}]"
+
+
+def _is_difference(claim: Claim) -> bool:
+    """Whether a sign belongs to it."""
+    return claim.kind == "gains" and claim.unit != "%"
+
+
+def _finer(claim: Claim) -> int:
+    """One decimal more than printed, where the figure has decimals at all; percentages get one."""
+    return 1 if claim.unit == "%" else claim.digits + 1 if claim.digits else 0
+
+
+def _value(claim: Claim, value: int | float, digits: int) -> str:
+    if _is_difference(claim):
+        return signed(value, digits)
+    if claim.kind == "others":
+        return plain(value)
+    if claim.unit == "×":
+        return significant(value)
+    return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
+
+
+def _with_unit(claim: Claim, value: int | float, digits: int) -> str:
+    unit = claim.unit if claim.unit in ("dB", "%", "h", "×") else ""
+    return f"{_value(claim, value, digits)} {unit}".strip()

@@ -1,0 +1,94 @@
+"""Table 3: how soon a score is reached.
+
+The harness judges that as a survival problem (`harness.records.targets`): a run that never gets there is censored, not
+dropped. A saving is judged as a gain is: *reproduced* at the paper's scale and at its 30 dB alone, and elsewhere *seen*
+or not. Where censoring leaves the true saving larger or smaller than what was measured, that side of its interval is
+open.
+"""
+
+import math
+
+from harness.records.targets import TargetComparison, TargetsRecord
+from reports.claims.ledger import LEAST_PAIRS, Bench, Finding, Pair, Printed, judge_gain
+from reports.claims.scores import NEEDS_RUN
+from reports.data.selection import behind_saving
+from reports.data.wording import UNTESTED, count, counted, number
+
+HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
+WHAT = {"steps": "training steps", "seconds": "training seconds"}
+MARGIN = 5.0
+"""Percentage points: the smallest saving of interest, as the harness declares it."""
+NEEDS_TARGETS = "need a record of when a score was reached: run again with --resume"
+NEEDS_MACHINE = "need the paper’s machine"
+NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"
+
+
+def saving(bench: Bench, entry: Printed) -> Finding:
+    """Per cent less of steps or seconds to the target."""
+    axis, targets = entry.of["axis"], bench.targets
+    how = HOW.format(what=WHAT[axis])
+    if targets is None:
+        return Finding(UNTESTED, how, note=NEEDS_TARGETS)
+    one = targets.comparison("all", "qnerf", "nerf", axis) if targets.target is not None else None
+    started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
+    if one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
+        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
+    at_paper_scale = targets.printed and bench.at_paper_scale("all")
+    verdict = judge_gain(entry.printed, MARGIN, reachable(one), at_paper_scale)
+    return Finding(verdict, how, one.saving, _on_them(one), note=_note(one, targets), runs=behind_saving(one))
+
+
+def reachable(one: TargetComparison) -> Pair | None:
+    """The interval, open on the side to which censored times may move the saving; None for too few pairs."""
+    pair = _on_them(one)
+    if pair is None or one.pairs < LEAST_PAIRS:
+        return None
+    larger, smaller = _sides(one)
+    return (-math.inf if smaller else pair[0], math.inf if larger else pair[1])
+
+
+def _on_them(one: TargetComparison) -> Pair | None:
+    about = one.on_these_scenes
+    return (about.simultaneous or about.interval) if about else None
+
+
+def _sides(one: TargetComparison) -> tuple[bool, bool]:
+    """Whether the true saving may be larger, and whether it may be smaller.
+
+    Larger where NeRF was not watched to its end or Q-NeRF was there before the first look; smaller the other way round.
+    """
+    ours, theirs = one.never
+    return bool(theirs or one.earlier[0]), bool(ours or one.earlier[1])
+
+
+def _note(one: TargetComparison, targets: TargetsRecord) -> str:
+    """At which target, how many of each got there while both were watched, and whether the saving is a bound."""
+    parts = []
+    if one.pairs:
+        there = [count(one.pairs - never) for never in one.never]
+        parts.append(
+            f"{number(targets.target, 1)} dB was reached by {there[1]} of {counted(one.pairs, 'NeRF run')} and "
+            f"{there[0]} of {counted(one.pairs, 'Q-NeRF run')} in the {WHAT[one.axis]} watched"
+        )
+    for method, earlier in zip(("Q-NeRF", "NeRF"), one.earlier, strict=True):
+        if earlier:
+            parts.append(f"{earlier} of {counted(one.pairs, 'run')} of {method} had reached it by the first checkpoint")
+    if one.saving is not None:
+        parts.append(bound(one))
+    if one.unpaired:
+        parts.append(f"{counted(one.unpaired, 'pair')} could not be judged")
+    return "; ".join(filter(None, parts))
+
+
+def bound(one: TargetComparison) -> str:
+    """What the saving is where some times are only known to be longer or shorter."""
+    larger, smaller = _sides(one)
+    if larger and smaller:
+        return "the saving is of the time watched alone"
+    return "the true saving is larger" if larger else "the true saving is smaller" if smaller else ""
+
+
+def time_to_target(bench: Bench, entry: Printed) -> Finding:
+    """Steps or hours themselves, which nothing here can be held against."""
+    how = "no run is asked for it"
+    return Finding(UNTESTED, how, note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)

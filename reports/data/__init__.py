@@ -1,0 +1,1 @@
+"""Records into frames, and numbers into words; imports no other room of reports."""

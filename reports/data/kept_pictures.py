@@ -1,0 +1,85 @@
+"""The pictures that a run kept, as a report reads them: what is missing or damaged is a reason, never an error."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from harness.records.cells import CellRecord
+from harness.records.json_record import DamagedRecord
+from harness.records.pictures import Render, Truth, read_renders, read_truth, truth_pictures
+from reports.data.load import Records, if_sound
+
+NOT_KEPT = "no picture was kept"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Of one scene."""
+
+    truth: dict[str, Truth]
+    """By view, in the order of the file."""
+    renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)
+    """By method and seed; at least one each."""
+    missing: dict[tuple[str, int], str] = field(default_factory=dict)
+    """Cells without pictures, and why."""
+
+
+def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:
+    """Reads the files of the scene's cells, of the named seeds or of all."""
+    cells = [cell for cell in records.cells if cell.scene == scene and (seeds is None or cell.seed in seeds)]
+    found = Kept(_truth(records.folder, scene) if any(cell.pictures for cell in cells) else {})
+    for cell in cells:
+        key = (cell.method, cell.seed)
+        renders = _renders(records.folder, cell)
+        if isinstance(renders, str):
+            found.missing[key] = renders
+        else:
+            found.renders[key] = renders
+    return found
+
+
+def damaged(records: Records) -> list[str]:
+    """A line for every file of pictures that cannot be shown, and why."""
+    found: list[str] = []
+    for scene in records.scenes:
+        paths = [cell.pictures for cell in records.cells if cell.scene == scene and cell.pictures]
+        files: list[tuple[str, Callable[[Path], Any]]] = [(truth_pictures(scene), read_truth)] if paths else []
+        for relative, read in [*files, *((path, read_renders) for path in paths)]:
+            path = inside(records.folder, relative)
+            if path is None:
+                found.append(f"{relative}: leads out of the records")
+            else:
+                if_sound(partial(read, path), None, found)
+    return found
+
+
+def inside(folder: Path, relative: str) -> Path | None:
+    """The file, or None where its path leads out of the folder."""
+    path = (folder / relative).resolve()
+    return path if path.is_relative_to(folder.resolve()) else None
+
+
+def _truth(folder: Path, scene: str) -> dict[str, Truth]:
+    path = inside(folder, truth_pictures(scene))
+    try:
+        return {one.view: one for one in read_truth(path)} if path else {}
+    except DamagedRecord:
+        return {}
+
+
+def _renders(folder: Path, cell: CellRecord) -> list[Render] | str:
+    if cell.status == "not_available":
+        return f"not available: {cell.reason or 'no reason recorded'}"
+    if cell.pictures is None:
+        return cell.reason or cell.status if cell.status != "done" else NOT_KEPT
+    path = inside(folder, cell.pictures)
+    if path is None:
+        return f"{cell.pictures}: leads out of the records"
+    if not path.is_file():
+        return f"{path}: missing"
+    try:
+        return read_renders(path) or NOT_KEPT
+    except DamagedRecord as error:
+        return str(error)

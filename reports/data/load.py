@@ -1,0 +1,233 @@
+"""OUT/records → one object with everything that a report shows, in the order in which it is shown.
+
+Whatever is wrong with a file is said once, naming the file and the remedy: no traceback reaches a reader.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from harness.records.cells import (
+    CellRecord,
+    Comparison,
+    RunRecord,
+    SceneRecord,
+    cell_files,
+    read_cell,
+    read_comparisons,
+    read_run,
+    records_folder,
+)
+from harness.records.charts import Series, Table
+from harness.records.json_record import DamagedRecord, first_mismatch, shown
+from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
+from harness.verdicts.comparisons import compare
+
+One = TypeVar("One")
+REMEDY = "delete it and run again with --resume"
+
+
+class NoRecords(ValueError):
+    """The folder holds nothing that could be reported."""
+
+
+class NotForPublishing(ValueError):
+    """A record whose figures are too rough to be shown to others."""
+
+
+def refuse_quick(settings: dict[str, Any], path: Path) -> None:
+    """Raises `NotForPublishing` for the record of a quick run."""
+    if settings.get("quick"):
+        raise NotForPublishing(
+            f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
+        )
+
+
+@dataclass(frozen=True)
+class Records:
+    """All of a run. Cells are sorted by scene, method and seed as the run lists them."""
+
+    out: Path
+    run: RunRecord
+    cells: list[CellRecord]
+    comparisons: list[Comparison]
+    targets: TargetsRecord | None = None
+    """When a score was reached; None in runs recorded before that was noted."""
+    left_out: list[str] = field(default_factory=list)
+    """With `--partial`: files that are damaged and therefore not shown, and why, a line each."""
+    extra_cells: list[CellRecord] = field(default_factory=list)
+    """Cells of methods that were planned on single scenes: they explain a result and are in no table of all scenes."""
+    extra_comparisons: list[Comparison] = field(default_factory=list)
+    """Comparisons of those methods."""
+
+    @property
+    def folder(self) -> Path:
+        return records_folder(self.out)
+
+    @property
+    def scenes(self) -> list[str]:
+        """Scenes in the run's order, then those that only cells know."""
+        return _in_order([scene.name for scene in self.run.scenes], (cell.scene for cell in self.cells))
+
+    @property
+    def methods(self) -> list[str]:
+        """Methods of every scene in the run's order, then those that only cells know."""
+        return _in_order(self.run.main_methods, (cell.method for cell in self.cells))
+
+    @property
+    def failed(self) -> list[CellRecord]:
+        """Cells that diverged or ended in an error."""
+        return [cell for cell in (*self.cells, *self.extra_cells) if cell.status in ("diverged", "error")]
+
+    @property
+    def not_available(self) -> dict[str, dict[str, int]]:
+        """Method → reason → number of its cells that could not be trained here; that is no failure."""
+        found: dict[str, dict[str, int]] = {}
+        for cell in self.cells:
+            if cell.status == "not_available":
+                reasons = found.setdefault(cell.method, {})
+                reason = cell.reason or "no reason recorded"
+                reasons[reason] = reasons.get(reason, 0) + 1
+        return found
+
+    def scene(self, name: str) -> SceneRecord | None:
+        return next((scene for scene in self.run.scenes if scene.name == name), None)
+
+    def cells_of(self, scene: str, method: str) -> list[CellRecord]:
+        every = (*self.cells, *self.extra_cells)
+        return [cell for cell in every if cell.scene == scene and cell.method == method]
+
+    def comparison(
+        self, scene: str, method: str, against: str, metric: str = "psnr", budget: str = "steps"
+    ) -> Comparison | None:
+        wanted = (scene, method, against, metric, budget)
+        for one in (*self.comparisons, *self.extra_comparisons):
+            if (one.scene, one.method, one.against, one.metric, one.budget) == wanted:
+                return one
+        return None
+
+
+def read_records(out: Path, partly: bool = False) -> Records:
+    """Everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader. A damaged file is
+    left out `partly`, and noted, unless nothing can be shown without it.
+    """
+    folder = records_folder(out)
+    if not out.is_dir():
+        raise NoRecords(f"{out}: no such folder; give the output folder of a run, for instance out/latest")
+    if not folder.is_dir():
+        raise NoRecords(f"{out}: no records/ in it; give the output folder of a run, for instance out/latest")
+    paths = cell_files(out)
+    if not paths:
+        raise NoRecords(f"{folder}: no finished cell yet; finish the run (python -m harness run --resume)")
+    if not (folder / "run.json").is_file():
+        raise NoRecords(f"{folder / 'run.json'}: missing; finish the run (python -m harness run --resume)")
+    run = _sound(folder / "run.json", RunRecord, lambda: read_run(out))
+    left_out: list[str] | None = [] if partly else None
+
+    def sound(path: Path, hint: Any, read: Callable[[], Any], without: Any = None) -> Any:
+        return if_sound(lambda: _sound(path, hint, read), without, left_out)
+
+    cells = [cell for path in paths if (cell := sound(path, CellRecord, partial(read_cell, path))) is not None]
+    if not cells:
+        raise NoRecords(f"{folder}: no finished cell is sound; finish the run (python -m harness run --resume)")
+    comparisons = sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out), [])
+    extra = {name for name in run.methods if name not in run.main_methods}
+    known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
+    targets = sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: _of_methods(read_targets(out), known))
+    if len(cells) < len(paths):  # both are of cells that are not shown
+        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
+    unsorted = Records(out, run, cells, comparisons)
+    scenes, methods = unsorted.scenes, [*known, *run.methods]
+    cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
+    return Records(
+        out,
+        run,
+        [cell for cell in cells if cell.method not in extra],
+        [one for one in comparisons if one.method not in extra],
+        targets,
+        left_out or [],
+        [cell for cell in cells if cell.method in extra],
+        [one for one in comparisons if one.method in extra],
+    )
+
+
+def find_record(
+    path: Path, kind: type[One], read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str
+) -> One | None:
+    """A record that lies beside a run, None where there is none; raises `DamagedRecord`.
+
+    `wrong` finds the first thing that no run writes, though every type is right.
+    """
+    if not path.is_file():
+        return None
+    record = read(path)
+    problem = first_mismatch(record, kind) or wrong(record)
+    if problem is not None:
+        raise DamagedRecord(f"{path}: {problem}; {remedy}")
+    return record
+
+
+def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
+    """Those of the scenes and seeds of which every method is there: no others are compared."""
+    ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
+    return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
+
+
+def _of_methods(found: TargetsRecord | None, methods: list[str]) -> TargetsRecord | None:
+    """Raises `ValueError` where a curve is of none of the methods."""
+    stray = next((one.method for one in found.curves if one.method not in methods), None) if found else None
+    if stray is not None:
+        raise ValueError(f"a curve is of {shown(stray)}, which is no method of the run")
+    return found
+
+
+def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
+
+
+def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
+    """What `read` returns, if it is what its type says; otherwise a message that names the file."""
+    try:
+        value = read()
+    except DamagedRecord:
+        raise
+    except (TypeError, KeyError, AttributeError, ValueError, IndexError, OSError) as error:
+        raise DamagedRecord(f"{path}: {error}; {REMEDY}") from error
+    wrong = first_mismatch(value, hint)
+    if wrong is not None:
+        raise DamagedRecord(f"{path}: {wrong}; {REMEDY}")
+    return value
+
+
+def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
+    """The first list of a line or a table that is longer or shorter than its partner."""
+    found = [*map(_uneven_series, series), *map(_uneven_table, tables)]
+    return next(filter(None, found), None)
+
+
+def _uneven_series(one: Series) -> str | None:
+    for name in ("y", "low", "high"):
+        values = getattr(one, name)
+        if values is not None and len(values) != len(one.x):
+            return f"series {one.name!r} has {len(one.x)} x but {len(values)} {name}"
+    return None
+
+
+def _uneven_table(one: Table) -> str | None:
+    wrong = next((row for row in one.rows if len(row) != len(one.columns)), None)
+    return None if wrong is None else f"table {one.id!r} has {len(one.columns)} columns but a row of {len(wrong)}"
+
+
+def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:
+    """What `read` gives. Where it raises `DamagedRecord`: `without`, and a line in `left_out`; raises it where that is
+    None."""
+    try:
+        return read()
+    except DamagedRecord as problem:
+        if left_out is None:
+            raise
+        left_out.append(str(problem))
+        return without

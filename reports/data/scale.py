@@ -1,0 +1,178 @@
+"""At what scale a run was made: the facts without which no number of it means anything."""
+
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from reports.data.load import Records
+from reports.data.wording import count, counted, duration, listed
+
+PAPER_RESOLUTION = 800
+PAPER_STEPS = 200_000
+PAPER_TRAINING = {"rays": 1024, "learning_rate": 5e-4}
+PAPER_NETWORK = {"depth": 8, "width": 256}
+PAPER_VIEWS = {"train": 100, "test": 200}
+"""Of each scene of NeRF Synthetic, as its files are published."""
+
+
+@dataclass(frozen=True)
+class Fact:
+    label: str
+    value: str
+    paper: str = ""
+    """The paper's setting, where it states one."""
+
+
+def facts(records: Records) -> list[Fact]:
+    """Resolution, steps, time, seeds, network: what stands at the top of the page, beside the paper's setting."""
+    settings = records.run.settings
+    seconds = [cell.train_seconds for cell in records.cells if cell.status == "done"]
+    found = [
+        Fact("profile", records.run.profile, "full"),
+        Fact("scenes", count(len(records.scenes)), "8"),
+        Fact("picture", _resolutions(records), "800 × 800 px"),
+        Fact("views", _views(records), "100 train, 200 test"),
+        Fact("steps", _steps(records), count(PAPER_STEPS)),
+        Fact("training time", f"{duration(median(seconds))} a cell (median)" if seconds else "", "4.2 h to 30 dB"),
+        Fact("seeds", count(len(records.run.seeds)), "not stated"),
+        Fact("network", _network(records), "8 × 256"),
+        Fact("rays a step", setting(settings, "train", "rays"), "1\u202f024"),
+        Fact("samples a ray", _samples(settings), "not stated"),
+        Fact("learning rate", setting(settings, "train", "learning_rate"), "0.0005"),
+    ]
+    return [fact for fact in found if fact.value]
+
+
+def in_a_line(records: Records) -> str:
+    """The scale in a dozen words, as it stands beside every claim."""
+    parts = [
+        f"profile {records.run.profile}",
+        _resolutions(records),
+        f"{_steps(records)} steps",
+        counted(len(records.run.seeds), "seed"),
+    ]
+    parts.append(f"{_layers(records)} network" if _layers(records) else "")
+    return ", ".join(part for part in parts if part)
+
+
+def has_paper_settings(records: Records) -> bool:
+    """Whether every finished cell was trained as the paper says: pixels, steps, rays, rate and network."""
+    finished = [cell for cell in records.cells if cell.status == "done"]
+    settings = records.run.settings
+    same = all(number_at(settings, "train", name) == value for name, value in PAPER_TRAINING.items())
+    same &= all(number_at(settings, "train", "network", name) == value for name, value in PAPER_NETWORK.items())
+    large = all((one.width, one.height) == (PAPER_RESOLUTION, PAPER_RESOLUTION) for one in records.run.scenes)
+    return same and large and bool(finished) and all(cell.steps == PAPER_STEPS for cell in finished)
+
+
+def papers_scenes(records: Records) -> list[str]:
+    """Scenes of the run that are taken to be the paper's.
+
+    A name alone is no evidence, as ours are analogues that share the names: taken are view sets that were given and not
+    rendered here, with as many views as NeRF Synthetic has. The name then says which row of Table 2 they are.
+    """
+    return [
+        scene.name
+        for scene in records.run.scenes
+        if not scene.rendered
+        and all(scene.views.get(split) == many for split, many in PAPER_VIEWS.items())
+        and scene.name in _of_table2(records)
+    ]
+
+
+def is_paper_scale(records: Records, scene: str = "all") -> bool:
+    """Whether a result on `scene` speaks of the paper's own numbers: its settings, on its pictures.
+
+    A mean over `all` scenes does so where they are just those of Table 2.
+    """
+    there = papers_scenes(records)
+    if scene == "all":
+        every = len(there) > 0 and set(records.scenes) == set(there) == _of_table2(records)
+        return every and has_paper_settings(records)
+    return has_paper_settings(records) and scene in there
+
+
+def standing(records: Records) -> str:
+    """What verdicts on trained methods speak of, in a sentence."""
+    if is_paper_scale(records):
+        return (
+            "The paper’s settings, on eight view sets with the sizes, names and numbers of views of its data set; that "
+            "they are its pictures is the word of who gave them"
+        )
+    if papers_scenes(records) and has_paper_settings(records):
+        return "The paper’s settings, on some of its scenes: what it prints of all of them cannot be reproduced here"
+    if has_paper_settings(records):
+        return "The paper’s settings, but not its pictures: nothing that it prints of them can be reproduced here"
+    return "Not the paper’s scale: a gain can be seen here or not, but not reproduced"
+
+
+def _of_table2(records: Records) -> set[str]:
+    table = records.run.paper.get("table2") or {}
+    return {name for name, row in table.items() if isinstance(row, dict) and name != "average"}
+
+
+def _resolutions(records: Records) -> str:
+    sizes = sorted({(scene.width, scene.height) for scene in records.run.scenes})
+    return f"{listed([f'{width} × {height}' for width, height in sizes])} px" if sizes else ""
+
+
+def _views(records: Records) -> str:
+    """Number of views by split, where all scenes agree; otherwise the range."""
+    words = []
+    for split in ("train", "test"):
+        many = sorted({scene.views.get(split, 0) for scene in records.run.scenes})
+        if many and many[-1]:
+            words.append(f"{many[0]}–{many[-1]} {split}" if many[0] != many[-1] else f"{many[0]} {split}")
+    return ", ".join(words)
+
+
+def _steps(records: Records) -> str:
+    steps = [cell.steps for cell in records.cells if cell.status == "done"]
+    if not steps:
+        return ""
+    return count(steps[0]) if min(steps) == max(steps) else f"{count(min(steps))}–{count(max(steps))}"
+
+
+def _network(records: Records) -> str:
+    size = _layers(records)
+    weights = sorted({cell.parameters["total"] for cell in records.cells if "total" in cell.parameters})
+    if not weights:
+        return size
+    between = count(weights[0]) if weights[0] == weights[-1] else f"{count(weights[0])}–{count(weights[-1])}"
+    return f"{size}, {between} weights" if size else f"{between} weights"
+
+
+def _layers(records: Records) -> str:
+    """Depth × width of the density network."""
+    depth, width = (setting(records.run.settings, "train", "network", name) for name in ("depth", "width"))
+    return f"{depth} × {width}" if depth and width else ""
+
+
+def _samples(settings: dict[str, Any]) -> str:
+    coarse, fine = (setting(settings, "train", name) for name in ("bins", "fine_bins"))
+    cells = setting(settings, "train", "grid", "cells")
+    words = f"{coarse} coarse + {fine} fine" if fine not in ("", "0") else f"up to {coarse}" if coarse else ""
+    return f"{words}, empty space skipped ({cells}³ grid)" if words and cells not in ("", "0") else words
+
+
+def setting(settings: dict[str, Any], *path: str) -> str:
+    """A nested setting in words; nothing where the run does not state it."""
+    value = _at(settings, *path)
+    if isinstance(value, bool) or value is None:
+        return ""
+    if isinstance(value, int):
+        return count(value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
+    """A nested setting that is a number; None where the run does not state it."""
+    value = _at(settings, *path)
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _at(settings: dict[str, Any], *path: str) -> Any:
+    value: Any = settings
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value

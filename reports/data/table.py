@@ -1,0 +1,123 @@
+"""Records → tidy pandas tables: one row a cell, one row a checkpoint, means over seeds."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from harness.records.json_record import finite_or_none
+from reports.data.load import Records
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A score of the test set: how it is called, in which unit, with how many decimals, which way is better."""
+
+    name: str
+    label: str
+    unit: str
+    digits: int
+    higher_is_better: bool
+    meaning: str
+
+
+METRICS = (
+    Metric("psnr", "PSNR", "dB", 2, True, "per test image in display colour over white, then averaged"),
+    Metric("ssim", "SSIM", "", 3, True, "11 × 11 Gaussian, σ = 1.5, averaged over channels"),
+    Metric("flip", "FLIP", "", 3, False, "visible difference when flipping between the images"),
+    Metric("delta_e", "ΔE₀₀", "", 2, False, "CIEDE2000 colour difference"),
+    Metric("rmse_linear", "linear RMSE", "", 4, False, "in linear light"),
+    Metric("depth_rmse", "depth RMSE", "", 3, False, "in scene units, along the ray, where there is matter"),
+    Metric("opacity_iou", "opacity IoU", "", 3, True, "overlap of the opaque silhouettes"),
+)
+
+SCORES = (*(metric.name for metric in METRICS), "psnr_train", "psnr_ceiling", "psnr_floor")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A mean over seeds with what it was taken over."""
+
+    mean: float | None
+    sd: float | None
+    low: float | None
+    high: float | None
+    done: int
+    seeds: int
+
+
+def cells_frame(records: Records) -> pd.DataFrame:
+    """One row a cell, its scores as columns; a score that is missing is None."""
+    rows = [
+        {
+            "scene": cell.scene,
+            "method": cell.method,
+            "seed": cell.seed,
+            "status": cell.status,
+            "reason": cell.reason,
+            "steps": cell.steps,
+            "train_seconds": cell.train_seconds,
+            **{score: finite_or_none(cell.scores.get(score)) for score in SCORES},
+        }
+        for cell in records.cells
+    ]
+    frame = pd.DataFrame(rows)
+    return frame.astype(dict.fromkeys(SCORES, "float64"))
+
+
+def curves_frame(records: Records) -> pd.DataFrame:
+    """One row a checkpoint with finite PSNR or error, in the order of training."""
+    rows = [
+        {
+            "scene": cell.scene,
+            "method": cell.method,
+            "seed": cell.seed,
+            "status": cell.status,
+            "step": point.step,
+            "seconds": point.seconds,
+            "network_evaluations": point.network_evaluations,
+            "psnr": point.psnr,
+            "rmse_linear": point.rmse_linear,
+        }
+        for cell in records.cells
+        for point in sorted(cell.curve, key=lambda point: point.step)
+    ]
+    numbers = ("seconds", "network_evaluations", "psnr", "rmse_linear")
+    columns = ["scene", "method", "seed", "status", "step", *numbers]
+    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, "float64"))
+
+
+def spread(values: pd.Series, seeds: int) -> Spread:
+    """Mean, sample standard deviation and range of what is there of `values`."""
+    there = values.dropna()
+    if there.empty:
+        return Spread(None, None, None, None, 0, seeds)
+    sd = float(there.std(ddof=1)) if len(there) > 1 else None
+    return Spread(float(there.mean()), sd, float(there.min()), float(there.max()), len(there), seeds)
+
+
+def spread_of(frame: pd.DataFrame, scene: str, method: str, score: str) -> Spread:
+    """Over the seeds that finished; the others are counted in `seeds`, never averaged."""
+    chosen = frame[(frame["scene"] == scene) & (frame["method"] == method)]
+    return spread(chosen.loc[chosen["status"] == "done", score], len(chosen))
+
+
+def shared_scenes(frame: pd.DataFrame, score: str) -> list[str]:
+    """Scenes where every method has at least one finished score: what an average over scenes may stand on.
+
+    A method that was not available in any cell has no average, and takes nobody else's away.
+    """
+    done = frame[(frame["status"] == "done") & frame[score].notna()]
+    methods = set(frame.loc[frame["status"] != "not_available", "method"])
+    return [scene for scene, group in done.groupby("scene", sort=False) if set(group["method"]) == methods]
+
+
+def average_of(frame: pd.DataFrame, method: str, score: str, scenes: list[str]) -> Spread:
+    """Mean over `scenes` of the means over seeds; its spread is that of whole seeds (finished in all scenes)."""
+    chosen = frame[(frame["method"] == method) & frame["scene"].isin(scenes)]
+    done = chosen[(chosen["status"] == "done") & chosen[score].notna()]
+    if done.empty:
+        return Spread(None, None, None, None, 0, chosen["seed"].nunique())
+    by_seed = done.groupby("seed")[score].agg(["mean", "size"])
+    whole = spread(by_seed.loc[by_seed["size"] == len(scenes), "mean"], chosen["seed"].nunique())
+    mean = float(done.groupby("scene")[score].mean().mean())
+    return Spread(mean, whole.sd, whole.low, whole.high, whole.done, whole.seeds)

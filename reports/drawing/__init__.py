@@ -1,0 +1,1 @@
+"""Data into SVG and PNG; imports `data`."""

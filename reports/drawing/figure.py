@@ -1,0 +1,305 @@
+"""Plain trace data → inline SVG. Plots elsewhere return data; only this module draws.
+
+Text stays text (searchable, in the reader's font), colours become CSS variables (light and dark mode),
+and every id is made unique, so that many figures can live in one page.
+"""
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import matplotlib
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from reports.data.wording import MINUS, scientific, significant
+from reports.drawing import palette
+from reports.drawing.traces import Kind, Panel, Trace, as_element
+
+
+def inlined(text: str, name: str, alt: str) -> str:
+    """A standalone SVG of Matplotlib made fit for one page among many others."""
+    body = text[text.index("<svg") :]
+    box = re.search(r'viewBox="([^"]+)"', body)
+    inner = body[body.index(">") + 1 : body.rindex("</svg>")]
+    inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
+    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
+    inner = re.sub(r' id="([^"]+)"', lambda found: f' id="{name}-{found[1]}"' if found[1] in used else "", inner)
+    inner = re.sub(r'(xlink:href="#|url\(#)', lambda found: f"{found[1].removeprefix('xlink:')}{name}-", inner)
+    inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
+    inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)
+    inner = re.sub(r'="[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), inner)
+    inner = re.sub(r"\s*\n\s*", " ", inner)
+    for colour in palette.EVERY:
+        inner = inner.replace(colour.light, f"var({colour.variable})")
+    view = box[1] if box else "0 0 1 1"
+    return f'<svg class="plot" viewBox="{view}" role="img" aria-label="{escape(alt)}">{inner}</svg>'
+
+
+MANY_DECADES = 6.0
+"""Beyond this a logarithmic axis is labelled in powers of ten."""
+DRAWABLE = 1e150
+"""Axes end here, and logarithmic ones begin at its reciprocal: much beyond, ends and
+ticks are not finite."""
+
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "reports",
+    "text.parse_math": False,
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.edgecolor": palette.MUTED.light,
+    "axes.labelcolor": palette.MUTED.light,
+    "axes.labelpad": 5.0,
+    "xtick.color": palette.MUTED.light,
+    "ytick.color": palette.MUTED.light,
+    "xtick.major.size": 3.0,
+    "ytick.major.size": 0.0,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": palette.RULE.light,
+    "grid.linewidth": 0.8,
+}
+
+
+def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
+    """The same limits on every panel, so that the eye may compare across them."""
+    for axis in axes:
+        values = [v for panel in panels for trace in panel.traces for v in (*getattr(trace, axis), *_high(trace, axis))]
+        values = [value for value in values if not math.isnan(value)]
+        if not values:
+            continue
+        log = bool(panels) and getattr(panels[0], f"{axis}_scale") == "log"
+        limits = padded([v for v in values if v > 0] if log else values, log)
+        panels = [
+            replace(panel, x_limits=limits) if axis == "x" else replace(panel, y_limits=limits) for panel in panels
+        ]
+    return panels
+
+
+def _high(trace: Trace, axis: str) -> tuple[float, ...]:
+    return trace.x_high if axis == "x" else trace.y_high
+
+
+def padded(values: list[float], log: bool) -> tuple[float, float] | None:
+    """A little wider than the values, and within `DRAWABLE`; what lies outside of it is not seen."""
+    if not values:
+        return None
+    low, high = (min(max(end, -DRAWABLE), DRAWABLE) for end in (min(values), max(values)))
+    if log:
+        low, high = max(low, 1 / DRAWABLE), max(high, 1 / DRAWABLE)
+        ratio = high**0.05 / low**0.05 if high > low else 1.5
+        return low / ratio, high * ratio
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin
+
+
+def draw(panel: Panel) -> Figure:
+    """The figure of one panel; give it to `svg` or save it as PNG."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=panel.size)
+        longest = max(map(len, panel.rows), default=0)
+        left = max(0.9, 0.2 + 0.06 * min(longest, 40)) if panel.rows else 0.62
+        width, height = panel.size
+        axes = figure.add_axes(
+            (left / width, 0.5 / height, 1 - (left + 0.12) / width, 1 - 0.62 / height), facecolor="none"
+        )
+        figure.patch.set_visible(False)
+        paint(axes, panel)
+        return figure
+
+
+def paint(axes: Axes, panel: Panel) -> None:
+    """The panel's traces and axes onto axes that somebody else made."""
+    for name in "xy":
+        if (limits := getattr(panel, f"{name}_limits")) is not None:
+            getattr(axes, f"set_{name}lim")(*limits)  # first: else limits are sought among all numbers, however large
+    for trace in panel.traces:
+        _PENS[trace.kind](axes, trace)
+    _axis(axes, panel, "x")
+    _axis(axes, panel, "y")
+    if panel.rows:
+        axes.set_ylim(len(panel.rows) - 0.5, -0.5)
+        axes.yaxis.set_major_locator(FixedLocator(range(len(panel.rows))))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: panel.rows[round(at)]))
+        axes.yaxis.set_minor_locator(NullLocator())
+    if panel.zero_at is not None:
+        foot = panel.zero_at
+        above = [at for at in axes.yaxis.get_majorticklocs() if at > foot * 1.01]
+        axes.yaxis.set_major_locator(FixedLocator([foot, *above]))
+        write = axes.yaxis.get_major_formatter()
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: "0" if at == foot else write(at)))
+        axes.axhline(foot, color=palette.MUTED.light, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+
+
+def _axis(axes: Axes, panel: Panel, name: str) -> None:
+    scale, write = getattr(panel, f"{name}_scale"), tick
+    axis = getattr(axes, f"{name}axis")
+    getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
+    if scale == "log":
+        getattr(axes, f"set_{name}scale")("log")
+    elif scale == "symlog":
+        getattr(axes, f"set_{name}scale")("symlog", linthresh=panel.linear_below)
+    if scale == "linear":
+        axis.set_major_locator(MaxNLocator(5))
+    elif scale == "log":
+        low, high = getattr(axes, f"get_{name}lim")()
+        decades = math.log10(high) - math.log10(low)
+        axis.set_major_locator(LogLocator(subs=subdivisions(decades), numticks=8))
+        write = power if decades > MANY_DECADES else tick
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda at, _: write(at)))
+
+
+def subdivisions(decades: float) -> tuple[float, ...]:
+    """Which multiples of a power of ten are labelled on a log axis that spans so many decades."""
+    if decades > 1.7:
+        return (1.0,)
+    return (1.0, 2.0, 5.0) if decades > 0.6 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+
+
+def tick(value: float) -> str:
+    """A short label: 0.05, 20, 5k, 2M."""
+    if abs(value) >= 1e18:
+        return scientific(value, 1)
+    for size, letter in ((1e15, "P"), (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= size:
+            return f"{value / size:g}{letter}".replace("-", MINUS)
+    if value != 0 and abs(value) < 1e-3:
+        return significant(value, 1)
+    return f"{value:.4g}".replace("-", MINUS)
+
+
+def power(value: float) -> str:
+    """A label where the axis spans many powers of ten: 10⁻⁸, 1, 10⁴."""
+    return "1" if value == 1 else scientific(value, 1) if value > 0 else tick(value)
+
+
+def _line(axes: Axes, trace: Trace) -> None:
+    style = {"linestyle": (0, trace.dash)} if trace.dash else {"solid_capstyle": "round"}
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=trace.width, **style)
+
+
+def _thin(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=0.8, alpha=0.45)
+
+
+def _dots(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, "o", color=trace.colour, markersize=4.6, markeredgewidth=0)
+
+
+def _cross(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, "x", color=trace.colour, markersize=8, markeredgewidth=2.2, clip_on=False, zorder=5)
+
+
+def _floor(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.1, linestyle=(0, (4, 3)), zorder=1)
+
+
+def _outline(axes: Axes, trace: Trace) -> None:
+    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.4, drawstyle="steps-post", solid_joinstyle="miter")
+
+
+def _bins(axes: Axes, trace: Trace) -> None:
+    """Empty bins have no place on a logarithmic axis: they lie on its foot."""
+    foot = axes.get_ylim()[0]
+    edges = [*trace.x, trace.x_high[-1]]
+    axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
+
+
+def _range(axes: Axes, trace: Trace) -> None:
+    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
+
+
+def _mark(axes: Axes, trace: Trace) -> None:
+    face = palette.PAPER.light if trace.hollow else trace.colour
+    axes.plot(
+        trace.x,
+        trace.y,
+        trace.marker,
+        markerfacecolor=face,
+        markeredgecolor=trace.colour,
+        markersize=trace.size,
+        markeredgewidth=1.2,
+        zorder=3,
+    )
+
+
+def _zero(axes: Axes, trace: Trace) -> None:
+    axes.plot(
+        trace.x,
+        trace.y,
+        "v",
+        markerfacecolor=palette.PAPER.light,
+        markeredgecolor=trace.colour,
+        markersize=6,
+        markeredgewidth=1.4,
+        clip_on=False,
+        zorder=4,
+    )
+
+
+def _band(axes: Axes, trace: Trace) -> None:
+    """A single point has no width to fill: a bar stands for it."""
+    if len(trace.x) == 1:
+        axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
+    else:
+        axes.fill_between(trace.x, trace.y, trace.y_high, color=trace.colour, alpha=0.18, linewidth=0)
+
+
+def _area(axes: Axes, trace: Trace) -> None:
+    """One path for all polygons: where they overlap, they are filled once."""
+    ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
+    parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
+    corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
+    outline = Path.make_compound_path(*(Path(one, closed=True) for one in corners))
+    axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
+
+
+_PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
+    "line": _line,
+    "thin": _thin,
+    "dots": _dots,
+    "cross": _cross,
+    "floor": _floor,
+    "outline": _outline,
+    "bins": _bins,
+    "range": _range,
+    "mark": _mark,
+    "zero": _zero,
+    "band": _band,
+    "area": _area,
+}
+
+
+def svg(panel: Panel, name: str) -> Markup:
+    """One `<svg>` element for the page, with its numbers beside it; `name` makes its ids unique there and is of
+    letters, digits and dashes.
+    """
+    buffer = io.StringIO()
+    with matplotlib.rc_context(STYLE):
+        drawn = draw(panel)
+        drawn.savefig(buffer, format="svg", metadata={"Date": None})
+    return Markup(inlined(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])
+
+
+@dataclass(frozen=True)
+class Plot:
+    title: str
+    svg: Markup
+
+
+def plots(panels: Iterable[Panel], name: str) -> list[Plot]:
+    """`name` makes their ids unique on the page and is of letters, digits and dashes."""
+    return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]

@@ -1,0 +1,80 @@
+"""Pictures in the page as base64 PNGs, made smaller where many of them would otherwise make it heavy."""
+
+import base64
+import io
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Picture = NDArray[np.float64]
+"""`[height, width, 3]`, display colour, 0 … 1."""
+
+
+def delta_e(truth: Picture, render: Picture) -> NDArray[np.float64]:
+    """CIEDE2000 at every pixel, D65. Importing colour-science takes seconds, so it happens here."""
+    import colour
+
+    white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
+    labs = [colour.XYZ_to_Lab(colour.sRGB_to_XYZ(picture), white) for picture in (truth, render)]
+    return np.asarray(colour.delta_E(*labs, method="CIE 2000"))
+
+
+def smaller(picture: Picture, side: int) -> Picture:
+    """Averaged over whole blocks until no side is longer than `side`."""
+    block = max(1, -(-max(picture.shape[:2]) // side))
+    height, width = (length // block * block for length in picture.shape[:2])
+    blocks = picture[:height, :width].reshape(height // block, block, width // block, block, -1)
+    return blocks.mean(axis=(1, 3))
+
+
+DOTS_PER_INCH = 130
+
+
+BYTES_A_PIXEL = 2.6
+"""Of a PNG in base64, about."""
+SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
+LARGEST_PIXELS = 1 << 24
+"""Of a picture that is read: 4096 × 4096. A damaged file may claim any number, for which memory would be asked."""
+
+
+def side_for(pictures: int, budget: int) -> int:
+    """The longest side at which so many pictures stay within a budget of bytes."""
+    fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= budget)
+    return next(fitting, SIZES[-1])
+
+
+def read(folder: Path, relative: str) -> Picture | None:
+    """A PNG file as display colour, or None where it is missing, unreadable or outside of the folder."""
+    path = (folder / relative).resolve()
+    if not path.is_relative_to(folder.resolve()) or not path.is_file():
+        return None
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)  # signature, then the first chunk: length, IHDR, width, height
+        if int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big") > LARGEST_PIXELS:
+            return None
+        picture = np.asarray(matplotlib.image.imread(path, format="png"), dtype=np.float64)
+    except Exception:  # what a decoder makes of a damaged file is of many kinds, too large for memory among them
+        return None
+    if picture.ndim == 2:
+        picture = np.repeat(picture[..., None], 3, axis=-1)
+    return picture[..., :3] if picture.shape[-1] >= 3 else np.repeat(picture[..., :1], 3, axis=-1)
+
+
+def data_uri(picture: Picture) -> str:
+    """PNG in base64, for an `<img>` that needs no other file."""
+    buffer = io.BytesIO()
+    eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
+    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+
+
+def save(figure: Figure, path: Path) -> None:
+    """As a PNG on white, as small as its content."""
+    FigureCanvasAgg(figure)
+    figure.patch.set_visible(True)
+    figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)

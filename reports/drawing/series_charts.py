@@ -1,0 +1,187 @@
+"""Series of a record → charts: one a panel, a band where the spread is known, colour, marker and dash by name.
+
+Nothing is dropped in silence: a zero on a logarithmic axis stands at its foot, what is not finite at the upper edge.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from markupsafe import Markup
+
+from harness.records.charts import Series
+from reports.data.wording import of_any_size
+from reports.drawing.figure import padded, svg
+from reports.drawing.palette import Pen, key, pens_of
+from reports.drawing.traces import Panel, Trace
+
+SIZE = (4.3, 2.9)
+WIDE = (5.8, 3.6)
+MANY_LINES = 5
+"""With more than so many lines a chart is drawn wide."""
+MARKED = 14
+"""Up to so many points of a line are marked, all of them where there are few."""
+FOOT = 10.0
+"""How many times below the smallest value above zero the foot of a logarithmic axis lies."""
+
+
+@dataclass(frozen=True)
+class Point:
+    x: float
+    y: float | None
+    """None where it was not finite."""
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Chart:
+    title: str
+    keys: list[tuple[str, Markup]]
+    """Name and a sample of its line."""
+    svg: Markup
+    notes: list[str]
+    """What its special marks mean, where there are any."""
+    wide: bool = False
+
+
+def charts(series: list[Series], item: int, prefix: str) -> list[Chart]:
+    """Charts of one question or chapter in the order of their first series; a panel without points is left out.
+
+    `prefix` makes ids unique in a page.
+    """
+    drawn = of_item(series, item)
+    pens = pens_in(drawn)
+    found = []
+    for place, (title, group) in enumerate(panels_of(drawn)):
+        keys = [(name, key(pens[name])) for name in dict.fromkeys(one.name for one in group)]
+        made = panel(title, group, pens)
+        found.append(Chart(title, keys, svg(made, f"{prefix}-{item}-{place}"), notes(made), made.size == WIDE))
+    return found
+
+
+def of_item(series: list[Series], item: int) -> list[Series]:
+    """The series of one question or chapter that have points."""
+    return [one for one in series if one.item == item and one.x]
+
+
+def panels_of(drawn: list[Series]) -> list[tuple[str, list[Series]]]:
+    """Title and lines of each chart, in the order of their first series."""
+    return [
+        (title, [one for one in drawn if one.panel == title]) for title in dict.fromkeys(one.panel for one in drawn)
+    ]
+
+
+def pens_in(drawn: list[Series]) -> dict[str, Pen]:
+    """Name → pen, the same in every chart of these."""
+    return pens_of(*([one.name for one in group] for _, group in panels_of(drawn)))
+
+
+def panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
+    """Bands below, then lines, then markers, so that a single point is seen as well."""
+    lines = [(one.name, pens[one.name], points(one)) for one in group]
+    every = [point for _, _, line in lines for point in line]
+    all_x = [point.x for point in every]
+    all_y = [value for point in every for value in (point.y, point.low, point.high) if value is not None]
+    log_x = all(one.log_x for one in group) and min(all_x) > 0
+    log_y = all(one.log_y for one in group) and bool(all_y) and min(all_y) >= 0 and max(all_y) > 0
+    foot = min((value for value in all_y if value > 0), default=1.0) / FOOT if log_y and min(all_y) == 0 else None
+    limits = padded([foot, *filter(None, all_y)] if foot is not None else all_y, log_y)
+    top = limits[1] if limits else 1.0
+    traces = [trace for name, pen, line in lines for trace in _bands(name, pen, line, foot)]
+    traces += [trace for name, pen, line in lines for trace in _strokes(name, pen, line, foot)]
+    traces += [trace for name, pen, line in lines for trace in _markers(name, pen, line, foot, top)]
+    return Panel(
+        title,
+        group[0].x_label,
+        group[0].y_label,
+        tuple(traces),
+        description(title, group),
+        "log" if log_x else "linear",
+        "log" if log_y else "linear",
+        padded(all_x, log_x),
+        limits,
+        size=WIDE if len(group) > MANY_LINES else SIZE,
+        zero_at=foot,
+    )
+
+
+def points(one: Series) -> list[Point]:
+    """By x: a line never runs back."""
+    nothing: list[float | None] = [None] * len(one.x)
+    columns = [map(finite, values) for values in (one.y, one.low or nothing, one.high or nothing)]
+    return sorted((Point(*values) for values in zip(one.x, *columns, strict=True)), key=lambda point: point.x)
+
+
+def finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _raised(value: float, foot: float | None) -> float:
+    """A zero stands at the foot of its logarithmic axis."""
+    return foot if foot is not None and value == 0 else value
+
+
+def _bands(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[Trace]:
+    known = [(p.x, p.low, p.high) for p in line if p.low is not None and p.high is not None]
+    if not known:
+        return []
+    x, low, high = zip(*((x, _raised(low, foot), _raised(high, foot)) for x, low, high in known), strict=True)
+    return [Trace(f"{name}: spread", pen.colour.light, "band", x, low, y_high=high)]
+
+
+def _strokes(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[Trace]:
+    """The line, in parts where there are gaps."""
+    parts: list[list[tuple[float, float]]] = [[]]
+    for point in line:
+        if point.y is None:
+            parts.append([])
+        else:
+            parts[-1].append((point.x, _raised(point.y, foot)))
+    found = []
+    for part in parts:
+        if len(part) > 1:
+            x, y = zip(*part, strict=True)
+            found.append(
+                Trace(
+                    name, pen.colour.light, "line", x, y, dash=pen.dash, width=2.0 if len(line) <= 2 * MARKED else 1.4
+                )
+            )
+    return found
+
+
+def _markers(name: str, pen: Pen, line: list[Point], foot: float | None, top: float) -> list[Trace]:
+    colour = pen.colour.light
+    usual = [(point.x, point.y) for point in line if point.y is not None and (foot is None or point.y != 0)]
+    usual = usual[:: 1 if len(usual) <= 2 * MARKED else -(-len(usual) // MARKED)]
+    zeros = [(point.x, foot) for point in line if foot is not None and point.y == 0]
+    lost = [(point.x, top) for point in line if point.y is None]
+    mark = Trace(f"{name}: points", colour, "mark", (), (), marker=pen.marker, hollow=pen.hollow)
+    kinds = [(usual, mark), (zeros, Trace(f"{name}: zero", colour, "zero", (), ())),
+             (lost, Trace(f"{name}: not finite", colour, "cross", (), ()))]  # fmt: skip
+    return [
+        replace(trace, x=tuple(x for x, _ in found), y=tuple(y for _, y in found)) for found, trace in kinds if found
+    ]
+
+
+def notes(made: Panel) -> list[str]:
+    """`▽ exactly 0`, `✕ not a finite number`, where they occur."""
+    kinds = {trace.kind for trace in made.traces}
+    words = {"zero": "▽ exactly 0, drawn at the foot of the axis", "cross": "✕ not a finite number"}
+    return [said for kind, said in words.items() if kind in kinds]
+
+
+def description(title: str, group: list[Series]) -> str:
+    """The chart for those who do not see it: where each line begins and ends."""
+    ends = []
+    for one in group:
+        line = points(one)
+        path = _said(line[0])
+        if len(line) > 1:
+            path += f" to {_said(line[-1])}"
+        lost = sum(point.y is None for point in line)
+        ends.append(f"{one.name} {path}" + (f", {lost} of {len(line)} not finite" if lost else ""))
+    return f"{title}: {group[0].y_label} against {group[0].x_label}. {'; '.join(ends)}."
+
+
+def _said(point: Point) -> str:
+    return f"{'no finite figure' if point.y is None else of_any_size(point.y)} at {of_any_size(point.x)}"

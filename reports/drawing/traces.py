@@ -1,0 +1,142 @@
+"""The numbers of a drawing, plain traces on panels, and as JSON beside it: what a reader points at and saves as CSV.
+
+    {"title", "box": [x, y, width, height] of the axes in the drawing's own units,
+     "x": {"label", "scale", "low", "high"}, "y": likewise with "rows", their names,
+     "traces": [{"label", "kind", "colour", "x", "y", "x_high", "y_high", "runs", "steps"}], "runs": [Selection, …]}
+
+`x` is the place of an earlier trace where it is the same, `runs` are places in the drawing's list of runs: one, or one
+a point. Numbers have six significant digits.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from markupsafe import Markup
+from matplotlib.axes import Axes
+
+from reports.data.packing import as_data
+from reports.data.selection import Selection
+from reports.drawing import palette
+
+Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
+
+
+Scale = Literal["linear", "log", "symlog"]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Points of one kind and colour; `x` and `y` are equally long.
+
+    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
+    the union of polygons that turn the same way, with NaN between them. A `line` may be dashed, a `mark` has a shape
+    (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
+    """
+
+    label: str
+    colour: str
+    kind: Kind
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    x_high: tuple[float, ...] = ()
+    y_high: tuple[float, ...] = ()
+    dash: tuple[float, ...] = ()
+    width: float = 2.0
+    marker: str = "D"
+    hollow: bool = True
+    size: float = 4.6
+    runs: tuple[Selection, ...] = field(default=(), compare=False)
+    """The runs behind it: those of the whole trace, or one a point."""
+    steps: tuple[int, ...] = field(default=(), compare=False)
+    """The training step of each point, where it has one."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes. `rows` names whole numbers on the y axis, the first on top."""
+
+    title: str
+    x_label: str
+    y_label: str
+    traces: tuple[Trace, ...]
+    alt: str
+    x_scale: Scale = "linear"
+    y_scale: Scale = "linear"
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+    rows: tuple[str, ...] = ()
+    size: tuple[float, float] = (3.7, 2.6)
+    linear_below: float = 1.0
+    """Where a `symlog` axis begins to be logarithmic."""
+    zero_at: float | None = None
+    """Where zeros stand on a logarithmic y axis; its tick says 0."""
+
+
+POINTS_AN_INCH = 72.0
+OUTLINES = ("area",)
+"""Kinds that are drawn around points of other traces, and hold no numbers of their own."""
+
+
+def as_element(panel: Panel, axes: Axes) -> Markup:
+    """For the place behind the drawing; nothing in it can run or end the element."""
+    return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
+
+
+def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
+    """What the page's script knows of a drawing whose axes have been painted."""
+    width, height = (POINTS_AN_INCH * inches for inches in panel.size)
+    left, bottom, wide, high = axes.get_position().bounds
+    runs = list(dict.fromkeys(one for trace in panel.traces for one in trace.runs))
+    traces = [trace for trace in panel.traces if trace.kind not in OUTLINES]
+    y = _axis(panel.y_label, panel.y_scale, axes.get_ylim(), panel.linear_below)
+    found: dict[str, Any] = {
+        "title": panel.title,
+        "box": rounded((left * width, (1 - bottom - high) * height, wide * width, high * height)),
+        "x": _axis(panel.x_label, panel.x_scale, axes.get_xlim(), panel.linear_below),
+        "y": y | ({"rows": list(panel.rows)} if panel.rows else {}),
+        "traces": [_trace(trace, traces[:place], runs) for place, trace in enumerate(traces)],
+    }
+    return found | ({"runs": [one.data() for one in runs]} if runs else {})
+
+
+def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: float) -> dict[str, Any]:
+    low, high = rounded(limits)
+    further = {"linear_below": linear_below} if scale == "symlog" else {}
+    return {"label": label, "scale": scale, "low": low, "high": high} | further
+
+
+def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, Any]:
+    same = next((place for place, one in enumerate(earlier) if one.x == trace.x), None)
+    found: dict[str, Any] = {
+        "label": trace.label,
+        "kind": trace.kind,
+        "colour": _variable(trace.colour),
+        "x": rounded(trace.x) if same is None else same,
+        "y": rounded(trace.y),
+    }
+    for name in ("x_high", "y_high"):
+        if getattr(trace, name):
+            found[name] = rounded(getattr(trace, name))
+    if trace.runs:
+        found["runs"] = [runs.index(one) for one in trace.runs]
+    if trace.steps:
+        found["steps"] = list(trace.steps)
+    return found
+
+
+def _variable(colour: str) -> str:
+    return next((one.variable for one in palette.EVERY if one.light == colour), "--ink")
+
+
+def rounded(values: Iterable[float]) -> list[float | int | None]:
+    """Six significant digits; None for what is not finite."""
+    return [_rounded(float(value)) for value in values]
+
+
+def _rounded(value: float) -> float | int | None:
+    if not math.isfinite(value):
+        return None
+    short = float(f"{value:.6g}")
+    return int(short) if short.is_integer() and abs(short) < 1e15 else short

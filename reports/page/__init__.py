@@ -1,0 +1,1 @@
+"""What every page shares: shell, tables, script, style; imports `drawing` and `data`."""

@@ -1,0 +1,209 @@
+"""What every page of ours shares: policy, template environment, style, settings in words, and how a file is written."""
+
+import json
+import math
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from reports.data import wording
+from reports.data.selection import Selection
+from reports.data.wording import MINUS, NARROW, RAISED
+from reports.drawing import palette
+from reports.page.grid import Entry
+from reports.page.script import script
+
+LEVELLED = {level: plain for plain, level in RAISED.items()}
+FIGURE = re.compile(
+    rf"[+~≈]?(?P<sign>[{MINUS}-]?)(?:10(?P<bare>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
+    rf"|(?P<digits>\d[\d{NARROW}]*(?:\.\d+)?)(?:·10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?)(?P<rest>.*)",
+    re.DOTALL,
+)
+UNITS = {
+    "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
+    "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "k": 1e3, "M": 1e6, "G": 1e9,
+}  # fmt: skip
+"""Units that change within a column."""
+
+
+def value_of(text: str) -> float | None:
+    """The number at the beginning of a text of ours, in seconds or bytes where it is a time or a size; None where
+    there is none, or it only counts what was lost, as in `2 of 3 diverged`, or it is the end of a range.
+    """
+    found = FIGURE.fullmatch(text.strip())
+    if found is None:
+        return None
+    power = found["power"] or found["bare"] or ""
+    digits = (found["digits"] or "1").replace(NARROW, "")
+    value = float(f"{digits}e{power.translate(LEVELLED) or '0'}")
+    rest = found["rest"].replace(NARROW, " ").replace("\u00a0", " ")
+    if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
+        return None
+    return (-value if found["sign"] else value) * _scale(rest) + _rest_of_clock(rest)
+
+
+def _scale(rest: str) -> float:
+    words = rest.split()
+    return UNITS.get(words[0], 1.0) if words else 1.0
+
+
+def _rest_of_clock(rest: str) -> float:
+    """3 min *20 s*, 2 h *05 min*."""
+    found = re.match(r" (min|h) (\d\d) (s|min)\b", rest)
+    return float(found[2]) * UNITS[found[3]] if found else 0.0
+
+
+def of_entry(one: Entry, numeric: bool) -> Markup:
+    """Attributes of a table cell."""
+    found: dict[str, str] = {}
+    value = value_of(one.text) if one.value is None and numeric else one.value
+    if isinstance(value, str):
+        found["said"] = value
+    elif value is not None and math.isfinite(value):
+        found["value"] = f"{value:.7g}"
+    parts = {name: known for name, part in one.parts.items() if (known := _part(part)) is not None}
+    if parts:
+        found["parts"] = as_json(parts)
+    return _written(found) + of_runs(one.runs)
+
+
+def _part(part: float | str | None) -> float | str | None:
+    if part is None or isinstance(part, str):
+        return part
+    return float(f"{part:.7g}") if math.isfinite(part) else None
+
+
+def of_runs(runs: Selection | None) -> Markup:
+    """The attribute of a cell that shows the runs behind it; none where there are none."""
+    return _written({"runs": as_json(runs.data())} if runs is not None and runs.data() else {})
+
+
+def of_row(row: list[Entry]) -> Markup:
+    """The scene and the method that all of a row belong to: what a filter goes by."""
+    found = {}
+    for name in ("scene", "method"):
+        values = {getattr(one.runs, name) for one in row if one.runs is not None}
+        if len(values) == 1 and (value := values.pop()):
+            found[name] = value
+    return _written(found)
+
+
+def as_json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def _written(found: dict[str, str]) -> Markup:
+    return Markup("").join(Markup(' data-{}="{}"').format(name, escape(value)) for name, value in found.items())
+
+
+RUN_PAGE = "report.html"
+SPEED_PAGE = "speed.html"
+SPEED_FILE = "speed.json"
+STABILITY_PAGE = "stability.html"
+EVIDENCE_PAGE = "evidence.html"
+
+HERE = Path(__file__).parent
+SCRIPTS = (
+    *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
+    *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js", "drawn_tables.js"),
+    *("tables.js", "filter.js", "reading.js"),
+)
+"""What every page needs to sort, filter and save, in this order."""
+START = "start.js"
+"""The last script of a page."""
+
+
+def environment() -> Environment:
+    """Escapes whatever comes from data, and stops at a name that nobody gave."""
+    made = Environment(
+        loader=FileSystemLoader([HERE / "templates", HERE / "templates" / "studies"]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["breakable"] = breakable
+    made.filters["code"] = with_code
+    made.filters["cell_data"] = of_entry
+    made.filters["row_data"] = of_row
+    made.filters["as_json"] = as_json
+    made.filters["runs_data"] = of_runs
+    return made
+
+
+def code() -> str:
+    """The script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
+    return script(*SCRIPTS, START)
+
+
+def breakable(name: str) -> Markup:
+    """A name that may be broken behind its underscores, where a column is narrow."""
+    return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
+
+
+def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
+    """A sentence whose commands stand in backticks, as code; the words between them as `plain` sets them."""
+    parts = enumerate(sentence.split("`"))
+    return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else plain(part) for at, part in parts)
+
+
+def style(*files: str) -> Markup:
+    """Style sheets in order, with the palette where the first one wants it."""
+    text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in files)
+    return Markup(text.replace("/* palette */", variables()))
+
+
+def variables() -> str:
+    """The palette as CSS: light; dark where the system or the reader wants it so, and never on paper."""
+    light, dark = (
+        "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in (*palette.EVERY, *palette.SURFACES))
+        for tone in ("light", "dark")
+    )
+    return (
+        f":root{{color-scheme:light;{light}}}"
+        f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{color-scheme:dark;{dark}}}}}"
+        f"@media screen{{:root[data-theme=dark]{{color-scheme:dark;{dark}}}}}"
+    )
+
+
+def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Nested settings as `a.b` → text."""
+    rows = []
+    for name, value in data.items():
+        if isinstance(value, dict):
+            rows += flat(value, f"{prefix}{name}.")
+        else:
+            rows.append((f"{prefix}{name}", plain(value)))
+    return rows
+
+
+def plain(value: Any) -> str:
+    """A setting as a reader writes it."""
+    if isinstance(value, list):
+        return ", ".join(map(plain, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return wording.NOTHING if value is None else str(value)
+
+
+def groups_of(
+    origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Where a record comes from, as groups of name and value; those with nothing in them are left out."""
+    groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
+    return [(title, rows) for title, rows in groups if rows]
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Beside its place, then renamed: a reader never sees half a page."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

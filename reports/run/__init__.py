@@ -1,0 +1,1 @@
+"""The page of a run, of several outputs, of a judgement; imports `claims` and what is below."""

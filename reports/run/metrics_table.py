@@ -1,0 +1,221 @@
+"""What a method is rather than how it scores, the scores beside PSNR, and every comparison that was made, in full."""
+
+from collections import Counter
+
+from harness.records.cells import LeftOut
+from reports.claims.arithmetic import COMPONENT_TITLES
+from reports.claims.psnr_table import TOGETHER, difference_entry, losses, tone_of
+from reports.data.load import Records
+from reports.data.selection import Selection
+from reports.data.table import METRICS, Metric, average_of, cells_frame, shared_scenes, spread_of
+from reports.data.wording import count, duration, interval, listed, number, signed, significant
+from reports.page.grid import EMPTY, Column, Entry, Grid
+
+
+def metrics_grid(records: Records) -> Grid:
+    """A row for each scene and method: means over the finished seeds."""
+    frame = cells_frame(records)
+    shown = [metric for metric in METRICS if frame[metric.name].notna().any()]
+    columns = [Column("scene", numeric=False), Column("method", numeric=False)]
+    for metric in shown:
+        arrow = "↑" if metric.higher_is_better else "↓"
+        columns.append(Column(f"{metric.label} {arrow}", small=metric.unit))
+    rows, totals = [], []
+    for scene in records.scenes:
+        for place, method in enumerate(records.methods):
+            cells = records.cells_of(scene, method)
+            if not cells:
+                continue
+            lost = losses(cells)
+            behind = Selection(scene, method)
+            row = [Entry(scene if place == 0 else "", value=scene), Entry(method, lost, tone_of(cells), runs=behind)]
+            for metric in shown:
+                mean = spread_of(frame, scene, method, metric.name).mean
+                row.append(score(mean, metric, scene, method))
+            rows.append(row)
+    for place, method in enumerate(records.methods if len(records.scenes) > 1 else []):
+        row = [Entry("mean" if place == 0 else "", value="mean"), Entry(method)]
+        for metric in shown:
+            mean = average_of(frame, method, metric.name, shared_scenes(frame, metric.name)).mean
+            row.append(score(mean, metric, "", method))
+        totals.append(row)
+    note = "; ".join(f"{metric.label}: {metric.meaning}" for metric in shown)
+    return Grid("All scores", columns, rows, totals, f"Arrows point to the better side. {note}.")
+
+
+def score(mean: float | None, metric: Metric, scene: str, method: str) -> Entry:
+    """A mean with the runs that it is taken over."""
+    if mean is None:
+        return EMPTY
+    return Entry(number(mean, metric.digits), value=mean, runs=Selection(scene, method, metric=metric.name))
+
+
+def comparisons_grid(records: Records) -> Grid:
+    """Every comparison of the run, with the smallest true difference that it would have found."""
+    labels = {metric.name: metric.label for metric in METRICS}
+    names = ("scene", "method − against", "metric", "at equal")
+    columns = [Column(name, numeric=False) for name in names]
+    columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
+    rows = []
+    for one in records.comparisons:
+        digits = 2 if one.metric in ("psnr", "delta_e") else 4
+        rows.append(
+            [
+                Entry("all scenes" if one.scene == "all" else one.scene),
+                Entry(f"{one.method} − {one.against}"),
+                Entry(labels.get(one.metric, one.metric)),
+                Entry("steps" if one.budget == "steps" else "time"),
+                difference_entry(one),
+                Entry(number(one.smallest_detectable, digits), value=one.smallest_detectable),
+                Entry(str(one.pairs)),
+            ]
+        )
+    note = (
+        "Smallest detectable: the true difference that a comparison with just this spread calls better or worse in "
+        "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
+        f"scene by scene; PSNR over all scenes stands alone. {TOGETHER}"
+    )
+    return Grid("Every comparison", columns, rows, note=note)
+
+
+PROPERTY_NAMES = {
+    "chunk_max_difference": "largest change of a pixel when a view is rendered in small chunks",
+    "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
+    "largest_density": "largest density found, per half of the box’s longest side",
+    "opacity_unit_slab": "opacity of that length of it",
+    "occupied_share": "share of the scene's box that holds matter",
+}
+
+
+def properties_grid(records: Records) -> Grid:
+    """A row a property, a column a method: the mean over its cells and, where they differ, the range."""
+    names = list(dict.fromkeys(name for cell in records.cells for name in cell.properties))
+    columns = [Column("property", numeric=False), *(Column(method, method) for method in records.methods)]
+    rows = []
+    for name in names:
+        row = [Entry(PROPERTY_NAMES.get(name, name.replace("_", " ")), name if name in PROPERTY_NAMES else "")]
+        for method in records.methods:
+            found = [cell.properties.get(name) for cell in records.cells if cell.method == method]
+            row.append(_property_entry([value for value in found if value is not None], Selection(method=method)))
+        rows.append(row)
+    return Grid("Measured properties", columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])])
+
+
+def _property_entry(values: list[float | str], behind: Selection) -> Entry:
+    numbers = [float(value) for value in values if not isinstance(value, str)]
+    words = list(dict.fromkeys(value for value in values if isinstance(value, str)))
+    if words:
+        return Entry(", ".join(words), runs=behind)
+    if not numbers:
+        return EMPTY
+    low, high = min(numbers), max(numbers)
+    small = "" if significant(low) == significant(high) else f"{significant(low)} – {significant(high)}"
+    mean = sum(numbers) / len(numbers)
+    return Entry(significant(mean), small, value=mean, parts={"low": low, "high": high}, runs=behind)
+
+
+def parameters_grid(records: Records) -> Grid:
+    """Weights of the networks that were trained, and Table 1 beside what its description really has."""
+    printed = records.run.paper.get("table1") or {}
+    measured = records.run.paper.get("parameters_measured") or {}
+    trained = {cell.method: cell.parameters for cell in records.cells if cell.parameters}
+    methods = [method for method in records.methods if method in trained]
+    found = dict.fromkeys([name for weights in trained.values() for name in weights] + [*printed, *measured])
+    names = sorted(found, key=lambda name: list(COMPONENT_TITLES).index(name) if name in COMPONENT_TITLES else -1)
+    columns = [Column("component", numeric=False), *(Column(method, method, "this run") for method in methods)]
+    columns += [Column("printed", small="Table 1")] if printed else []
+    columns += [Column("counted", small="paper’s network")] if measured else []
+    rows = []
+    for name in names:
+        row = [Entry(COMPONENT_TITLES.get(name, name.replace("_", " ")))]
+        row += [_weights(trained[method].get(name)) for method in methods]
+        row += [_weights(printed.get(name))] if printed else []
+        row += [_weights(measured.get(name))] if measured else []
+        rows.append(row)
+    return Grid(
+        "Weights", columns, [row for row in rows if row[0].text != "total"], rows[-1:] if "total" in names else []
+    )
+
+
+def _weights(value: object) -> Entry:
+    return Entry(count(round(value))) if isinstance(value, int | float) else EMPTY
+
+
+def failures_grid(records: Records) -> Grid:
+    """Cells without a score, each with its reason."""
+    columns = [Column(name, numeric=False) for name in ("cell", "state", "why")]
+    words = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
+    rows = [
+        [
+            Entry(
+                f"{cell.scene} · {cell.method} · seed {cell.seed}",
+                runs=Selection(cell.scene, cell.method, seed=cell.seed),
+            ),
+            Entry(words[cell.status], tone="muted" if cell.status == "not_available" else "failed"),
+            Entry(cell.reason or "no reason recorded"),
+        ]
+        for cell in records.cells
+        if cell.status in words
+    ]
+    return Grid("Cells that did not finish", columns, rows)
+
+
+def warnings_grid(records: Records) -> Grid:
+    """Warnings, those of the same words on the same scene and method in one row."""
+    columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
+    found: dict[tuple[str, str, str], list[int]] = {}
+    for cell in records.cells:
+        for warning in cell.warnings:
+            found.setdefault((cell.scene, cell.method, warning), []).append(cell.seed)
+    rows = [
+        [
+            Entry(scene),
+            Entry(method),
+            Entry(listed([str(seed) for seed in seeds])),
+            Entry(warning, runs=Selection(scene, method, seed=seeds[0] if len(seeds) == 1 else None)),
+        ]
+        for (scene, method, warning), seeds in found.items()
+    ]
+    return Grid("Warnings", columns, rows)
+
+
+def warning_kinds(records: Records) -> list[tuple[str, int]]:
+    """What kinds of warnings there are (the words before the colon) and how many cells carry each."""
+    found = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
+    return found.most_common()
+
+
+def left_out_grid(records: Records) -> Grid:
+    """What a scene does not need and was not done for it; where that was verified, what it saved and changed."""
+    columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
+    columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
+    rows = [
+        [
+            Entry(scene.name, runs=Selection(scene.name)),
+            Entry(one.what, one.concerns),
+            Entry(one.reason),
+            Entry(duration(one.seconds_saved), one.clock, value=one.seconds_saved)
+            if one.seconds_saved is not None
+            else EMPTY,
+            _change(one),
+            Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
+            Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
+        ]
+        for scene in records.run.scenes
+        for one in scene.left_out
+    ]
+    told = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
+    return Grid("Left out", [columns[place] for place in told], [[row[place] for place in told] for row in rows])
+
+
+VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
+
+
+def _change(one: LeftOut) -> Entry:
+    if one.difference is None:
+        return EMPTY
+    if one.unit == "colour":
+        between = "" if one.interval is None else f"[{significant(one.interval[0])}, {significant(one.interval[1])}]"
+        return Entry(f"{significant(one.difference)} of a colour", between, value=one.difference)
+    said = f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}"
+    return Entry(said, interval(one.interval, 3), value=one.difference)

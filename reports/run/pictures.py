@@ -1,0 +1,403 @@
+"""Rendered views beside their ground truth, for print and for readers without a script; which ones is a fixed rule.
+
+Shown is the first kept view of each scene, of the first seed in which most methods have a picture of their last
+checkpoint. They are base64 PNGs, made smaller where a large run would otherwise make the page heavy. Everything else
+that was kept is in the page's picture data (`reports.run.pictures`).
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.records.cells import CellRecord, SceneRecord
+from harness.records.pictures import Render, Truth, last_of
+from reports.data import packing
+from reports.data.kept_pictures import NOT_KEPT, Kept, kept
+from reports.data.load import Records
+from reports.data.packing import Packed
+from reports.data.wording import counted, number
+from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
+from reports.drawing.palette import colours_of
+from reports.page.shell import write_whole
+
+SCRIPTS = (
+    "chunks.js",
+    "kept.js",
+    "pixels.js",
+    "colour_space.js",
+    "colour_maps.js",
+    "delta_e.js",
+    "flip.js",
+    "error_maps.js",
+    "zoom.js",
+    "compare_data.js",
+    "thumbnails.js",
+    "compare_choice.js",
+    "compare_layers.js",
+    "compare_panel.js",
+    "compare_view.js",
+    "compare_probe.js",
+    "compare_controls.js",
+    "compare_keys.js",
+    "compare_export.js",
+    "compare.js",
+)
+
+
+BUDGET_BYTES = 1_500_000
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One method's picture of a view as a data URI, None where there is none."""
+
+    method: str
+    caption: str
+    render: str | None
+    failed: bool = False
+
+
+@dataclass(frozen=True)
+class View:
+    scene: str
+    title: str
+    view: str
+    seed: int
+    truth: str | None
+    methods: list[Shown]
+
+
+def views(records: Records) -> list[View]:
+    """One view of every scene that has pictures, in the order of scenes."""
+    chosen = [(scene, seed) for scene in records.scenes if (seed := seed_shown(records, scene)) is not None]
+    side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
+    found = (_picture_view(records, scene, seed, side) for scene, seed in chosen)
+    return [one for one in found if one is not None]
+
+
+def seed_shown(records: Records, scene: str) -> int | None:
+    """The first seed in which the most finished methods have pictures; of those that are equal in this, the first in
+    which the most methods have any; None where there are none."""
+    having: dict[int, tuple[int, int]] = {}
+    for cell in records.cells:
+        if cell.scene == scene and cell.pictures is not None:
+            finished, any_ = having.get(cell.seed, (0, 0))
+            having[cell.seed] = (finished + (cell.status == "done"), any_ + 1)
+    return max(having, key=lambda seed: (*having[seed], -seed), default=None)
+
+
+def first_view(found: Kept) -> str | None:
+    """The first view of the truth, else the first that any cell has."""
+    names = [*found.truth, *(one.view for renders in found.renders.values() for one in renders)]
+    return next(iter(names), None)
+
+
+def last_render(found: Kept, cell: CellRecord, view: str) -> Render | None:
+    """Of a cell that finished; what one that diverged had last is not the end of a training."""
+    if cell.status != "done":
+        return None
+    renders = last_of(found.renders.get((cell.method, cell.seed), []))
+    return next((one for one in renders if one.view == view), None)
+
+
+def as_picture(values: np.ndarray) -> Picture:
+    """float16 display colour → what is shown of it."""
+    return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
+
+
+def _picture_view(records: Records, scene: str, seed: int, side: int) -> View | None:
+    found = kept(records, scene, (seed,))
+    view = first_view(found)
+    if view is None:
+        return None
+    cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+    truth = found.truth.get(view)
+    about = records.scene(scene)
+    shown = [_shown(found, cells[method], view, truth, side) for method in records.methods if method in cells]
+    small = data_uri(smaller(as_picture(truth.display), side)) if truth else None
+    return View(scene, about.title if about else scene, view, seed, small, shown)
+
+
+def _shown(found: Kept, cell: CellRecord, view: str, truth: Truth | None, side: int) -> Shown:
+    if cell.status in ("diverged", "error"):
+        return Shown(cell.method, cell.reason or cell.status, None, failed=True)
+    render = last_render(found, cell, view)
+    if render is None:
+        return Shown(cell.method, found.missing.get((cell.method, cell.seed), NOT_KEPT), None)
+    picture = as_picture(render.colour)
+    uri = data_uri(smaller(picture, side))
+    if truth is None or truth.display.shape != render.colour.shape:
+        return Shown(cell.method, "no ground truth of this size", uri)
+    score = next((one.psnr for one in cell.views if one.view == view), None)
+    psnr = f"{number(score)} dB, " if score is not None else ""
+    mean = float(delta_e(as_picture(truth.display), picture).mean())
+    return Shown(cell.method, f"{psnr}mean ΔE₀₀ {number(mean, 1)}", uri)
+
+
+INLINE_BYTES = 6_000_000
+FILE_BYTES = 32_000_000
+"""Of base64, in the page and in a file beside it."""
+FOLDER = "report_pictures"
+IMPORTANCE = (
+    "the last checkpoint of the seed that is shown",
+    "earlier checkpoints of it, first view",
+    "earlier checkpoints of it, other views",
+    "other seeds, first view",
+    "other seeds, other views",
+)
+LEAST = 1
+"""A page that has not at least these of every scene has its pictures beside it."""
+BRIGHT = 1.0 + 1 / 256
+"""Light above this is more than display colour and the rounding of float16 hold."""
+
+
+@dataclass
+class SceneData:
+    """One scene's entry and its pictures."""
+
+    entry: dict[str, Any]
+    renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
+    """(importance, row, id → base64), in the order of methods, seeds, steps and views; empty where it is left out."""
+    texts: dict[str, str] = field(default_factory=dict)
+    """Of the truth."""
+    unshown: bool = False
+    """Whether there are renders without the truth that they belong to."""
+
+    def bytes_of(self, importance: int) -> int:
+        return sum(map(_size, (texts for one, _, texts in self.renders if one == importance)))
+
+
+@dataclass(frozen=True)
+class PictureData:
+    """For the page."""
+
+    data: dict[str, Any]
+    inline: dict[str, str]
+    """Element's id → base64."""
+    files: dict[str, str]
+    """Path beside the page → content; empty where the page holds its pictures."""
+
+
+def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
+    """None where no cell has pictures."""
+    if not any(cell.pictures for cell in records.cells):
+        return None
+    return _inline(records, budget) or _beside(records, file_budget)
+
+
+def _inline(records: Records, budget: int) -> PictureData | None:
+    """Everything in the page; None where `LEAST` does not fit."""
+    scenes: list[SceneData] = []
+    spent = [0] * len(IMPORTANCE)
+    up_to = len(IMPORTANCE) - 1
+    for scene in records.scenes:
+        one = scene_data(records, scene, up_to)
+        spent[0] += _size(one.texts)
+        spent = [bytes_ + one.bytes_of(importance) for importance, bytes_ in enumerate(spent)]
+        up_to = _fitting(spent, budget)
+        if up_to < LEAST:
+            return None
+        scenes.append(one)
+    inline: dict[str, str] = {}
+    for one in scenes:
+        inline |= _chosen(one, up_to, None)
+    return PictureData(_data(records, scenes, [up_to] * len(scenes), ""), inline, {})
+
+
+def _beside(records: Records, budget: int) -> PictureData:
+    """A file a scene."""
+    scenes: list[SceneData] = []
+    reach: list[int] = []
+    files: dict[str, str] = {}
+    for scene in records.scenes:
+        one = scene_data(records, scene, len(IMPORTANCE) - 1)
+        spent = [one.bytes_of(importance) for importance in range(len(IMPORTANCE))]
+        spent[0] += _size(one.texts)
+        up_to = max(_fitting(spent, budget), 0)
+        file = _file_name(scene, files)
+        texts = _chosen(one, up_to, file)
+        lines = ",\n".join(f'"{name}":"{text}"' for name, text in texts.items())
+        files[file] = f"reportPictures({{{lines}}});\n"
+        scenes.append(replace(one, renders=[(place, row, {}) for place, row, _ in one.renders], texts={}))
+        reach.append(up_to)
+    said = (
+        f"The pictures of this report lie in {FOLDER}/ beside it, "
+        f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
+        "whoever passes the report on must pass that folder on with it."
+    )
+    return PictureData(_data(records, scenes, reach, said), {}, files)
+
+
+def _fitting(spent: list[int], budget: int) -> int:
+    """The largest importance up to which everything fits; −1 where nothing does."""
+    return int((np.cumsum(spent) <= budget).sum()) - 1
+
+
+def _size(texts: dict[str, str]) -> int:
+    return sum(map(len, texts.values()))
+
+
+def _chosen(one: SceneData, up_to: int, file: str | None) -> dict[str, str]:
+    """Writes the rows that are in into the scene's entry; their pictures."""
+    chosen = dict(one.texts)
+    for importance, row, texts in one.renders:
+        if importance <= up_to:
+            one.entry["renders"].append(row)
+            chosen |= texts
+    if file is not None:
+        for holder in (*(view["truth"] for view in one.entry["views"]), *one.entry["renders"]):
+            for ref in holder.values():
+                if isinstance(ref, dict):
+                    ref["file"] = file
+    return chosen
+
+
+def _data(records: Records, scenes: list[SceneData], reach: list[int], said: str) -> dict[str, Any]:
+    colours = colours_of(records.methods)
+    left_out: dict[int, int] = {}
+    for one, up_to in zip(scenes, reach, strict=True):
+        for importance, _, _ in one.renders:
+            if importance > up_to:
+                left_out[importance] = left_out.get(importance, 0) + 1
+    sentences = [
+        f"{counted(many, 'render')} left out to keep this report small: {IMPORTANCE[importance]}."
+        for importance, many in sorted(left_out.items())
+    ]
+    sentences += [
+        f"{one.entry['name']}: its pictures are not shown, the ground truth of them is missing or damaged."
+        for one in scenes
+        if one.unshown and not one.entry["views"]
+    ]
+    return {
+        "methods": records.methods,
+        "variables": {method: colours[method].variable for method in records.methods},
+        "scenes": [one.entry for one in scenes if one.entry["views"]],
+        "left_out": sentences,
+        "beside": said,
+    }
+
+
+def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
+    """The scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
+    found, about = kept(records, scene), records.scene(scene)
+    shown = seed_shown(records, scene)
+    cells = {(cell.method, cell.seed): cell for cell in records.cells if cell.scene == scene}
+    names = list(found.truth)
+    far = _far(found, about)
+    one = SceneData({"name": scene, "title": about.title if about else scene, "views": [], "renders": []})
+    for name in names:
+        one.entry["views"].append(_view(found.truth[name], about, far, one.texts))
+    for key, render in _in_order(records, found):
+        place = names.index(render.view) if render.view in names else None
+        if place is None or render.opacity.shape != found.truth[render.view].opacity.shape:
+            continue
+        last = render.step == found.renders[key][-1].step
+        importance = _importance(key[1] == shown, last, place)
+        texts: dict[str, str] = {}
+        row = _row(cells[key], render, last, place, far, texts) if importance <= up_to else {}
+        one.renders.append((importance, row, texts))
+    one.unshown = bool(found.renders) and not names
+    one.entry["missing"] = _missing(records, found, cells)
+    return one
+
+
+def _importance(shown: bool, last: bool, place: int) -> int:
+    if shown and last:
+        return 0
+    return (1 if shown else 3) + (place > 0)
+
+
+def _in_order(records: Records, found: Kept) -> Iterator[tuple[tuple[str, int], Render]]:
+    order = {method: place for place, method in enumerate(records.methods)}
+    for key in sorted(found.renders, key=lambda key: (order[key[0]], key[1])):
+        yield from ((key, render) for render in found.renders[key])
+
+
+def _far(found: Kept, about: SceneRecord | None) -> float:
+    depths = [one.depth for one in found.truth.values() if one.depth is not None]
+    depths += [one.depth for renders in found.renders.values() for one in renders]
+    largest = max((float(one.max()) for one in depths), default=0.0)
+    return max(largest, about.far if about else 0.0) or 1.0
+
+
+def _put(packed: Packed, texts: dict[str, str]) -> dict[str, Any]:
+    texts[packed.id] = packed.text
+    return dict(packed.ref)
+
+
+def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, str]) -> dict[str, Any]:
+    height, width = truth.opacity.shape
+    bright = truth.linear is not None and float(truth.linear.max()) > BRIGHT
+    return {
+        "name": truth.view,
+        "width": width,
+        "height": height,
+        "near": about.near if about else 0.0,
+        "far": about.far if about else far,
+        "hdr": bright,
+        "truth": {
+            "display": _put(packing.display(truth.display), texts),
+            "linear": _put(packing.light(truth.linear), texts) if bright and truth.linear is not None else None,
+            "opacity": _put(packing.display(truth.opacity), texts),
+            "depth": None if truth.depth is None else _put(packing.depth(truth.depth, far), texts),
+        },
+    }
+
+
+def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]) -> dict[str, Any]:
+    scored = next((one for one in cell.views if one.view == render.view), None) if last else None
+    return {
+        "method": cell.method,
+        "seed": cell.seed,
+        "step": render.step,
+        "seconds": next((point.seconds for point in cell.curve if point.step == render.step), None),
+        "last": last,
+        "view": place,
+        "psnr": scored.psnr if scored else None,
+        "flip": scored.flip if scored else None,
+        "delta_e": scored.delta_e if scored else None,
+        "colour": _put(packing.display(render.colour), texts),
+        "opacity": _put(packing.display(render.opacity), texts),
+        "depth": _put(packing.depth(render.depth, far), texts),
+    }
+
+
+def _missing(records: Records, found: Kept, cells: dict[tuple[str, int], CellRecord]) -> list[dict[str, Any]]:
+    """Cells that did not finish, and finished ones whose pictures are missing."""
+    rows = []
+    order = {method: place for place, method in enumerate(records.methods)}
+    for key, cell in sorted(cells.items(), key=lambda item: (order[item[0][0]], item[0][1])):
+        reason = found.missing.get(key)
+        if cell.status != "done" or reason is not None:
+            said = reason or cell.reason or cell.status
+            rows.append({"method": cell.method, "seed": cell.seed, "status": cell.status, "reason": said})
+    return rows
+
+
+def _file_name(scene: str, taken: Iterable[str]) -> str:
+    """A scene's name may hold anything; a file's may not."""
+    stem = re.sub(r"[^A-Za-z0-9_-]", "_", scene)[:80] or "scene"
+    names = [f"{FOLDER}/{stem}.js", *(f"{FOLDER}/{stem}_{number}.js" for number in range(2, 10_000))]
+    return next(name for name in names if name.lower() not in {one.lower() for one in taken})
+
+
+def write_files(files: dict[str, str], folder: Path) -> None:
+    """The files beside a page in `folder`, each whole or not at all. Raises `OSError`."""
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(text, path)
+
+
+def remove_others(files: dict[str, str], folder: Path) -> None:
+    """What an earlier page in `folder` had beside it and the one that is there now does not name. Raises `OSError`."""
+    beside = folder / FOLDER
+    for path in beside.glob("*.js"):
+        if f"{FOLDER}/{path.name}" not in files:
+            path.unlink()
+    if beside.is_dir() and not any(beside.iterdir()):
+        beside.rmdir()

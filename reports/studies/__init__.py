@@ -1,0 +1,1 @@
+"""What studies found, as sections and pages; imports `page` and what is below."""

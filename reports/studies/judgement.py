@@ -1,0 +1,247 @@
+"""A judgement of somebody's table → judgement.html, in the same design as the report and as self-contained."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+
+from markupsafe import Markup
+
+from harness.records.cells import Estimate
+from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
+from harness.verdicts.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
+from reports.data.wording import duration
+from reports.drawing.figure import padded, plots
+from reports.drawing.palette import INK, KNOWN, MUTED
+from reports.drawing.traces import Panel, Trace
+from reports.page import shell
+from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.page.script import content_policy
+
+MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
+TURNED = {"better": "worse", "worse": "better"}
+MOST_TITLES = 40
+"""Methods up to which each pair of the matrix says its numbers."""
+MOST_CHANGES = 30
+ROW_INCHES = 0.19
+LEAST_FOR_FAR = 6
+FAR = 6.0
+"""Robust standard deviations from the middle at which a method's mean is off the axis, its figure beside its name."""
+
+
+@dataclass(frozen=True)
+class Square:
+    """One pair in the matrix: the row's method against the column's."""
+
+    tone: str
+    mark: str
+    title: str
+
+
+def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Grid:
+    """Methods from best to worst with their groups and what each is less the next one, or less the baseline."""
+    everything = record.baseline is None
+    shown = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
+    seeded = any(pair.on_these_scenes for pair in ranking.pairs)
+    unit = f" ({record.unit})" if record.unit else ""
+    rival = "the next one" if everything else str(record.baseline)
+    columns = [Column("method", numeric=False), Column(f"mean {record.metric}{unit}"), Column("scenes")]
+    columns += [Column("groups", numeric=False)] if everything else []
+    columns += [Column(f"less {rival}", small="on scenes like these"), Column("verdict", numeric=False)]
+    columns += [Column("could find")]
+    columns += [Column(f"less {rival}", small="on these scenes")] if seeded else []
+    timed, stepped = (any(getattr(one, name) is not None for one in ranking.places) for name in ("seconds", "steps"))
+    columns += [Column("training")] if timed else []
+    columns += [Column("steps")] if stepped else []
+    rows = []
+    for place in ranking.places:
+        pair = shown.get(place.method)
+        row = [Entry(place.method), Entry(number(record, place.mean)), Entry(str(place.scenes))]
+        row += [Entry(shown_groups(place.groups))] if everything else []
+        estimate = pair.scenes_like_these if pair else None
+        least = estimate.smallest_detectable if estimate else None
+        verdict = Entry(said(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY
+        found = Entry(number(record, least)) if least is not None else EMPTY
+        row += [difference(record, pair, estimate), verdict, found]
+        row += [difference(record, pair, pair.on_these_scenes if pair else None, worded=True)] if seeded else []
+        row += [Entry(duration(place.seconds)) if place.seconds is not None else EMPTY] if timed else []
+        row += [Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY] if stepped else []
+        rows.append(row)
+    note = (
+        f"Intervals are at 95 % for all {ranking.family} comparisons together. What such a table could find is the "
+        "smallest true difference that it tells apart in 80 % of cases."
+    )
+    groups = " No two methods of a group are told apart; groups are the longest runs of neighbours of which that holds."
+    return Grid(caption, columns, rows, note=note + (groups if everything else ""))
+
+
+def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:
+    """The difference with its simultaneous interval, and the verdict where it has no column of its own."""
+    if pair is None or estimate is None:
+        return EMPTY
+    words = within(record, estimate) + (f"\n{said(estimate.verdict)}" if worded else "")
+    return Entry(number(record, pair.difference, "+"), words, value=pair.difference)
+
+
+def said(verdict: str) -> str:
+    return "not told apart" if verdict == "inconclusive" else verdict
+
+
+def within(record: JudgementRecord, estimate: Estimate) -> str:
+    ends = estimate.simultaneous
+    return f"[{number(record, ends[0], '+')}, {number(record, ends[1], '+')}]" if ends else ""
+
+
+def matrix(record: JudgementRecord) -> list[tuple[str, list[Square]]]:
+    """Each method's row against every method, in their order; nothing against a baseline."""
+    if record.baseline is not None:
+        return []
+    names = [one.method for one in record.given.places]
+    found = {}
+    for pair in record.given.pairs:
+        estimate = pair.scenes_like_these
+        ends = f" {within(record, estimate)}" if estimate else ""
+        numbers = f"{number(record, pair.difference, '+')}{ends}, {said(pair.verdict)}" if estimate else "no interval"
+        title = f"{pair.method} − {pair.against}: {numbers}" if len(names) <= MOST_TITLES else ""
+        other = TURNED.get(pair.verdict, pair.verdict)
+        found[pair.method, pair.against] = Square(pair.verdict, MARKS[pair.verdict], title)
+        found[pair.against, pair.method] = Square(other, MARKS[other], title)
+    itself = Square("itself", "", "")
+    return [(name, [found.get((name, other), itself) for other in names]) for name in names]
+
+
+def suspects_grid(record: JudgementRecord) -> Grid:
+    columns = [Column("result", numeric=False), Column("is"), Column("expected"), Column("robust deviations")]
+    rows = [
+        [
+            Entry(f"{one.method} on {one.scene}", f"seed {one.seed}" if one.seed else ""),
+            Entry(number(record, one.value), tone="failed"),
+            Entry(number(record, one.expected)),
+            Entry(f"{one.deviation:.0f}".replace("-", "−")),
+        ]
+        for one in record.suspects
+    ]
+    note = (
+        "Expected is what a fit of method plus scene by medians gives. A result is suspect at 8 robust standard "
+        "deviations of its method, its scene or the table, whichever is largest, and 10 smallest effects of interest."
+    )
+    return Grid("Results far from what their method and scene let one expect", columns, rows, note=note)
+
+
+def changes_grid(record: JudgementRecord) -> Grid:
+    columns = [Column("pair", numeric=False), Column("as given", numeric=False), Column("without", numeric=False)]
+    changes = changed_pairs(record)
+    rows = [
+        [Entry(f"{pair.method} − {pair.against}"), Entry(said(pair.verdict)), Entry(said(after))]
+        for pair, after in changes[:MOST_CHANGES]
+    ]
+    more = len(changes) - len(rows)
+    return Grid("Verdicts that change", columns, rows, note=f"{more} more are in judgement.json." if more else "")
+
+
+def panel(record: JudgementRecord) -> Panel:
+    """Means with a bar for each group below them; against a baseline, differences with their intervals."""
+    unit = f" ({record.unit})" if record.unit else ""
+    return _against(record, unit) if record.baseline is not None else _groups(record, unit)
+
+
+def _groups(record: JudgementRecord, unit: str) -> Panel:
+    places = record.given.places
+    groups = sorted({group for one in places for group in one.groups})
+    members = {group: [one for one in places if group in one.groups] for group in groups}
+    bars = [group for group in groups if len(members[group]) > 1]
+    limits = _limits([one.mean for one in places])
+    named = [one.method if _is_on(one.mean, limits) else f"{one.method} ({number(record, one.mean)})" for one in places]
+    rows = [*named, *(f"group {group}" for group in bars)]
+    height = tuple(float(len(places) + place) for place in range(len(bars)))
+    ends = [sorted((members[group][0].mean, members[group][-1].mean)) for group in bars]
+    means = tuple(one.mean for one in places)
+    traces = (
+        Trace("mean", KNOWN["nerf"].light, "dots", means, tuple(map(float, range(len(places))))),
+        Trace(
+            "not told apart", INK.light, "range", tuple(low for low, _ in ends), height, tuple(high for _, high in ends)
+        ),
+    )
+    title = f"Mean {record.metric} and the groups that are not told apart"
+    told = "; ".join(f"group {group}: {', '.join(one.method for one in members[group])}" for group in bars)
+    alt = f"{title}. {told or 'There is no group of several.'}"
+    return replace(_panel(title, f"mean {record.metric}{unit}", traces, alt, rows), x_limits=limits)
+
+
+def _limits(means: list[float]) -> tuple[float, float] | None:
+    """Of an axis that leaves out methods far from the others, which would have it to themselves."""
+    if len(means) < LEAST_FOR_FAR:
+        return None
+    middle = median(means)
+    reach = FAR * 1.4826 * median(abs(mean - middle) for mean in means)
+    near = [mean for mean in means if abs(mean - middle) <= reach]
+    return padded(near, log=False) if len(near) < len(means) else None
+
+
+def _is_on(mean: float, limits: tuple[float, float] | None) -> bool:
+    return limits is None or limits[0] <= mean <= limits[1]
+
+
+def _against(record: JudgementRecord, unit: str) -> Panel:
+    pairs = [pair for pair in record.given.pairs if pair.scenes_like_these and pair.scenes_like_these.simultaneous]
+    ends = [pair.scenes_like_these.simultaneous or (0.0, 0.0) for pair in pairs if pair.scenes_like_these]
+    at = tuple(map(float, range(len(pairs))))
+    lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
+    middle = tuple(pair.difference or 0.0 for pair in pairs)
+    traces = (
+        Trace("no difference", MUTED.light, "floor", (0.0, 0.0), (-0.5, len(pairs) - 0.5)),
+        Trace("95 % interval of all together", KNOWN["nerf"].light, "range", lows, at, highs),
+        Trace("difference", KNOWN["nerf"].light, "dots", middle, at),
+    )
+    title = f"{record.metric} less that of {record.baseline}"
+    told = "; ".join(f"{pair.method} {number(record, pair.difference, '+')} {said(pair.verdict)}" for pair in pairs)
+    return _panel(title, f"{title}{unit}", traces, f"{title}: {told}.", [pair.method for pair in pairs])
+
+
+def _panel(title: str, label: str, traces: tuple[Trace, ...], alt: str, rows: list[str]) -> Panel:
+    height = 0.75 + ROW_INCHES * len(rows)
+    return Panel(title, label, "", traces, alt, rows=tuple(rows), size=(6.4, height))
+
+
+JUDGEMENT_PAGE = "judgement.html"
+
+
+def judgement_page(record: JudgementRecord) -> str:
+    """The whole page as text."""
+    clean = record.without_suspects
+    return (
+        shell.environment()
+        .get_template("judgement_page.html")
+        .render(
+            policy=content_policy(shell.code()),
+            script=Markup(shell.code()),
+            style=shell.style("page.css", "explore.css", "judgement.css"),
+            colours={},
+            title=headline(record),
+            record=record,
+            missing=missing_line(record) if record.missing else "",
+            suspects=[suspect_line(record, one) for one in record.suspects[:3]],
+            without=without_line(record),
+            methods=methods_grid(record, record.given, "Methods from best to worst"),
+            suspects_grid=suspects_grid(record),
+            cleaned=methods_grid(record, clean, "Without the suspect results") if clean else None,
+            changes=changes_grid(record),
+            matrix=matrix(record),
+            plots=plots([panel(record)], "judgement"),
+            provenance=provenance(record),
+        )
+    )
+
+
+def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Which table was judged, and how."""
+    better = "higher" if record.higher_is_better else "lower"
+    settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
+    settings |= {"baseline": record.baseline} if record.baseline is not None else {}
+    return [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))]
+
+
+def write_judgement_page(record: JudgementRecord, out: Path) -> Path:
+    """Into `out`; gives the page's path."""
+    path = out / JUDGEMENT_PAGE
+    shell.write_whole(judgement_page(record), path)
+    return path

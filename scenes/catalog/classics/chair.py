@@ -1,0 +1,223 @@
+"""An armchair: damask in green and gold on a carved, varnished frame with thin curved legs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenes.modelling import surfaces
+from scenes.modelling.lighting import studio
+from scenes.modelling.scene import Description, Scene
+from scenes.modelling.solids import Solid, ball, each, lathe, loft, merged, meshes, mirrored, rod, smooth, spline, tube
+
+GREEN, GOLD = surfaces.srgb("#2f6b45"), surfaces.srgb("#dcb75c")
+
+
+def damask(pixels: int = 512) -> np.ndarray:
+    """One repeat of the cloth: staggered gold palmettes and rosettes in an ogee lattice, with a visible weave."""
+    rng = np.random.default_rng(11)
+    u, v = np.meshgrid(*[(np.arange(pixels) + 0.5) / pixels] * 2, indexing="xy")
+    gold = np.zeros((pixels, pixels))
+    # one motif in the middle and the same at the four corners
+    for cu, cv in ((0.5, 0.5), (0, 0), (0, 1), (1, 0), (1, 1)):
+        x, y = (u - cu) * 2.0, (v - cv) * 2.0
+        radius, angle = np.hypot(x, y), np.arctan2(y, x)
+        petals = 0.34 + 0.15 * np.abs(np.cos(3 * angle)) ** 0.7
+        gold = np.maximum(gold, (radius < petals) & (radius > petals - 0.10))
+        gold = np.maximum(gold, (radius < 0.21 + 0.07 * np.cos(6 * angle)) & (radius > 0.08))
+        for side in (-1.0, 1.0):
+            leaf = np.hypot((x - side * (0.5 + 0.25 * y * y)) / 0.11, y / 0.34) < 1
+            gold = np.maximum(gold, leaf & (np.abs(x - side * (0.5 + 0.25 * y * y)) > 0.02))
+            bud = np.hypot(x / 0.10, (y - side * 0.66) / 0.15) < 1
+            gold = np.maximum(gold, bud)
+    thread = 0.5 + 0.25 * np.sin(2 * np.pi * u * 64) + 0.25 * np.sin(2 * np.pi * v * 64)
+    shade = (0.82 + 0.18 * thread) * rng.normal(1.0, 0.04, thread.shape)
+    colour = np.where(gold[..., None] > 0, GOLD, GREEN) * shade[..., None]
+    return np.clip(colour, 0, 1)
+
+
+def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) -> Solid:
+    """Cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies, 1 = 1 unit."""
+    turn = np.linspace(0.0, 1.0, rings)
+    side = [(1.0 - 0.06 * (1 - np.sin(a)), thickness * 0.5 * (np.sin(a))) for a in np.linspace(-1.4, 0.6, 6)]
+    top = [(side[-1][0] * np.cos(t * np.pi / 2), side[-1][1] + dome * np.sin(t * np.pi / 2) ** 0.9) for t in turn[1:-1]]
+    centre = outline.mean(axis=0)
+    layers = [np.c_[centre + (outline - centre) * scale, np.full(len(outline), z)] for scale, z in side + top]
+    solid = loft(np.array(layers))
+    return smooth(replace(solid, uv=solid.vertices[:, :2]))
+
+
+def leaning(solid: Solid) -> Solid:
+    """From the drawing plane of the back (x right, y up, z to the front) to its place: tilted, hollow."""
+    x, y, z = solid.vertices.T
+    placed = np.stack([-0.40 - 0.24 * y + 0.22 * x**2 + z, x, 0.40 + 0.97 * y], axis=-1)
+    return smooth(Solid(placed, solid.faces, solid.uv))
+
+
+def back_outline(count: int = 96) -> np.ndarray:
+    """A cartouche, counter-clockwise: narrow waist, swelling shoulders, a raised crest."""
+    half = [(0.0, -0.50), (0.22, -0.49), (0.36, -0.42), (0.385, -0.25), (0.42, 0.0), (0.475, 0.25), (0.45, 0.44)]
+    half += [(0.33, 0.54), (0.20, 0.56), (0.10, 0.61)]
+    crest = [(0.0, 0.64)]
+    return spline(half + crest + [(-x, y) for x, y in reversed(half[1:])], count, closed=True)
+
+
+def seat_outline(count: int = 96) -> np.ndarray:
+    """Bow front, narrower at the back; x to the front."""
+    half = [(0.50, 0.0), (0.49, 0.22), (0.44, 0.44), (0.33, 0.53), (0.0, 0.51), (-0.30, 0.44), (-0.42, 0.36)]
+    return spline(half + [(-0.44, 0.0)] + [(x, -y) for x, y in reversed(half[1:])], count, closed=True)
+
+
+def along(path: np.ndarray, solid: Solid) -> Solid:
+    """A copy of the solid at every point."""
+    return merged(solid.moved(*point) for point in path)
+
+
+def carved_back() -> Solid:
+    """Moulded frame, beads along it, a shell on the crest."""
+    outline = np.c_[back_outline(), np.zeros(96)]
+    frame = merged(
+        [
+            tube(outline * [1.06, 1.05, 1], 0.042, 10, closed=True),
+            tube(outline * [1.0, 1.0, 1] + [0, 0, 0.03], 0.018, 8, closed=True),
+        ]
+    )
+    beads = along(outline[::2] * [1.06, 1.05, 1] + [0, 0, 0.038], ball(0.017, 8))
+    lobes = [
+        ball(1.0, 12).scaled(0.025, 0.085, 0.03).moved(0, 0.075).turned(angle).moved(0, 0.64, 0.015)
+        for angle in np.linspace(-80, 80, 7)
+    ]
+    scrolls = [
+        tube(np.array([[x * s, y, 0.01] for x, y in scroll(0.33, 0.60, 0.075)]), np.linspace(0.028, 0.014, 28), 8)
+        for s in (-1, 1)
+    ]
+    knob = ball(0.045, 14).moved(0, 0.64, 0.025)
+    return leaning(merged([frame, beads, *lobes, *scrolls, knob]))
+
+
+def scroll(x: float, y: float, size: float, turns: float = 1.3, count: int = 28) -> np.ndarray:
+    """Spiral [count, 2] that curls inwards."""
+    t = np.linspace(0, 1, count)
+    radius, angle = size * (1 - 0.8 * t), np.pi + 2 * np.pi * turns * t
+    return np.c_[x + radius * np.cos(angle), y + radius * np.sin(angle)]
+
+
+def front_leg() -> Solid:
+    """Cabriole: a knee, a thin ankle, a curled foot."""
+    path = spline(
+        [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)], 36
+    )
+    radius = np.interp(np.linspace(0, 1, 36), [0, 0.22, 0.5, 0.82, 0.93, 1], [0.075, 0.085, 0.046, 0.028, 0.04, 0.05])
+    foot = merged(
+        [
+            ball(0.055, 16).moved(0.445, 0.495, -1.005),
+            lathe([(0, -1.06), (0.04, -1.06), (0.04, -1.03), (0, -1.03)]).moved(0.445, 0.495),
+        ]
+    )
+    knee = merged(
+        ball(1.0, 10)
+        .scaled(0.016, 0.016, 0.06)
+        .turned(angle, (1, -1, 0))
+        .moved(0.507, 0.547, -0.40 - abs(angle) * 4e-4)
+        for angle in (-25, 0, 25)
+    )
+    return merged([tube(path, radius, 14), foot, knee])
+
+
+def back_leg() -> Solid:
+    """Sabre: swept backwards, carried on upwards as the stile of the back."""
+    path = spline(
+        [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35), (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)],
+        30,
+    )
+    return tube(path, np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
+
+
+def arm() -> Solid:
+    """Swept from the back outwards to a scroll, on a support that leans back from the seat rail."""
+    reach = [(-0.37, 0.45, 0.28), (-0.15, 0.55, 0.235), (0.12, 0.60, 0.20), (0.30, 0.60, 0.185)]
+    curl = [
+        (0.34 + 0.065 * s * np.sin(a), 0.60, 0.12 + 0.065 * s * np.cos(a))
+        for s, a in zip(np.linspace(1, 0.3, 9), np.linspace(0.2, 8.4, 9), strict=True)
+    ]
+    support = spline([(0.30, 0.51, -0.27), (0.34, 0.565, -0.12), (0.22, 0.60, 0.03), (0.24, 0.60, 0.17)], 22)
+    leaf = ball(1.0, 10).scaled(0.02, 0.02, 0.09).turned(20, (0, 1, 0)).moved(0.325, 0.585, -0.08)
+    return merged(
+        [
+            tube(spline(reach, 24), 0.036, 12),
+            tube(spline(curl, 26), np.linspace(0.036, 0.016, 26), 10),
+            tube(support, np.linspace(0.046, 0.028, 22), 12),
+            leaf,
+            ball(0.03, 12).moved(0.335, 0.635, 0.12),
+            ball(0.03, 12).moved(0.335, 0.565, 0.12),
+        ]
+    )
+
+
+def arm_pad() -> Solid:
+    pad = ball(1.0, 24).scaled(0.20, 0.058, 0.046).turned(-7.5, (0, 0, -1)).turned(8, (0, 1, 0))
+    pad = pad.moved(-0.02, 0.578, 0.243)
+    return replace(pad, uv=pad.vertices[:, :2])
+
+
+def apron() -> Solid:
+    """Rail below the seat with a scalloped lower edge and a rosette at the front, moulding above."""
+    outline = seat_outline()
+    angle = np.arctan2(outline[:, 1], outline[:, 0])
+    drop = -0.37 - 0.035 * np.cos(6 * angle)
+    levels = [
+        (0.965, drop),
+        (1.0, drop + 0.008),
+        (1.0, np.full(96, -0.27)),
+        (1.03, np.full(96, -0.262)),
+        (1.03, np.full(96, -0.235)),
+        (0.99, np.full(96, -0.225)),
+    ]
+    body = loft(np.array([np.c_[outline * scale, z] for scale, z in levels]))
+    petals = merged(
+        ball(1.0, 10).scaled(0.018, 0.022, 0.05).moved(0, 0, 0.055).turned(a, (1, 0, 0)) for a in range(0, 360, 45)
+    )
+    rosette = merged([petals, ball(0.028, 12)]).moved(0.505, 0, -0.33)
+    edge = tube(np.c_[outline * 0.995, drop], 0.014, 8, closed=True)
+    return merged([body, rosette, edge])
+
+
+def stretcher() -> Solid:
+    """Thin turned bars between the legs, crossing in an H."""
+    side = rod((0.41, 0.455, -0.72), (-0.46, 0.385, -0.75), 0.02, 10)
+    bulb = ball(1.0, 14).scaled(0.10, 0.034, 0.034).moved(-0.02, 0.42, -0.735)
+    cross = rod((-0.02, -0.42, -0.735), (-0.02, 0.42, -0.735), 0.02, 10)
+    finial = ball(0.045, 14).moved(-0.02, 0, -0.735)
+    return merged([mirrored(merged([side, bulb])), cross, finial])
+
+
+def nails() -> Solid:
+    """Brass nails along the edges of the cloth."""
+    head = ball(0.0125, 8)
+    seat = along(np.c_[seat_outline(72) * 1.0, np.full(72, -0.208)], head)
+    back = leaning(along(np.c_[back_outline(72) * [0.955, 0.955], np.full(72, 0.05)], head))
+    return merged([seat, back])
+
+
+def build() -> Description:
+    wood = surfaces.varnish(surfaces.srgb("#8a4a20"))
+    fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.2))
+    carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
+    seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
+    seat = replace(seat, uv=seat.vertices[:, 1::-1])  # the pattern points to the back
+    front = leaning(padded(back_outline() * 1.01, 0.07, 0.075))
+    rear = leaning(padded(back_outline()[::-1] * [-1.02, 1.02], 0.05, 0.03).turned(180, (0, 1, 0)))
+    parts = {
+        "frame": [carving],
+        "cloth": [seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)],
+        "nails": [nails()],
+    }
+    centred = each(parts, lambda solid: solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935))
+    materials = {"frame": wood, "cloth": fabric, "nails": surfaces.brass()}
+    return {"type": "scene", "light": studio()} | meshes(centred, materials)
+
+
+SCENE = Scene(
+    name="chair",
+    title="Armchair: patterned cloth, carved varnish, thin curved legs",
+    build=build,
+)

@@ -1,0 +1,84 @@
+"""Balls of many materials, floating side by side."""
+
+import numpy as np
+
+from scenes.modelling import surfaces
+from scenes.modelling.lighting import studio
+from scenes.modelling.scene import Description, Scene
+
+RADIUS = 0.25
+SPACING = 0.565
+ROWS = (3, 4, 4, 3)
+"""Balls in each row; the rows lie along y."""
+
+
+def build() -> Description:
+    scene: Description = {"type": "scene", "light": studio()}
+    for (name, bsdf), centre in zip(materials().items(), centres(), strict=True):
+        scene[name] = {"type": "sphere", "to_world": placed(centre), "bsdf": bsdf}
+    return scene
+
+
+def centres() -> list[np.ndarray]:
+    """Row by row, each row centred."""
+    return [
+        SPACING * np.array([row - (len(ROWS) - 1) / 2, place - (count - 1) / 2, 0.0])
+        for row, count in enumerate(ROWS)
+        for place in range(count)
+    ]
+
+
+def placed(centre: np.ndarray) -> np.ndarray:
+    """The unit sphere shrunk to a ball there."""
+    matrix = np.diag([RADIUS, RADIUS, RADIUS, 1.0])
+    matrix[:3, 3] = centre
+    return matrix
+
+
+def materials() -> dict[str, Description]:
+    """In the order of `centres`; alike ones lie apart."""
+    return {
+        "gold": surfaces.gold(0.06),
+        "red_lacquer": surfaces.ceramic(surfaces.srgb("#c01818")),
+        "chequered": surfaces.plastic(surfaces.texture(chequers()), 0.1),
+        "glass": surfaces.glass(),
+        "copper": surfaces.copper(0.08),
+        "green_plastic": surfaces.plastic(surfaces.srgb("#2f9a35"), 0.18),
+        "mirror": surfaces.metal("Ag"),
+        "blue_plastic": surfaces.plastic(surfaces.srgb("#1d4fc4"), 0.05),
+        "wood": surfaces.varnish(surfaces.texture(wood())),
+        "frosted_glass": surfaces.tinted(surfaces.glass(roughness=0.08), (0.70, 0.95, 0.92)),
+        "chalk": surfaces.matte((0.42, 0.24, 0.62)),
+        "rubber": surfaces.rubber(),
+        "brushed_steel": surfaces.steel(0.3),
+        "marble": surfaces.ceramic(surfaces.texture(marble())),
+    }
+
+
+def chequers() -> np.ndarray:
+    """Yellow and near-black fields, twice as many around as from pole to pole."""
+    rows, columns = np.indices((256, 512)) // 32
+    return surfaces.mixed((0.80, 0.55, 0.06), (0.04, 0.04, 0.045), ((rows + columns) % 2).astype(float))
+
+
+def wood() -> np.ndarray:
+    """Growth rings, bent by noise."""
+    height, width = 256, 512
+    ring = 7 * np.linspace(0, 1, height)[:, None] + 3.2 * surfaces.mottle(11, height, width, 2.2)
+    grain = 0.5 + 0.5 * np.sin(2 * np.pi * ring)
+    return surfaces.mixed((0.13, 0.05, 0.018), (0.42, 0.19, 0.065), grain**1.5)
+
+
+def marble() -> np.ndarray:
+    """White with thin dark veins where a cloudy pattern crosses its middle."""
+    height, width = 256, 512
+    distance = np.abs(surfaces.mottle(13, height, width, 1.7) - 0.5)
+    return surfaces.mixed((0.80, 0.79, 0.76), (0.10, 0.14, 0.13), np.exp(-((distance / 0.035) ** 1.2)))
+
+
+SCENE = Scene(
+    name="materials",
+    title="Fourteen balls: metals, plastics, glass, wood, marble; reflections that move with the eye",
+    build=build,
+    max_depth=10,
+)

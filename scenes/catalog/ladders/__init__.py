@@ -1,0 +1,1 @@
+"""One difficulty each, in five rungs; imports `stress` and `modelling`."""

@@ -1,0 +1,279 @@
+"""A Mitsuba XML file as a scene: what can be known of it without Mitsuba, and how Mitsuba loads it.
+
+Its shapes, materials and lights are taken as they are. Its sensors, film and integrator are not: cameras are those of
+all our scenes, about the box of what is seen (`scenes.modelling.scene`).
+
+Trust: Mitsuba reads whatever file the XML names, anywhere on the disk, and runs in a process of its own with the user's
+rights. An XML file of somebody else is to be read before it is rendered.
+"""
+
+import hashlib
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.modelling.needs import Need, Needs
+from scenes.modelling.normalise import check_scale
+from scenes.modelling.placement import Placement, upright
+from scenes.modelling.scene import Description, Scene
+from scenes.view_sets.viewpoints import Z_AXIS
+
+LARGEST_FILE = 50 * 1024 * 1024
+DEEPEST = 15
+"""Levels of `include`, as Mitsuba has it."""
+MOST_FILES = 1000
+"""Included, one that is included twice counted twice: 15 levels of two each would be 32 768."""
+LONGEST_NAME = 4096
+LONGEST_VALUE = 1 << 16
+"""Characters of a value once its defaults are put in, each of which may hold others."""
+MOST_PARTS = 100_000
+"""Described, one that is referred to twice counted twice: parts that refer to each other would have no end."""
+DEEPEST_PART = 8
+"""Levels of parts within parts that are described."""
+_PLUGINS = frozenset({"shape", "bsdf", "emitter", "medium", "texture", "volume", "phase"})
+_NUMBERS = frozenset({"float", "rgb", "spectrum"})
+
+
+def xml_scene(file: Path, name: str) -> Scene:
+    """The scene of an XML file; images depend on its bytes and on those of every file that it names.
+
+    Raises `InputError`, naming the file, for what is no XML or no scene.
+    """
+    found = _Reader(file)
+    if found.root.tag != "scene":
+        raise InputError(f"{file}: its outermost element is <{found.root.tag}>; a Mitsuba file has <scene>")
+    if not any(element.tag == "shape" for element in found.elements):
+        raise InputError(f"{file}: holds no <shape>, so nothing can be seen; add one")
+    if not any(element.tag == "emitter" for element in found.elements):
+        raise InputError(f"{file}: holds no <emitter>, so everything is black; add one, such as a constant one")
+    up = found.up()
+    description: Description = {
+        "file": {"type": "scene", "files": found.files, "up": up.tolist(), **found.described()},
+    }
+    return Scene(
+        name=name,
+        title=f"{file.name}, a Mitsuba scene of the user's own",
+        build=lambda: description,
+        max_depth=found.max_depth(),
+        file=file,
+        load=lambda mi: loaded(mi, file, up),
+    )
+
+
+def notes(scene: Scene) -> list[str]:
+    """What a user should know of how the file was taken, a sentence each."""
+    if scene.file is None:
+        return []
+    if scene.load is None:
+        return [f"{scene.file} is Python code: it runs with your rights."]
+    up = "xyz"[int(np.abs(scene.build()["file"]["up"]).argmax())]
+    return [
+        f"{scene.file}: Mitsuba reads every file that it names, with your rights. Its sensors and integrator are not "
+        f"used: cameras stand about the box of what is seen, {up} up."
+    ]
+
+
+def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
+    """Mitsuba's scene, where it lies in the view set, and its box [2, 3] in units of the file.
+
+    Raises `InputError` with the first line of what Mitsuba says, and where nothing can be seen or the scale is unsound.
+    """
+    try:
+        scene = mi.load_file(str(file))
+    except RuntimeError as error:
+        raise InputError(f"{file}: Mitsuba cannot load it: {reason(error)}") from error
+    boxes = [shape.bbox() for shape in scene.shapes() if not shape.is_emitter()]
+    if not boxes:
+        raise InputError(f"{file}: no shape that is seen: those that glow are hidden from the cameras; add another")
+    corners = np.array([[box.min, box.max] for box in boxes], dtype=np.float64).reshape(-1, 2, 3)
+    whole = np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+    if not np.isfinite(whole).all() or not (whole[1] > whole[0]).any():
+        raise InputError(f"{file}: its shapes lie between {whole[0].tolist()} and {whole[1].tolist()}; bound them")
+    if not scene.emitters():
+        raise InputError(f"{file}: no light, so everything is black; add an <emitter>")
+    try:
+        check_scale(whole)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    return scene, upright(whole, up), whole
+
+
+def cautious(found: Needs) -> Needs:
+    """Of an XML file only the kinds of its parts are known: what numbers would decide counts as needed."""
+    unknown = {"hdr_metrics"}
+    if found["participating_media"].needed:
+        unknown |= {"empty_space", "fine_pass", "linear_quadrature", "behind_opaque"}
+    reason = "not known of a Mitsuba file"
+    return {name: Need(name, True, reason) if name in unknown else need for name, need in found.items()}
+
+
+def reason(error: Exception) -> str:
+    """What Mitsuba or Python says, on one short line."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return " ".join(lines)[:300] or type(error).__name__
+
+
+class _Reader:
+    """Everything in a file and the files that it includes, each read once."""
+
+    def __init__(self, file: Path) -> None:
+        """Raises `InputError` for a file that is none, or includes one that is none."""
+        self.files: dict[str, str] = {}
+        """Path relative to the outermost file's folder → SHA-256."""
+        self.elements: list[ET.Element] = []
+        self._file = file
+        self._folders = [file.resolve().parent, Path.cwd()]
+        """Where names are looked for, as Mitsuba does."""
+        self._top: list[ET.Element] = []
+        """Of each file that was read."""
+        self._defaults: dict[str, str] = {}
+        self._described = 0
+        self._counts: dict[Path, int] = {}
+        """Files that a file stands for: itself and those it includes."""
+        self.root = _parsed(file)
+        self._read(file.resolve(), self.root, ())
+        for element in self.elements:
+            for key in ("value", "filename"):
+                for named in self._named(element.get(key, ""), self._file.parent):
+                    self._note(named)
+
+    def _read(self, file: Path, root: ET.Element, within: tuple[Path, ...]) -> None:
+        within = (*within, file)
+        self._note(file)
+        self._top.append(root)
+        self._counts[file] = 1
+        for element in root.iter():
+            self.elements.append(element)
+            if element.tag == "default":
+                self._defaults.setdefault(element.get("name", ""), element.get("value", ""))
+            elif element.tag == "path":
+                self._folders += [folder / self._plain(element.get("value", "")) for folder in self._folders[:2]]
+            elif element.tag == "include":
+                self._include(element, within)
+
+    def _include(self, element: ET.Element, within: tuple[Path, ...]) -> None:
+        name, file = element.get("filename", ""), within[-1]
+        found = self._named(name, file.parent)
+        if not found:
+            raise InputError(f"{self._file}: includes {self._plain(name)[:200]!r}, which is not there")
+        for inner in found:
+            if inner in within:
+                raise InputError(
+                    f"{self._file}: {file.name} includes {inner.name}, which includes it; break the circle"
+                )
+            if len(within) > DEEPEST:
+                raise InputError(f"{self._file}: includes more than {DEEPEST} levels deep; include fewer")
+            if inner not in self._counts:
+                self._read(inner, _parsed(inner), within)
+            self._counts[file] += self._counts[inner]
+            if self._counts[file] > MOST_FILES:
+                raise InputError(f"{self._file}: includes more than {MOST_FILES} files; include fewer")
+
+    def _named(self, value: str, folder: Path) -> list[Path]:
+        """All files that a value may mean: one too many costs a rendering, one too few shows an old picture."""
+        value = self._plain(value)
+        if not value or len(value) > LONGEST_NAME:
+            return []
+        found = []
+        for one in (folder, *self._folders):
+            try:
+                path = (one / value).resolve()
+                if path.is_file() and path not in found:
+                    found.append(path)
+            except (OSError, ValueError, RuntimeError):  # no path, or a circle of links
+                continue
+        return found
+
+    def _note(self, file: Path) -> None:
+        name = os.path.relpath(file, self._folders[0])
+        if name not in self.files:
+            self.files[name] = _digest(file)
+
+    def _plain(self, value: str) -> str:
+        for name, default in sorted(self._defaults.items(), key=lambda item: -len(item[0])):  # $ab before $a
+            times = value.count(f"${name}")
+            if times and times * len(default) + len(value) > LONGEST_VALUE:
+                raise InputError(f"{self._file}: the default {name!r} makes values too long; shorten it")
+            value = value.replace(f"${name}", default)
+        return value
+
+    def up(self) -> np.ndarray:
+        """The first sensor's upward direction, where it says one in a <lookat>; else z."""
+        for element in self.elements:
+            if element.tag == "sensor" and (given := element.find(".//lookat")) is not None and given.get("up"):
+                values = _floats(self._plain(given.get("up", "")))
+                if len(values) == 3 and np.isfinite(values).all() and np.abs(values).max() > 0:
+                    return values
+        return Z_AXIS
+
+    def max_depth(self) -> int:
+        """Of the file's integrator, at most 64; 8 where it says none or no end."""
+        for element in self.elements:
+            if element.tag == "integrator":
+                for inner in element.iter("integer"):
+                    value = self._plain(inner.get("value", ""))
+                    if inner.get("name") == "max_depth" and value.isdecimal():
+                        return min(max(int(value), 2), 64) if len(value) < 10 else 64
+        return 8
+
+    def described(self) -> dict[str, Any]:
+        """Kinds of parts and their numbers, nested as they are, for `scenes.modelling.needs`."""
+        known = {one.get("id"): one for one in self.elements if one.get("id") and one.tag != "ref"}
+        parts = [inner for root in self._top for inner in root if inner.tag in _PLUGINS]
+        return {f"part {number}": self._entry(part, known, ()) for number, part in enumerate(parts)}
+
+    def _entry(
+        self, element: ET.Element, known: dict[str | None, ET.Element], within: tuple[ET.Element, ...]
+    ) -> dict[str, Any]:
+        within = (*within, element)
+        entry: dict[str, Any] = {"type": self._plain(element.get("type", "unknown"))}
+        self._described += 1
+        if self._described > MOST_PARTS:
+            raise InputError(f"{self._file}: more than {MOST_PARTS} parts, those named by <ref> once more; share fewer")
+        for number, inner in enumerate(element):
+            key = inner.get("name") or f"{inner.tag} {number}"
+            key = f"{key} {number}" if key == "type" else key
+            if inner.tag == "ref":
+                inner = known.get(inner.get("id"), inner)
+            if any(inner is one for one in within):
+                raise InputError(f"{self._file}: {inner.get('id')!r} holds itself by a <ref>; break the circle")
+            if inner.tag in _PLUGINS and len(within) <= DEEPEST_PART:
+                entry[key] = self._entry(inner, known, within)
+            elif inner.tag in _NUMBERS and len(values := _floats(self._plain(inner.get("value", "")))):
+                entry[key] = values.tolist() if len(values) > 1 else float(values[0])
+        return entry
+
+
+def _parsed(file: Path) -> ET.Element:
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{file}: more than {LARGEST_FILE} bytes; keep meshes in files of their own")
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise InputError(f"{file}: declares a document type or entities, which no scene needs; remove them")
+    try:
+        return ET.fromstring(data)
+    except (ET.ParseError, ValueError) as error:
+        raise InputError(f"{file}: not well-formed XML ({error})") from error
+
+
+def _floats(text: str) -> np.ndarray:
+    """Numbers separated by commas or blanks; none where one of them is none."""
+    try:
+        return np.array([float(part) for part in text.replace(",", " ").split()])
+    except ValueError:
+        return np.zeros(0)
+
+
+def _digest(file: Path) -> str:
+    try:
+        with file.open("rb") as handle:
+            return hashlib.file_digest(handle, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error

@@ -1,0 +1,50 @@
+"""Textures, lights and shapes that the scenes share; textures are not interpolated, so that their truth is exact."""
+
+import numpy as np
+
+from scenes.modelling.scene import Description
+
+
+def chequers(rows: int, columns: int, first: tuple[float, ...], second: tuple[float, ...]) -> np.ndarray:
+    """float32 [rows, columns, 3]: one pixel a field."""
+    odd = np.indices((rows, columns)).sum(axis=0) % 2
+    return np.where(odd[..., None] == 0, np.asarray(first), np.asarray(second)).astype(np.float32)
+
+
+def patchwork(seed: int, rows: int, columns: int, low: float = 0.05, high: float = 0.95) -> np.ndarray:
+    """float32 [rows, columns, 3]: every field a colour of its own, so that no two places look alike."""
+    return np.random.default_rng(seed).uniform(low, high, (rows, columns, 3)).astype(np.float32)
+
+
+def fields(pixels: np.ndarray) -> Description:
+    """A texture or the colours of a glow, its fields with sharp borders."""
+    return {"type": "bitmap", "data": pixels, "filter_type": "nearest", "raw": True}
+
+
+def rgb(*values: float) -> Description:
+    """One colour; a single value is a grey."""
+    return {"type": "rgb", "value": list(values) * (3 if len(values) == 1 else 1)}
+
+
+def diffuse(reflectance: Description) -> Description:
+    return {"type": "diffuse", "reflectance": reflectance}
+
+
+def sky(radiance: float = 1.0) -> Description:
+    """The same light from everywhere: a convex matte body then has its albedo times this as its radiance, exactly."""
+    return {"type": "constant", "radiance": rgb(radiance)}
+
+
+def glow(radiance: Description) -> Description:
+    """What makes a shape an emitter; its matter should be `BLACK` where nothing else is to be seen."""
+    return {"type": "area", "radiance": radiance}
+
+
+BLACK = diffuse(rgb(0.0))
+
+
+def level(half: float, height: float) -> np.ndarray:
+    """Places Mitsuba's `rectangle` as the level square |x|, |y| ≤ half, facing up."""
+    matrix = np.diag([half, half, 1.0, 1.0])
+    matrix[2, 3] = height
+    return matrix

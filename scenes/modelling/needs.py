@@ -1,0 +1,321 @@
+"""What a scene requires of a method, of its renderer and of its scores, derived from the scene's description alone.
+
+A need says what would be left out without it, and the bound within which leaving it out must stay. Whether it does is
+measured (`harness.studies.choices.omissions`), not assumed.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from scenes.modelling.scene import Description
+
+LAMBERTIAN = frozenset({"diffuse", "null", "twosided", "mask", "bumpmap", "normalmap", "blendbsdf"})
+"""BSDFs that look the same from every side; the wrappers among them if all that they wrap does."""
+MEDIA = frozenset({"homogeneous", "heterogeneous"})
+SHAPES = frozenset(
+    {
+        "mesh", "sphere", "cube", "rectangle", "disk", "cylinder", "obj", "ply", "serialized", "sdfgrid",
+        "bsplinecurve", "linearcurve", "shapegroup", "instance", "merge",
+    }
+)  # fmt: skip
+_NO_BSDF = SHAPES | {
+    "scene", "ref", "constant", "envmap", "directional", "area", "point", "spot", "rgb", "spectrum", "uniform", "srgb",
+    "bitmap", "checkerboard", "mesh_attribute", "volume", "gridvolume", "constvolume", "homogeneous", "heterogeneous",
+    "isotropic", "hg",
+}  # fmt: skip
+
+Concern = Literal["model", "sampling", "rendering", "metrics"]
+Unit = Literal["dB", "colour"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that a scene may need."""
+
+    what: str
+    """What is not done where it is not needed."""
+    concerns: Concern
+    bound: float
+    """How much worse the result may get without it: dB of test PSNR, or a display colour 0 … 1."""
+    unit: Unit
+
+
+SMALLEST_DB = 0.2
+"""What no verdict of the harness calls a difference."""
+PARTS: dict[str, Part] = {
+    "view_direction": Part("view-direction branch", "model", SMALLEST_DB, "dB"),
+    "background_model": Part("background model", "model", 0.0, "colour"),
+    "high_bands": Part("bands above the Nyquist limit", "model", SMALLEST_DB, "dB"),
+    "outside_box": Part("samples outside the box", "sampling", SMALLEST_DB, "dB"),
+    "empty_space": Part("samples in empty space", "sampling", SMALLEST_DB, "dB"),
+    "fine_pass": Part("hierarchical (fine) pass", "sampling", SMALLEST_DB, "dB"),
+    "linear_quadrature": Part("quadrature linear in τ", "sampling", SMALLEST_DB, "dB"),
+    "behind_opaque": Part("samples behind opaque matter", "rendering", 1e-4, "colour"),
+    "participating_media": Part("volumetric integrator", "rendering", 1 / 510, "colour"),
+    "scale_checks": Part("normalising the scale", "rendering", 1 / 510, "colour"),
+    "hdr_metrics": Part("logarithmic error metrics", "metrics", 0.0, "dB"),
+    "depth_metric": Part("depth error", "metrics", 0.0, "dB"),
+}
+"""`behind_opaque` is the transmittance at which a ray ends, times the largest display colour; 1/510 is half an 8-bit
+step. What no score depends on, or what is exact, has bound 0."""
+
+BINS = 64
+"""Of a ray through the box, by which the τ of a bin is judged: the coarse pass of the original NeRF."""
+OPAQUE_TAU = -math.log(1e-4)
+LARGEST_RATIO = 1e2
+"""Brightest over median, above which an error in display colour says little about the bright part."""
+SCALES = (1e-2, 1e2)
+"""Sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
+
+
+NOBODY_HAS = frozenset({"linear_quadrature", "hdr_metrics"})
+"""Parts that no method of a run and no score has yet: a need is told, but not doing them leaves nothing out."""
+
+
+@dataclass(frozen=True)
+class Need:
+    """Whether a scene needs a part, and what in the scene decides it."""
+
+    name: str
+    needed: bool
+    reason: str
+    kept: str = ""
+    """Why the part is there all the same, where it is not needed."""
+
+    @property
+    def part(self) -> Part:
+        return PARTS[self.name]
+
+
+Needs = dict[str, Need]
+"""By name, in the order of `PARTS`; those that nothing is known about are missing."""
+
+
+def needs(
+    description: Description,
+    bounds: np.ndarray | None = None,
+    pixel: float | None = None,
+    described: np.ndarray | None = None,
+) -> Needs:
+    """Of a description as it is rendered, in the box `bounds` [2, 3].
+
+    `pixel` is the length, in scene units, that a pixel has in the middle of the box, and `described` the box before it
+    was normalised, where it was. A type that this module does not know counts as one that looks different from every
+    side. Without `bounds` or `pixel`, what follows from them is missing.
+    """
+    found = [
+        _view_direction(description),
+        Need("background_model", False, "no sky is seen, so alpha is known"),
+        _participating_media(description),
+        _hdr_metrics(description),
+        _depth_metric(description),
+    ]
+    if bounds is not None:
+        found += [
+            _outside_box(bounds),
+            _empty_space(description),
+            _scale(bounds if described is None else described),
+            *_along_rays(description, bounds),
+        ]
+        if pixel:
+            found.append(_high_bands(bounds, pixel))
+    by_name = {need.name: need for need in found}
+    return {name: by_name[name] for name in PARTS if name in by_name}
+
+
+def left_out(found: Needs) -> list[dict[str, Any]]:
+    """What a method, the renderer and the scores do without: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
+
+    Plain data, as a manifest keeps it.
+    """
+    return [
+        {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
+         "unit": part.unit}
+        for need in found.values()
+        if not need.needed and not need.kept and need.name not in NOBODY_HAS
+        for part in [need.part]
+    ]  # fmt: skip
+
+
+def as_rows(found: Needs) -> list[dict[str, Any]]:
+    """Every need as plain data, `needs_from_rows` the other way."""
+    return [{"name": one.name, "needed": one.needed, "reason": one.reason, "kept": one.kept} for one in found.values()]
+
+
+def needs_from_rows(rows: object) -> Needs:
+    """What `as_rows` wrote; empty for anything else, such as the manifest of an older version."""
+    if not isinstance(rows, list):
+        return {}
+    return {row["name"]: Need(row["name"], row["needed"], row["reason"], row["kept"]) for row in rows}
+
+
+def forced(found: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
+    """`found` with parts that the user wants in, or out, whatever the scene says."""
+    given = {name: Need(name, True, "forced in by --need") for name in need}
+    given |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
+    everything = found | given
+    return {name: everything[name] for name in PARTS if name in everything}
+
+
+def useful_bands(cycles: float, base: float) -> int:
+    """Bands of an encoding b^k, k < L, that show `cycles` across the box; more of them only add noise."""
+    return max(1, math.ceil(math.log(max(cycles, 1.0), base)))
+
+
+def _view_direction(description: Description) -> Need:
+    types = _types(description)
+    shiny = sorted(types - LAMBERTIAN - _NO_BSDF)
+    media = sorted(types & MEDIA)
+    if shiny:
+        return Need("view_direction", True, f"not Lambertian: {' '.join(shiny)}")
+    if media:
+        return Need("view_direction", True, f"light scattered on its way through a medium: {' '.join(media)}")
+    return Need("view_direction", False, "every surface is Lambertian and lit statically")
+
+
+def _participating_media(description: Description) -> Need:
+    media = sorted(_types(description) & MEDIA)
+    return Need("participating_media", bool(media), f"media: {' '.join(media)}" if media else "no participating medium")
+
+
+def _outside_box(bounds: np.ndarray) -> Need:
+    low, high = (" ".join(f"{value:.2f}" for value in corner) for corner in bounds)
+    return Need("outside_box", False, f"everything lies between ({low}) and ({high})")
+
+
+def _empty_space(description: Description) -> Need:
+    if _surfaces(description):
+        return Need("empty_space", False, "surfaces fill no space: most of the box is empty")
+    containers = {entry["type"] for entry in _containers(description)}
+    if "cube" in containers:
+        return Need("empty_space", True, "a medium fills the box")
+    return Need("empty_space", False, "nothing fills the box")
+
+
+def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
+    """What depends on how much matter a ray and one of its bins meet."""
+    tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
+    tau_bin = tau / BINS
+    if _surfaces(description):
+        return [
+            Need("fine_pass", True, "a surface is thinner than any bin: samples must be drawn to it"),
+            Need("linear_quadrature", True, "a surface is opaque within a bin"),
+            Need("behind_opaque", False, "nothing is seen behind an opaque surface"),
+        ]
+    stiff = tau_bin > 1.0
+    reason = f"τ of a bin is at most {tau_bin:.3g}"
+    found = [Need("fine_pass", stiff, reason), Need("linear_quadrature", stiff, reason)]
+    opaque = tau >= OPAQUE_TAU
+    reason = f"τ along a ray is at most {tau:.3g}"
+    return [*found, Need("behind_opaque", not opaque, reason if opaque else f"{reason}: every sample counts")]
+
+
+def _high_bands(bounds: np.ndarray, pixel: float) -> Need:
+    cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
+    needed = " or ".join(f"{useful_bands(cycles, base)} of {name}" for name, base in (("2^k", 2.0), ("φ^k", 1.618034)))
+    reason = f"pixels show {cycles:.0f} cycles across the box: bands {needed} reach that far"
+    return Need("high_bands", False, reason, kept="the bands are what is compared; nerf_matched stands beside")
+
+
+def _scale(bounds: np.ndarray) -> Need:
+    size, away = float(np.ptp(bounds, axis=0).max()) / 2, float(np.abs(bounds.mean(axis=0)).max())
+    good = SCALES[0] <= size <= SCALES[1] and away <= SCALES[1]
+    where = f"half-extent {size:.3g}, {away:.3g} from the origin"
+    return Need("scale_checks", not good, where)
+
+
+def _hdr_metrics(description: Description) -> Need:
+    sky, lamps = [np.empty(0)], [np.empty(0)]
+    for entry in entries(description):
+        if entry.get("type") == "envmap" and "data" in entry:
+            sky.append(_luminances(entry["data"]) * float(entry.get("scale", 1.0)))
+        elif entry.get("type") == "constant":
+            sky.append(_luminances(_numbers(entry.get("radiance", 1.0))))
+        elif entry.get("type") == "area":
+            lamps.append(_luminances(_numbers(entry.get("radiance", 1.0))))
+    around, glowing = np.concatenate(sky), np.concatenate(lamps)
+    brightest = float(np.concatenate([around, glowing]).max(initial=0.0))
+    if brightest == 0.0:
+        return Need("hdr_metrics", False, "no light that is measured in radiance")
+    if len(around):
+        usual = float(np.median(around))
+    else:
+        # what does not glow itself gives back no more than its albedo of what lights it
+        albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not _glows(shape)]
+        usual = float(np.median(glowing)) * min([1.0, *albedos])
+    ratio = brightest / usual if usual > 0 else math.inf
+    return Need("hdr_metrics", ratio > LARGEST_RATIO, f"brightest over usual light: {ratio:.3g}")
+
+
+def _largest_albedo(shape: Description) -> float:
+    """Of everything in a surface that has one; 1 where nothing says so."""
+    names = ("reflectance", "diffuse_reflectance", "base_color")
+    found = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
+    return float(max(found, default=1.0))
+
+
+def _depth_metric(description: Description) -> Need:
+    if _surfaces(description):
+        return Need("depth_metric", True, "surfaces have a depth")
+    return Need("depth_metric", False, "a medium has no depth" if _containers(description) else "nothing has a depth")
+
+
+def _surfaces(description: Description) -> list[Description]:
+    """Shapes that are seen themselves: not what merely holds a medium."""
+    return [entry for entry in entries(description) if entry.get("type") in SHAPES and not _is_null(entry)]
+
+
+def _containers(description: Description) -> list[Description]:
+    return [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
+
+
+def _is_null(shape: Description) -> bool:
+    bsdfs = [value for value in shape.values() if isinstance(value, dict) and value.get("type") == "null"]
+    return bool(bsdfs) and not _glows(shape)
+
+
+def _glows(shape: Description) -> bool:
+    return any(isinstance(value, dict) and value.get("type") == "area" for value in shape.values())
+
+
+def _largest_extinction(description: Description) -> float:
+    """σ_t per scene unit where it is largest, 0 without media."""
+    largest = 0.0
+    for entry in entries(description):
+        if entry.get("type") in MEDIA:
+            parts = [entry["sigma_t"]] if "sigma_t" in entry else [entry.get("sigma_a", 0.0), entry.get("sigma_s", 0.0)]
+            total = sum(float(_numbers(part).max(initial=0.0)) for part in parts if part is not None)
+            largest = max(largest, total * float(entry.get("scale", 1.0)))
+    return largest
+
+
+def _numbers(value: Any) -> np.ndarray:
+    """The figures of a colour, a texture or a volume, flat or [..., channels]."""
+    if isinstance(value, dict):
+        for key in ("data", "value", "color", "grid"):
+            if key in value:
+                return _numbers(value[key])
+        return np.zeros(0)
+    return np.atleast_1d(np.asarray(value, dtype=np.float64))
+
+
+def _luminances(values: np.ndarray) -> np.ndarray:
+    """Mean of the channels, flat; a single figure is grey."""
+    values = np.asarray(values, dtype=np.float64)
+    return values.mean(axis=-1).ravel() if values.ndim and values.shape[-1] in (3, 4) else values.ravel()
+
+
+def _types(description: Description) -> set[str]:
+    return {entry["type"] for entry in entries(description) if "type" in entry}
+
+
+def entries(description: Description) -> Iterator[Description]:
+    """The description and every dictionary inside it."""
+    yield description
+    for value in description.values():
+        if isinstance(value, dict):
+            yield from entries(value)

@@ -1,0 +1,50 @@
+"""Where a scene of somebody's own file lies in its view set: turned upright, centred and brought to size by moving the
+cameras, so that nothing in the file need be changed or understood.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+VISIBLE_RADIUS = 1.36
+"""Of a ball about the origin that the cameras of `scenes.view_sets.viewpoints` see whole: 4.0311 · sin(0.6911 / 2) =
+1.366."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """x in the view set = scale · rotation · x in the file + shift."""
+
+    rotation: np.ndarray
+    """float64 [3, 3], a quarter turn about an axis, or none or more of them."""
+    scale: float
+    shift: np.ndarray
+    """float64 [3]."""
+
+    def points(self, x: np.ndarray) -> np.ndarray:
+        """[..., 3] of the file → of the view set."""
+        return self.scale * (x @ self.rotation.T) + self.shift
+
+    def box(self, corners: np.ndarray) -> np.ndarray:
+        """Corners [2, 3] of the file's box → of the same box in the view set."""
+        return np.sort(self.points(corners), axis=0)
+
+    def camera(self, pose: np.ndarray) -> np.ndarray:
+        """A camera [4, 4] of the view set → the same view in the file; still rigid."""
+        placed = np.eye(4)
+        placed[:3, :3] = self.rotation.T @ pose[:3, :3]
+        placed[:3, 3] = self.rotation.T @ (pose[:3, 3] - self.shift) / self.scale
+        return placed
+
+
+def upright(box: np.ndarray, up: np.ndarray) -> Placement:
+    """Brings the box [2, 3] into the view of all cameras, with the axis nearest to `up` [3] as z."""
+    axis = int(np.abs(up).argmax())
+    sign = 1.0 if up[axis] >= 0 else -1.0
+    # the file's axes after the upward one become x and y, which keeps it right-handed
+    rotation = np.zeros((3, 3))
+    rotation[0, (axis + 1) % 3] = 1.0
+    rotation[1, (axis + 2) % 3] = sign
+    rotation[2, axis] = sign
+    scale = VISIBLE_RADIUS / (0.5 * float(np.linalg.norm(box[1] - box[0])))
+    return Placement(rotation, scale, -scale * (rotation @ box.mean(axis=0)))

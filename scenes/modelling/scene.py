@@ -1,0 +1,67 @@
+"""A scene: what it holds, as plain data, and from where it is seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from scenes.modelling.placement import Placement
+    from scenes.modelling.truth import Truth
+
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
+Description = dict[str, Any]
+"""A Mitsuba scene dictionary made of plain data alone, without sensor and integrator.
+
+Three things differ from what `mitsuba.load_dict` takes, so that a description can be hashed and inspected
+without Mitsuba; `scenes.rendering.render` converts them:
+
+* `{"type": "mesh", "vertices": float32 [V, 3], "faces": uint32 [F, 3], "bsdf": {...}}`, optionally with
+  `"uv"` float32 [V, 2] and `"normals"` float32 [V, 3];
+* a bitmap texture or an environment map holds its pixels: `{"type": "bitmap", "data": float32 [h, w, 3]}`
+  (linear RGB unless `"raw"`), `{"type": "envmap", "data": float32 [h, w, 3]}`;
+* a transform is a float array [4, 4].
+
+Light comes from infinitely far away (constant, envmap, directional) and is not seen itself, or from shapes that glow
+(area): those are seen where the scene says `emitters_seen`, which excludes a sky, because a sky would then be seen too.
+"""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What Mitsuba renders."""
+
+    name: str
+    title: str
+    """What is seen and what makes it hard, in a few words; shown in the report."""
+    build: Callable[[], Description]
+    """Deterministic: two calls give equal descriptions."""
+    view_from: Literal["hemisphere", "sphere"] = "hemisphere"
+    max_depth: int = 6
+    """Longest light path; refraction needs more than diffuse reflection."""
+    near: float = 2.0
+    far: float = 6.0
+    emitters_seen: bool = False
+    """Whether a camera sees what glows by itself; such a scene has no sky."""
+    box: Corners | None = None
+    """Lower and upper corner of where things may be, for a scene without any shape; else taken from the shapes."""
+    truth: "Truth | None" = None
+    """What a ray sees, in closed form (`scenes.modelling.scene`), where there is one."""
+    file: "Path | None" = None
+    """A user's own file that it comes from (`scenes.catalog.scene_file`)."""
+    load: "Callable[[Any], tuple[Any, Placement, np.ndarray]] | None" = None
+    """Mitsuba → its scene, where that lies in the view set, and its box [2, 3] before: for a file that Mitsuba alone
+    understands (`scenes.catalog.mitsuba_xml`), whose description holds what is known of it without."""
+
+    def __post_init__(self) -> None:
+        """Raises `InputError` for an interval of distances that is none."""
+        if not 0 < self.near < self.far < float("inf"):
+            raise InputError(
+                f"scene {self.name}: near {self.near} and far {self.far}: distances must be positive and finite, "
+                "near the smaller one"
+            )

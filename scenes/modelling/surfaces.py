@@ -1,0 +1,176 @@
+"""Materials by what they look like, as Mitsuba BSDF dictionaries.
+
+A colour is linear RGB, or a texture where one is welcome. Thin sheets, seen from either side, go through
+`both_sides`; closed bodies need not.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenes.modelling.scene import Description
+
+Colour = Sequence[float] | Description
+
+
+def reflectance(colour: Colour) -> Description:
+    """A colour as Mitsuba wants it; a texture stays what it is."""
+    return colour if isinstance(colour, dict) else {"type": "rgb", "value": [float(part) for part in colour]}
+
+
+def srgb(code: str) -> tuple[float, float, float]:
+    """Linear RGB of a display colour such as `#f0c010`."""
+    display = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+    red, green, blue = (float(part) for part in linear)
+    return red, green, blue
+
+
+def texture(pixels: np.ndarray, repeat: float = 1.0) -> Description:
+    """Bitmap [h, w, 3] of linear RGB over the unit square of `uv`, repeated that often each way."""
+    picture: Description = {"type": "bitmap", "data": pixels.astype(np.float32), "filter_type": "bilinear"}
+    if repeat != 1.0:
+        picture["to_uv"] = np.diag([repeat, repeat, 1.0, 1.0])
+    return picture
+
+
+def both_sides(bsdf: Description) -> Description:
+    """For sheets without thickness."""
+    return {"type": "twosided", "bsdf": bsdf}
+
+
+def matte(colour: Colour) -> Description:
+    """Paper, chalk, stone, dull paint."""
+    return {"type": "diffuse", "reflectance": reflectance(colour)}
+
+
+def cloth(colour: Colour, sheen: float = 0.6) -> Description:
+    """Woven or felted: brightens towards grazing angles."""
+    return {
+        "type": "principled",
+        "base_color": reflectance(colour),
+        "roughness": 0.85,
+        "specular": 0.25,
+        "sheen": sheen,
+        "sheen_tint": 0.5,
+    }
+
+
+def felt(colour: Colour) -> Description:
+    """Thick, fuzzy cloth."""
+    return cloth(colour, sheen=1.0)
+
+
+def plastic(colour: Colour, roughness: float = 0.12) -> Description:
+    """Coloured body under a clear coat; roughness 0 is a mirror-smooth coat."""
+    kind: Description = {"type": "roughplastic", "alpha": roughness} if roughness else {"type": "plastic"}
+    return kind | {"diffuse_reflectance": reflectance(colour)}
+
+
+def rubber(colour: Colour = (0.018, 0.018, 0.02)) -> Description:
+    return plastic(colour, roughness=0.45)
+
+
+def varnish(colour: Colour) -> Description:
+    """Polished wood or lacquer: smooth but not mirror-like."""
+    return plastic(colour, roughness=0.08)
+
+
+def ceramic(colour: Colour = (0.82, 0.80, 0.76)) -> Description:
+    """Glazed: a mirror-smooth coat."""
+    return plastic(colour, roughness=0.0)
+
+
+def polished(index: Description, roughness: float) -> Description:
+    """A conductor; roughness 0 is a mirror."""
+    if not roughness:
+        return {"type": "conductor"} | index
+    return {"type": "roughconductor", "alpha": roughness, "distribution": "ggx"} | index
+
+
+def metal(material: str, roughness: float = 0.0) -> Description:
+    """A metal by the name of its measured index: Ag, Al, Au, Cr, Cu, Mo, W …"""
+    return polished({"material": material}, roughness)
+
+
+def brass(roughness: float = 0.14) -> Description:
+    # Mitsuba ships no table for it: measured CuZn index near 630, 545 and 460 nm
+    return polished({"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))}, roughness)
+
+
+def bronze(roughness: float = 0.16) -> Description:
+    """Redder than brass: cymbals and bells."""
+    return polished({"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))}, roughness)
+
+
+def chrome(roughness: float = 0.04) -> Description:
+    return metal("Cr", roughness)
+
+
+def gold(roughness: float = 0.1) -> Description:
+    return metal("Au", roughness)
+
+
+def copper(roughness: float = 0.12) -> Description:
+    return metal("Cu", roughness)
+
+
+def steel(roughness: float = 0.2) -> Description:
+    """Brushed, whitish."""
+    return metal("Al", roughness)
+
+
+def glass(index: float = 1.5, roughness: float = 0.0) -> Description:
+    """Solid body that refracts; give it a closed, outward-facing mesh."""
+    kind: Description = {"type": "roughdielectric", "alpha": roughness} if roughness else {"type": "dielectric"}
+    return kind | {"int_ior": index, "ext_ior": 1.0}
+
+
+def pane(index: float = 1.5) -> Description:
+    """A clear sheet without thickness: reflects a little, does not bend light."""
+    return {"type": "thindielectric", "int_ior": index, "ext_ior": 1.0}
+
+
+def water() -> Description:
+    return glass(index=1.333)
+
+
+def veil(opacity: float, bsdf: Description) -> Description:
+    """That share of the material, the rest sees through: gauze, frosted film, a drum skin."""
+    return {"type": "mask", "opacity": float(opacity), "bsdf": bsdf}
+
+
+def blend(share: float, first: Description, second: Description) -> Description:
+    """`first` with `share` of `second` mixed in."""
+    return {"type": "blendbsdf", "weight": float(share), "first": first, "second": second}
+
+
+def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1.8) -> np.ndarray:
+    """Cloudy pattern 0 … 1, [height, width], that tiles: noise with amplitude 1 / frequency ^ coarseness."""
+    frequency = np.hypot(np.fft.fftfreq(height)[:, None] * height, np.fft.fftfreq(width) * width)
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.fft2(np.random.default_rng(seed).normal(size=(height, width)))
+    field: np.ndarray = np.real(np.fft.ifft2(spectrum / frequency**coarseness))
+    return np.clip(0.5 + field / (5 * field.std()), 0.0, 1.0)
+
+
+def mixed(first: Sequence[float], second: Sequence[float], share: np.ndarray) -> np.ndarray:
+    """Pixels [h, w, 3] between two colours, by the share [h, w] of the second."""
+    return (1 - share)[..., None] * np.asarray(first) + share[..., None] * np.asarray(second)
+
+
+def tinted(clear: Description, colour: Sequence[float]) -> Description:
+    """Glass or water that colours what shines through it, each time light passes its surface."""
+    return clear | {"specular_transmittance": reflectance(colour)}
+
+
+def thin(colour: Colour, translucency: float = 0.5, roughness: float = 0.5) -> Description:
+    """A leaf, sailcloth, paper: a sheet without thickness that lets that share of its light glow through."""
+    return {
+        "type": "principledthin",
+        "base_color": reflectance(colour),
+        "roughness": roughness,
+        "spec_trans": 0.0,
+        "diff_trans": 2.0 * translucency,
+        "eta": 1.4,
+    }

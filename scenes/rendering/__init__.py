@@ -1,0 +1,1 @@
+"""Mitsuba renders scenes into view sets; imports `catalog` and what is below."""

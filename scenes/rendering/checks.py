@@ -1,0 +1,136 @@
+"""What scenes cost and look like: integrators compared, one view rendered again and again, a contact sheet."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.catalog.entries import CLASSICS, scene_named
+from scenes.files.errors import InputError
+from scenes.rendering.render import LoadedScene, render_views, seed_from
+from scenes.rendering.store import LARGEST_SPP, check_resolution
+from scenes.rendering.variant import choose_variant
+from scenes.view_sets.pixels import display_from_linear, over_white
+from scenes.view_sets.viewpoints import TILT, all_poses, evenly_spread, poses_on_sphere
+
+INTEGRATORS = ("path", "volpath")
+BLOCK = 8
+"""Pixels along each side of what is compared: noise of a single pixel is far above what matters."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The same views twice, with independent noise."""
+
+    scene: str
+    seconds: dict[str, float]
+    """Of rendering all views, by integrator; compiling is not counted."""
+    samples: int
+    """Camera paths of all views together, of one integrator."""
+    squared: list[float]
+    """Of each view: mean over blocks and channels of the squared difference of the two mean display colours over white,
+    less what noise adds to it: unbiased, and below 0 by chance where nothing differs."""
+
+
+def compared(scene_name: str, resolution: int, views: int, spp: int, variant: str | None = None) -> Comparison:
+    """The integrators take turns in going first. Raises `InputError` for an unknown scene, less than one view, or fewer
+    than 2 samples.
+    """
+    scene = scene_named(scene_name)
+    check_resolution(resolution)
+    if views < 1:
+        raise InputError(f"--views {views}: choose 1 or more")
+    if spp < 2:
+        raise InputError(f"--spp {spp}: two halves are needed to take the noise out; choose 2 or more")
+    everything = all_poses("test", scene.view_from)
+    poses = everything[evenly_spread(views, everything, "test views")]
+    chosen = choose_variant(variant)
+    loaded = {name: LoadedScene.of(scene, chosen, resolution, integrator=name) for name in INTEGRATORS}
+    for one in loaded.values():
+        one.colour(poses[0], spp, seed_from("warm-up"))
+    seconds = dict.fromkeys(INTEGRATORS, 0.0)
+    squared = []
+    for number, pose in enumerate(poses):
+        halves = {}
+        for name in INTEGRATORS if number % 2 else reversed(INTEGRATORS):
+            began = time.perf_counter()
+            images = [loaded[name].colour(pose, spp // 2, seed_from(scene_name, number, name, half)) for half in "ab"]
+            seconds[name] += time.perf_counter() - began
+            halves[name] = [in_blocks(over_white(display_from_linear(image))) for image in images]
+        (a, b), (c, d) = halves["path"], halves["volpath"]
+        # two independent differences: their product has the square of what both show for its mean, and no noise
+        squared.append(float(np.mean((a - c) * (b - d))))
+    return Comparison(scene_name, seconds, views * resolution**2 * (spp // 2 * 2), squared)
+
+
+def in_blocks(image: np.ndarray) -> np.ndarray:
+    """Means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels; a rest at the border is left."""
+    side = min(BLOCK, *image.shape[:2])
+    rows, columns = (size // side for size in image.shape[:2])
+    whole = image[: rows * side, : columns * side].astype(np.float64)
+    return whole.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
+
+
+LARGEST = {"resolution": 512, "spp": 65536, "count": 10_000}
+
+
+def repeated(
+    scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None = None
+) -> Iterator[np.ndarray]:
+    """`count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are independent.
+
+    Raises `InputError` for an unknown scene or variant, a view that is not there and sizes that are none.
+    """
+    scene = scene_named(scene_name)
+    poses = all_poses("test", scene.view_from)
+    if not 0 <= view < len(poses):
+        raise InputError(f"--view {view}: choose 0 to {len(poses) - 1}")
+    for name, value in {"resolution": resolution, "spp": spp, "count": count}.items():
+        if not 1 <= value <= LARGEST[name]:
+            raise InputError(f"--{name} {value}: must lie between 1 and {LARGEST[name]}")
+    loaded = LoadedScene.of(scene, choose_variant(variant), resolution)
+    for number in range(count):
+        yield loaded.colour(poses[view], spp, seed_from(scene_name, stream, number))
+
+
+COLUMNS = 4
+AZIMUTH, ELEVATION = np.radians(40.0), TILT + np.radians(18.0)
+
+
+def write_sheet(
+    out: Path, names: list[str] | None = None, resolution: int = 400, spp: int = 256, variant: str | None = None
+) -> None:
+    """Renders each scene once from the front right and above, and writes them with their names as one PNG.
+
+    Raises `InputError` for an unknown scene or a file that cannot be written.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    matplotlib.use("Agg")
+    if out.suffix.lower() != ".png" or not out.parent.is_dir():
+        raise InputError(f"{out}: give a .png file in a folder that exists")
+    check_resolution(resolution)
+    if not 2 <= spp <= LARGEST_SPP:
+        raise InputError(f"--spp {spp}: choose 2 to {LARGEST_SPP}")
+    scenes = [scene_named(name) for name in names or CLASSICS]
+    chosen = choose_variant(variant)
+    pose = poses_on_sphere(np.array([AZIMUTH]), np.array([ELEVATION]))
+    columns = min(COLUMNS, len(scenes))
+    rows = -(-len(scenes) // columns)
+    figure = Figure(figsize=(columns * resolution / 100, rows * (resolution + 30) / 100), dpi=100, facecolor="white")
+    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0, "hspace": 0.075})
+    figure.subplots_adjust(left=0, right=1, bottom=0, top=1 - 30 / (rows * (resolution + 30)))
+    for axis in axes.flat:
+        axis.axis("off")
+    for axis, scene in zip(axes.flat, scenes, strict=False):
+        loaded = LoadedScene.of(scene, chosen, resolution)
+        view = next(render_views(loaded, pose, spp, [seed_from(scene.name, "sheet")], [scene.name]))
+        axis.imshow(over_white(display_from_linear(view.rgba)), interpolation="nearest")
+        axis.set_title(scene.name, fontsize=14, pad=6)
+    try:
+        figure.savefig(out)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror}); choose another file") from error

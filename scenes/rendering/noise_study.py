@@ -1,0 +1,162 @@
+"""How much noise a render has: a stored view beside the same view with other random numbers, and error against samples.
+
+Colours are compared as scores compare them, over white; `MEASURES` says in which two ways.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from scenes.catalog.entries import scene_named
+from scenes.files.errors import InputError
+from scenes.rendering.render import LoadedScene, RenderError, seed_from
+from scenes.rendering.store import check_resolution
+from scenes.rendering.variant import Variant
+from scenes.view_sets.images import read_channels
+from scenes.view_sets.manifest import checked, read_manifest
+from scenes.view_sets.pixels import decode_srgb, display_from_linear, over_white
+from scenes.view_sets.transforms import read_transforms
+from scenes.view_sets.viewpoints import all_poses
+
+MEASURES = ("display", "linear")
+"""Display colour over white, which PSNR is taken of, and the same decoded to linear light, as the score `rmse_linear`
+has it."""
+
+
+@runtime_checkable
+class Renderer(Protocol):
+    """What these measurements need of `scenes.rendering.render.LoadedScene`."""
+
+    def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Again:
+    """One stored view and renders of it with other random numbers, by the same procedure: two halves each."""
+
+    scene: str
+    view: str
+    stored: float
+    """What the manifest says: mean square error of the display image over white that noise causes."""
+    again: float
+    """Half of the mean square difference of two of these images, the mean over all pairs: the noise of one, whatever
+    the manifest says."""
+    halves: float
+    """The manifest's formula for the renders that were made now."""
+    spp: int
+    variant: str
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Renders of one view with `spp` samples a pixel."""
+
+    scene: str
+    spp: int
+    seconds: list[float]
+    """Of each render after the first one, in which kernels may be compiled."""
+    mse: dict[str, list[float]]
+    """Measure (`MEASURES`) → mean square error of each render, the reference's own variance taken off; below 0 by
+    chance where the two are alike."""
+    reference_spp: int
+    reference_mse: dict[str, float]
+    """Measure → variance of the reference, from its two halves."""
+    variant: str
+
+
+def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
+    """Every test view of a view set of ours, rendered `repeats` times. Raises `InputError` for a folder that is none,
+    or is damaged.
+    """
+    if repeats < 1:
+        raise InputError(f"--repeats {repeats}: choose 1 or more")
+    manifest = read_manifest(folder)
+    if not manifest:
+        raise InputError(f"{folder}: not a view set of ours; name a folder that `python -m scenes render` has made")
+    if not manifest["counts"]["test"]:
+        raise InputError(f"{folder}: has no test views; render some with --test")
+    scene, spp = scene_named(manifest["scene"]), int(manifest["spp"]["test"])
+    loaded = LoadedScene.of(scene, variant, manifest["resolution"], integrator=manifest["integrator"])
+    frames = read_transforms(folder, "test")
+    for file, pose in zip(frames.files, frames.camera_to_world, strict=True):
+        name = file.relative_to(folder.resolve()).with_suffix("").as_posix()
+        channels = read_channels(checked(folder, file.with_suffix(".exr"), manifest))
+        linear = np.stack([channels[one] for one in "RGBA"], axis=-1)
+        noise, halves = noise_again(loaded, linear, pose, spp, repeats, name)
+        stored = float(manifest["views"][name]["noise_mse"])
+        yield Again(scene.name, name, stored, noise, halves, spp, variant.name)
+
+
+def noise_again(
+    loaded: Renderer, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
+) -> tuple[float, float]:
+    """`Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
+    images, halves = [as_scored(stored)], []
+    for number in range(repeats):
+        a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, number, half)) for half in "ab")
+        images.append(as_scored((a + b) / 2))
+        halves.append(mean_square(as_scored(a) - as_scored(b)) / 4)
+    # the variance of a sample is half of the mean square difference of its pairs
+    return float(np.var(images, axis=0, ddof=1).mean()), float(np.mean(halves))
+
+
+def errors(
+    scene_name: str, resolution: int, spp: Sequence[int], reference_spp: int, repeats: int, variant: Variant
+) -> Iterator[Errors]:
+    """Of a test view of a scene of the catalogue. Raises `InputError` for an unknown scene or counts that cannot be."""
+    if not spp or min(spp) < 1 or repeats < 1:
+        raise InputError(f"--spp {' '.join(map(str, spp))} --repeats {repeats}: choose 1 or more")
+    if reference_spp < 2:
+        raise InputError(f"--reference-spp {reference_spp}: two halves are needed to know its noise; choose 2 or more")
+    check_resolution(resolution)
+    scene = scene_named(scene_name)
+    pose = all_poses("test", scene.view_from)[0]
+    loaded = LoadedScene.of(scene, variant, resolution)
+    for found in errors_of(loaded, pose, spp, reference_spp, repeats):
+        yield Errors(scene.name, *found, variant.name)
+
+
+def errors_of(
+    loaded: Renderer, pose: np.ndarray, spp: Sequence[int], reference_spp: int, repeats: int
+) -> Iterator[tuple[int, list[float], dict[str, list[float]], int, dict[str, float]]]:
+    """The fields of `Errors` that follow from a renderer. One render more than `repeats` is made, and not timed."""
+    half = math.ceil(reference_spp / 2)
+    halves = [_finite(loaded.colour(pose, half, seed_from("reference", which))) for which in "ab"]
+    whole = {one: measured((halves[0] + halves[1]) / 2, one) for one in MEASURES}
+    own = {one: mean_square(measured(halves[0], one) - measured(halves[1], one)) / 4 for one in MEASURES}
+    for count in spp:
+        seconds: list[float] = []
+        mse: dict[str, list[float]] = {one: [] for one in MEASURES}
+        for repetition in range(repeats + 1):
+            began = time.perf_counter()
+            image = _finite(loaded.colour(pose, count, seed_from("work", count, repetition)))
+            seconds.append(time.perf_counter() - began)
+            for one in MEASURES:
+                mse[one].append(mean_square(measured(image, one) - whole[one]) - own[one])
+        yield count, seconds[1:], mse, 2 * half, own
+
+
+def measured(linear: np.ndarray, measure: str) -> np.ndarray:
+    """Linear premultiplied [h, w, 4] → colour over white [h, w, 3], float64."""
+    display = as_scored(linear)
+    return display if measure == "display" else decode_srgb(display)
+
+
+def as_scored(linear: np.ndarray) -> np.ndarray:
+    """Linear premultiplied [h, w, 4] → display colour over white, as a score sees a stored view."""
+    return over_white(display_from_linear(linear)).astype(np.float64)
+
+
+def mean_square(difference: np.ndarray) -> float:
+    return float(np.mean(difference**2))
+
+
+def _finite(image: np.ndarray) -> np.ndarray:
+    if not np.isfinite(image).all():
+        raise RenderError(f"{int((~np.isfinite(image)).sum())} values of a render are not finite; mend the scene")
+    return image

@@ -1,0 +1,208 @@
+"""Where there truly is matter: which points of a grid over a scene's box lie inside its solids.
+
+It comes from the scene's own description, which nothing that is trained may see. A part of a mesh, joined by its
+vertices, is a solid where every edge has a triangle on either side; one with a rim, such as a leaf or a cloth, is thin:
+it has no inside, and points by it count as outside. So do disks, rectangles and open tubes, and lamps that no camera
+sees. A body of fog is inside as one of stone is.
+"""
+
+import base64
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from scenes.files.errors import InputError
+from scenes.modelling.scene import Description
+from scenes.rendering.order import Order
+from scenes.view_sets.manifest import DamagedViewSet, read_manifest
+from scenes.view_sets.transforms import read_json
+from scenes.view_sets.view_set import ViewSet
+
+CELLS = 32
+"""Points along each side of the box, in the middles of as many equal cells."""
+THIN = frozenset({"rectangle", "disk", "cylinder"})
+OFF_THE_GRID = (1.3e-7, 2.9e-7)
+"""By this share of the box columns are moved in x and y, so that none runs along an edge of a box or between halves."""
+FINEST = 1e-6
+"""Vertices nearer than this share of the mesh's size are one: a seam of a texture is no rim."""
+
+
+def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
+    """Coordinates [cells] of the points along x, y and z of the box [2, 3]."""
+    shares = (np.arange(cells) + 0.5) / cells
+    return [low + shares * (high - low) for low, high in np.asarray(bounds, dtype=np.float64).T]
+
+
+def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, cells: int = CELLS) -> np.ndarray | None:
+    """bool [cells, cells, cells] over x, y, z of the box; None where a shape's solidity is not known here."""
+    axes = axes_of(bounds, cells)
+    found = np.zeros((cells, cells, cells), dtype=bool)
+    for entry in description.values():
+        if not isinstance(entry, dict) or entry.get("type") in ("constant", "envmap", "directional"):
+            continue
+        if _glows(entry) and not emitters_seen:
+            continue
+        kind = entry.get("type")
+        if kind == "mesh":
+            found |= inside_mesh(np.asarray(entry["vertices"]), np.asarray(entry["faces"]), axes)
+        elif kind in ("sphere", "cube"):
+            found |= _inside_unit(entry, axes)
+        elif kind not in THIN:
+            return None
+    return found
+
+
+def _glows(entry: dict[str, Any]) -> bool:
+    return any(isinstance(value, dict) and value.get("type") == "area" for value in entry.values())
+
+
+def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarray:
+    """Of a ball or a cube ±1, by the points in its own frame."""
+    back = np.linalg.inv(np.asarray(entry.get("to_world", np.eye(4)), dtype=np.float64))
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1) @ back[:3, :3].T + back[:3, 3]
+    if entry["type"] == "cube":
+        return np.asarray((np.abs(points) < 1).all(axis=-1))
+    points -= np.asarray(entry.get("center", (0.0, 0.0, 0.0)), dtype=np.float64)
+    return np.asarray(np.linalg.norm(points, axis=-1) < entry.get("radius", 1.0))
+
+
+def inside_mesh(vertices: np.ndarray, faces: np.ndarray, axes: Sequence[np.ndarray]) -> np.ndarray:
+    """bool [x, y, z]: points of the grid that the mesh's solid parts go around, whichever way they face."""
+    corners = solid_triangles(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64))
+    x, y, z = axes
+    turns = np.zeros((len(x), len(y), len(z) + 1), dtype=np.int64)
+    triangle, column, row = _columns_met(corners, x, y)
+    a, b, c = np.moveaxis(corners[triangle], 1, 0)
+    at = np.stack([x[column] + _off(x, 0), y[row] + _off(y, 1)], axis=-1)
+    to_a, to_b, to_c = a[:, :2] - at, b[:, :2] - at, c[:, :2] - at
+    u, v, w = _cross(to_b, to_c), _cross(to_c, to_a), _cross(to_a, to_b)
+    met = (np.minimum(np.minimum(u, v), w) > 0) | (np.maximum(np.maximum(u, v), w) < 0)
+    area = u + v + w
+    height = (u * a[:, 2] + v * b[:, 2] + w * c[:, 2])[met] / area[met]
+    # a triangle turns the points below it once around: counted where it is, summed from above
+    below = np.searchsorted(z, height)
+    np.add.at(turns, (column[met], row[met], below), np.sign(area[met]).astype(np.int64))
+    return np.asarray(np.cumsum(turns[..., ::-1], axis=-1)[..., ::-1][..., 1:] != 0)
+
+
+def _off(axis: np.ndarray, which: int) -> float:
+    return OFF_THE_GRID[which] * float(axis[-1] - axis[0] + 1e-30)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
+
+def _columns_met(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles and the columns (indices of x and y) within their boxes, every pair once."""
+    spans = []
+    for which, axis in enumerate((x, y)):
+        values = corners[..., which] - _off(axis, which)
+        first = np.searchsorted(axis, values.min(axis=1))
+        spans.append((first, np.searchsorted(axis, values.max(axis=1)) - first))
+    (x_first, x_many), (y_first, y_many) = spans
+    many = x_many * y_many
+    triangle = np.repeat(np.arange(len(corners)), many)
+    place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+    return triangle, x_first[triangle] + place // y_many[triangle], y_first[triangle] + place % y_many[triangle]
+
+
+def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Corners [triangles, 3, 3] of the parts without a rim."""
+    joined = _joined(vertices)[faces]
+    joined_faces = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
+    faces, joined = faces[joined_faces], joined[joined_faces]
+    if not len(faces):
+        return np.zeros((0, 3, 3))
+    count = int(joined.max()) + 1
+    start, end = joined.ravel(), np.roll(joined, -1, axis=1).ravel()
+    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
+    _, part = connected_components(graph, directed=False)
+    # an edge that is walked as often one way as the other is no rim
+    lower, upper = np.minimum(start, end), np.maximum(start, end)
+    _, edge = np.unique(lower * count + upper, return_inverse=True)
+    balance = np.bincount(edge, weights=np.where(start < end, 1.0, -1.0))
+    rims = part[start[balance[edge] != 0]]
+    solid = ~np.isin(part[joined[:, 0]], rims)
+    return np.asarray(vertices[faces[solid]])
+
+
+def _joined(vertices: np.ndarray) -> np.ndarray:
+    """Number [vertices] of the place of each: equal places have equal numbers."""
+    size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+    whole = np.round((vertices - vertices.min(axis=0)) / max(size * FINEST, 1e-30)).astype(np.int64)
+    key = (whole[:, 0] << 42) + (whole[:, 1] << 21) + whole[:, 2]
+    return np.asarray(np.unique(key, return_inverse=True)[1])
+
+
+NAME = "occupancy.json"
+SCHEMA = 1
+
+
+def with_occupancy(folder: Path, order: Order) -> Path:
+    """The folder of a whole view set, with the file in it if it can be: not for shapes whose inside is not known, nor
+    where the folder cannot be written."""
+    manifest = read_manifest(folder)
+    with suppress(DamagedViewSet):
+        if _read(folder, manifest) is not None:
+            return folder
+    scene = order.scene
+    found = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
+    if found is not None:
+        _write(folder / NAME, _bound_to(manifest), np.packbits(found).tobytes())
+    return folder
+
+
+def read_occupancy(views: ViewSet) -> np.ndarray | None:
+    """bool [32, 32, 32] over x, y, z of the view set's box; None where it is not known, or another box was asked for.
+
+    Raises `DamagedViewSet` for a file that is damaged or of another view set.
+    """
+    if "bounds" not in views.rendered or not np.array_equal(views.bounds, views.rendered["bounds"]):
+        return None
+    return _read(views.path, views.rendered)
+
+
+def _bound_to(manifest: dict[str, Any]) -> dict[str, Any]:
+    return {"schema": SCHEMA, "digest": manifest.get("digest"), "bounds": manifest["bounds"], "cells": CELLS}
+
+
+def _read(folder: Path, manifest: dict[str, Any]) -> np.ndarray | None:
+    file = folder / NAME
+    if not file.is_file():
+        return None
+    try:
+        content = read_json(file)
+        claimed = content.pop("checksum")
+        bits = base64.b64decode(content.pop("inside"), validate=True)
+        if content != _bound_to(manifest) or claimed != _checksum(content, bits) or len(bits) != CELLS**3 // 8:
+            raise ValueError("it is damaged, or not of this view set")
+    except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DamagedViewSet(f"{file}: {error}; delete it, the next run makes it again") from error
+    cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8)).astype(bool)
+    return cells.reshape(CELLS, CELLS, CELLS)
+
+
+def _checksum(content: dict[str, Any], bits: bytes) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode() + bits).hexdigest()
+
+
+def _write(file: Path, content: dict[str, Any], bits: bytes) -> None:
+    whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": _checksum(content, bits)}
+    beside = file.with_name(f".{file.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(json.dumps(whole), encoding="ascii")
+        beside.replace(file)
+    except OSError:
+        pass  # a cache that others keep: what is inside then stays unknown, and the report says so
+    finally:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)

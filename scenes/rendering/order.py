@@ -1,0 +1,77 @@
+"""What is to be rendered, and the hash that names it in the cache."""
+
+import importlib.metadata
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenes.files.digest import digest_of
+from scenes.modelling.needs import needs
+from scenes.modelling.normalise import Similarity
+from scenes.modelling.placement import Placement
+from scenes.modelling.scene import Description, Scene
+from scenes.view_sets.manifest import SCHEMA
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, SPLITS, all_poses, evenly_spread
+
+
+@dataclass(frozen=True)
+class Order:
+    """A view set to be rendered, checked."""
+
+    scene: Scene
+    description: Description
+    """As it is rendered: normalised where it had to be."""
+    similarity: Similarity | None
+    """What normalised it."""
+    resolution: int
+    counts: dict[str, int]
+    spp: dict[str, int]
+    integrator: str | None = None
+    """`path` or `volpath`, whatever the scene needs."""
+
+    def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
+        """Indices [n] of the viewpoints in the whole split, and their cameras [n, 4, 4]."""
+        everything = all_poses(split, self.scene.view_from)  # type: ignore[arg-type]
+        chosen = evenly_spread(self.counts[split], everything, f"{split} views")
+        return chosen, everything[chosen]
+
+    def digest(self, variant: str) -> str:
+        """Hexadecimal hash of everything that the images depend on."""
+        from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION  # does not import Mitsuba by itself
+
+        scene = self.scene
+        return digest_of(
+            {
+                "format": SCHEMA,
+                "renderer": RENDERER_VERSION,
+                **({"own scenes": OWN_SCENES_VERSION} if self.scene.file is not None else {}),
+                "versions": versions(),
+                "variant": variant,
+                "description": self.description,
+                "needs": {name: need.needed for name, need in needs(self.description).items()},
+                **({"integrator": self.integrator} if self.integrator else {}),
+                "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
+                "emitters_seen": scene.emitters_seen,
+                "box": scene.box,
+                "normalised": similarity_facts(self.similarity),
+                "resolution": self.resolution,
+                "fov": FOV_X_RADIANS,
+                "spp": self.spp,
+                "viewpoints": {split: self.poses(split)[0] for split in SPLITS},
+                "cameras": {split: self.poses(split)[1] for split in SPLITS},
+            }
+        )
+
+
+def similarity_facts(change: Similarity | Placement | None) -> dict[str, Any] | None:
+    """What the manifest says about it: x in the view set = scale · rotation · x in the description + shift."""
+    if change is None:
+        return None
+    turned = {"rotation": change.rotation.tolist()} if isinstance(change, Placement) else {}
+    return {"scale": change.scale, "shift": [float(value) for value in change.shift], **turned}
+
+
+def versions() -> dict[str, str]:
+    """Read from package metadata, which does not import them."""
+    return {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}

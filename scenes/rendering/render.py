@@ -1,0 +1,327 @@
+"""Descriptions → Mitsuba → images. The only module that imports Mitsuba and calls `mi.render` for what is trained on;
+`scenes.rendering.medium_reference` does so to check our renderer.
+
+Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
+"""
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.modelling.needs import Needs, needs
+from scenes.modelling.normalise import check_scale, normalised
+from scenes.modelling.placement import Placement
+from scenes.modelling.scene import Corners, Description, Scene
+from scenes.rendering.variant import Variant
+from scenes.view_sets.pixels import display_from_linear, over_white
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, check_field_of_view, check_poses
+
+RENDERER_VERSION = 3
+"""Counted up with every change that changes images, so that cached view sets are rendered again."""
+OWN_SCENES_VERSION = 2
+"""Likewise, for what changes images of scenes of a user's own alone."""
+NEAR_CLIP = 1e-3
+NORMAL_SPP = {False: 2, True: 16}
+"""Samples a pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
+LARGEST_WAVEFRONT = 1 << 22
+"""Paths in flight at once in a vectorised variant; more are rendered in passes."""
+_OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
+
+
+Loader = Callable[[Any], tuple[Any, Placement, np.ndarray]]
+
+
+class RenderError(RuntimeError):
+    """A scene of ours that cannot be rendered: a defect of the scene, not of the user's input."""
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """One view: the mean of two independent renders of half the samples each."""
+
+    rgba: np.ndarray
+    """float32 [h, w, 4], linear, premultiplied."""
+    variance: np.ndarray
+    """float32 [h, w, 4]: estimated variance of `rgba`, (a − b)² / 4 of the two halves:
+    unbiased, one degree of freedom."""
+    depth: np.ndarray
+    """float32 [h, w]: distance along the unit ray to the first surface, clear or not, the mean over the pixel's
+    hits; 0 where nothing was hit."""
+    normal: np.ndarray
+    """float32 [h, w, 3]: shading normal in the world frame, outwards as the mesh has it, the unit mean over the pixel's
+    hits of a few samples (`NORMAL_SPP`); 0 where nothing was hit."""
+    noise_mse: float
+    """Expected mean square error of the display image over white that noise alone causes."""
+
+
+class LoadedScene:
+    """A description as Mitsuba objects, ready to be seen from many sides."""
+
+    def __init__(
+        self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
+        fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
+        box: Corners | None = None, any_scale: bool = False, load: Loader | None = None,
+    ) -> None:  # fmt: skip
+        """`load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
+
+        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is where things may be, for a
+        description without shapes. Raises `InputError` for a field of view that is none and, unless `any_scale`, for
+        a scene so small or so far away that its images would be biased."""
+        check_field_of_view(fov_x_radians, "the camera")
+        mi = use(variant)
+        self.needs: Needs = needs(description)
+        self.integrator_name = integrator or ("volpath" if self.needs["participating_media"].needed else "path")
+        self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
+        self._variant = variant
+        self._vectorised = not variant.name.startswith("scalar")
+        self.placement: Placement | None = None
+        if load is None:
+            self._scene = mi.load_dict(
+                {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
+            )
+        else:
+            self._scene, self.placement, self.box_in_file = load(mi)
+        self._solid = self._scene if emitters_seen else _without_lamps(mi, self._scene)
+        """What a camera sees, for depth and normals."""
+        # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
+        # variant it takes fifty times as long for a ray as `depth` does.
+        colour = {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": not emitters_seen}
+        if self.integrator_name == "volpath":
+            # by default it ends one path in twenty at every scattering, even in fog that absorbs nothing
+            colour["rr_depth"] = max_depth
+        if emitters_seen and self._scene.environment() is not None:
+            raise RenderError("emitters are to be seen, and there is a sky: every pixel would be covered by it")
+        self._colour = mi.load_dict(colour)
+        self._distance = mi.load_dict({"type": "depth"})
+        self._normal = mi.load_dict({"type": "aov", "aovs": "normal:sh_normal"})
+        self._sensors: dict[int, Any] = {}
+        self._declared = box
+        if not any_scale:
+            check_scale(self.box())
+
+    @staticmethod
+    def of(
+        scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
+    ) -> "LoadedScene":
+        """A scene of the catalogue as it is rendered: normalised where it must be (`scenes.modelling.normalise`)."""
+        description, _ = normalised(scene)
+        return LoadedScene(
+            description, variant, scene.max_depth, width, height or width, integrator=integrator,
+            emitters_seen=scene.emitters_seen, box=scene.box,
+        )  # fmt: skip
+
+    def box(self) -> np.ndarray:
+        """Corners [2, 3] of the box around all shapes, or of the declared one where there is no shape, float64."""
+        if self.placement is not None:
+            return self.placement.box(self.box_in_file)
+        box = self._scene.bbox()
+        corners = np.array([box.min, box.max], dtype=np.float64).reshape(2, 3)
+        if self._declared is not None and not box.valid():
+            corners = np.array(self._declared, dtype=np.float64)
+        if not np.isfinite(corners).all() or (corners[1] < corners[0]).any():
+            raise RenderError(f"the scene's box is {corners.tolist()}: it holds no shape, or one that is not finite")
+        return corners
+
+    def bounds(self) -> np.ndarray:
+        """`box`, padded by 1 % of its longest side."""
+        corners = self.box()
+        padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
+        return corners + np.array([[-padding], [padding]])
+
+    def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """One independent estimate: float64 [h, w, 4], linear, premultiplied."""
+        return self._render(self._scene, self._colour, camera_to_world, spp, seed)
+
+    def geometry(self, camera_to_world: np.ndarray, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Depth [h, w] and unit normal [h, w, 3] of the first surface, as `RenderedView` has them, float64."""
+        distance = self._render(self._solid, self._distance, camera_to_world, spp, seed)
+        hits = distance[..., 3]
+        mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
+        # Mitsuba's rays start on the near plane, not at the camera
+        depth = np.where(hits > 0, mean + NEAR_CLIP * self._ray_stretch(), 0.0)
+        if self.placement is not None:
+            depth *= self.placement.scale
+        normal = self._render(self._solid, self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
+        if self.placement is not None:
+            normal = normal @ self.placement.rotation.T
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
+
+    def _ray_stretch(self) -> np.ndarray:
+        """Length [h, w] of the rays through the pixel centres per unit of z."""
+        focal = 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
+        x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / focal
+        y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
+        return np.sqrt(1 + x**2 + y[:, None] ** 2)
+
+    def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """Mean of as many passes as the samples need: float64 [h, w, channels]."""
+        mi = use(self._variant)
+        passes, spp_pass = self._passes(spp)
+        sensor = self._sensor(spp_pass)
+        if self.placement is not None:
+            camera_to_world = self.placement.camera(camera_to_world)
+        parameters = mi.traverse(sensor)
+        parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
+        parameters.update()
+        images = (
+            mi.render(scene, sensor=sensor, integrator=integrator, seed=seed_from(seed, number), spp=spp_pass)
+            for number in range(passes)
+        )
+        total = np.array(next(images), dtype=np.float64)
+        for image in images:
+            total += np.array(image)
+        return total / passes
+
+    def actual_spp(self, spp: int) -> int:
+        """Samples a pixel that both halves together take where `spp` are asked for: `spp` or a few more."""
+        passes, spp_pass = self._passes(math.ceil(spp / 2))
+        return 2 * passes * spp_pass
+
+    def _passes(self, spp: int) -> tuple[int, int]:
+        """Passes of one half of `spp` samples, and the samples of each."""
+        passes = math.ceil(self.width * self.height * spp / LARGEST_WAVEFRONT) if self._vectorised else 1
+        return passes, even_spp(math.ceil(spp / passes))
+
+    def _sensor(self, spp: int) -> Any:
+        import mitsuba as mi
+
+        if spp not in self._sensors:
+            self._sensors[spp] = mi.load_dict(
+                {
+                    "type": "perspective",
+                    "fov": math.degrees(self.fov_x_radians),
+                    "fov_axis": "x",
+                    "near_clip": NEAR_CLIP,
+                    "far_clip": 1e5,
+                    "film": {
+                        "type": "hdrfilm",
+                        "width": self.width,
+                        "height": self.height,
+                        "rfilter": {"type": "box"},
+                        "pixel_format": "rgba",
+                        "component_format": "float32",
+                    },
+                    "sampler": {"type": "multijitter", "sample_count": spp},
+                }
+            )
+        return self._sensors[spp]
+
+
+def _without_lamps(mi: Any, scene: Any) -> Any:
+    """The same shapes but those that glow, which the colour integrator hides; the scene itself where none does.
+
+    Raises `InputError` where shapes are instances: Mitsuba cannot put their groups into another scene."""
+    solid = [shape for shape in scene.shapes() if not shape.is_emitter()]
+    if len(solid) == len(scene.shapes()):
+        return scene
+    if any(shape.class_name() == "Instance" for shape in solid):
+        raise InputError("instances beside a shape that glows: depth would show the lamp; light it by a sky instead")
+    return mi.load_dict({"type": "scene", **{f"shape {number}": shape for number, shape in enumerate(solid)}})
+
+
+def use(variant: Variant) -> Any:
+    """Mitsuba with that variant set; the LLVM library is named before Dr.Jit loads one."""
+    if variant.libllvm:
+        os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
+    import mitsuba as mi
+
+    if mi.variant() != variant.name:
+        mi.set_variant(variant.name)
+    mi.set_log_level(mi.LogLevel.Error)
+    return mi
+
+
+def render_views(
+    scene: LoadedScene, camera_to_world: np.ndarray, spp: int, seeds: Sequence[int], names: Sequence[str]
+) -> Iterator[RenderedView]:
+    """Renders each pose [n, 4, 4] with at least `spp` samples a pixel, one at a time, so that progress can be shown.
+
+    `seeds` and `names` hold one entry a view. Raises `InputError` before the first render for a pose that is not
+    rigid or for fewer than 2 samples, and `RenderError` for an image that is not finite.
+    """
+    if spp < 2:
+        raise InputError(f"{spp} samples a pixel: two halves are needed to know the noise; choose 2 or more")
+    check_poses(camera_to_world, list(names))
+    for pose, seed, name in zip(camera_to_world, seeds, names, strict=True):
+        spp_half = math.ceil(spp / 2)
+        a, b = (scene.colour(pose, spp_half, seed_from(seed, half)) for half in ("a", "b"))
+        depth, normal = scene.geometry(pose, spp_half, seed_from(seed, "geometry"))
+        finite = np.isfinite(a).all(-1) & np.isfinite(b).all(-1) & np.isfinite(depth) & np.isfinite(normal).all(-1)
+        if not finite.all():
+            raise RenderError(f"{name}: {int((~finite).sum())} of {finite.size} pixels are not finite; mend the scene")
+        yield combine(a, b, depth, normal)
+
+
+def combine(a: np.ndarray, b: np.ndarray, depth: np.ndarray, normal: np.ndarray) -> RenderedView:
+    """Two independent halves [h, w, 4], linear and premultiplied, and their geometry → one view."""
+    display_a, display_b = (over_white(display_from_linear(half)).astype(np.float64) for half in (a, b))
+    return RenderedView(
+        rgba=((a + b) / 2).astype(np.float32),
+        variance=((a - b) ** 2 / 4).astype(np.float32),
+        depth=depth.astype(np.float32),
+        normal=normal.astype(np.float32),
+        noise_mse=float(np.mean((display_a - display_b) ** 2) / 4),
+    )
+
+
+def even_spp(spp: int) -> int:
+    """The smallest sample count ≥ `spp` that fits the sampler's grid of strata."""
+    columns = math.isqrt(spp)
+    return columns * math.ceil(spp / columns)
+
+
+def seed_from(*parts: object) -> int:
+    """A 32-bit seed from what it is for."""
+    return int.from_bytes(hashlib.sha256(repr(parts).encode()).digest()[:4], "big")
+
+
+def to_mitsuba(value: Any) -> Any:
+    """An entry of a description → what `mi.load_dict` takes (see `scenes.modelling.scene.Description`)."""
+    import mitsuba as mi
+
+    if isinstance(value, dict):
+        if value.get("type") == "mesh":
+            return _mesh(value)
+        entry = {name: to_mitsuba(inner) for name, inner in value.items() if name != "data"}
+        if "data" in value:
+            pixels = np.ascontiguousarray(value["data"], dtype=np.float32)
+            if value["type"] in ("bitmap", "envmap"):
+                entry["bitmap"] = mi.Bitmap(pixels)
+            elif value["type"] == "gridvolume":
+                entry["grid"] = mi.VolumeGrid(pixels)
+            else:
+                raise RenderError(f"a {value['type']} with data: only bitmap, envmap and gridvolume may hold pixels")
+        return entry
+    if isinstance(value, np.ndarray):
+        if value.shape == (4, 4):
+            return mi.ScalarTransform4f(value.astype(np.float64))
+        return value.tolist()
+    return value
+
+
+def _mesh(entry: Description) -> Any:
+    import mitsuba as mi
+
+    unknown = set(entry) - {"type", "vertices", "faces", "uv", "normals", "bsdf", "interior", "exterior"}
+    if unknown:
+        raise RenderError(f"a mesh with {' '.join(sorted(unknown))}: known are vertices faces uv normals and bsdf")
+    properties = mi.Properties()
+    for name in ("bsdf", "interior", "exterior"):
+        if name in entry:
+            properties[name] = mi.load_dict(to_mitsuba(entry[name]))
+    mesh = mi.Mesh("mesh", len(entry["vertices"]), len(entry["faces"]), properties, "normals" in entry, "uv" in entry)
+    parameters = mi.traverse(mesh)
+    for ours, theirs in (("vertices", "vertex_positions"), ("faces", "faces"), ("uv", "vertex_texcoords"),
+                         ("normals", "vertex_normals")):  # fmt: skip
+        if ours in entry:
+            dtype = np.uint32 if ours == "faces" else np.float32
+            parameters[theirs] = np.ascontiguousarray(entry[ours], dtype=dtype).ravel()
+    parameters.update()
+    return mesh

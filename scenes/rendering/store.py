@@ -1,0 +1,340 @@
+"""The cache of rendered view sets: each is named by a hash of everything that it depends on.
+
+A view set is rendered into a temporary sibling and renamed into place, so that what bears its name is whole.
+"""
+
+import errno
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenes.catalog.entries import scene_named
+from scenes.catalog.mitsuba_xml import cautious
+from scenes.catalog.scene_file import mistakes_in
+from scenes.files.errors import InputError
+from scenes.files.partial_folders import PARTIAL, abandoned, remove, remove_stale, working_folder
+from scenes.modelling.needs import as_rows, left_out, needs
+from scenes.modelling.normalise import fitted, normalised
+from scenes.modelling.scene import Scene
+from scenes.rendering.occupancy import with_occupancy
+from scenes.rendering.order import Order, similarity_facts, versions
+from scenes.rendering.variant import VARIANTS, Variant, choose_variant, known_variant
+from scenes.view_sets.images import write_channels, write_png
+from scenes.view_sets.manifest import check_all, note, salvaged, write_manifest
+from scenes.view_sets.nerfstudio import NAME as NERFSTUDIO
+from scenes.view_sets.nerfstudio import write_nerfstudio
+from scenes.view_sets.pixels import display_from_linear
+from scenes.view_sets.source import Region
+from scenes.view_sets.transforms import transforms_file, write_transforms
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Views that are there, and what is left."""
+
+    done: int
+    """Views, those that were there before included."""
+    total: int
+    kept: int
+    """Views that were there before: they take no time."""
+    share: float
+    """Of the samples that had to be taken: a test view has several times those of a training view."""
+    view: str
+    """That is rendered next, `<split>/r_<number>`; empty once all are."""
+
+
+def standings(counts: dict[str, int], spp: dict[str, int], kept: Collection[str]) -> Iterator[Standing]:
+    """One before anything is rendered, and one after each view that is; `kept` names those that are not."""
+    total = sum(counts.values())
+    views = [(f"{split}/r_{number}", spp[split]) for split in counts for number in range(counts[split])]
+    missing = [(name, samples) for name, samples in views if name not in kept]
+    taken, all_samples = 0, sum(samples for _, samples in missing)
+    for place, (name, samples) in enumerate([*missing, ("", 0)]):
+        yield Standing(len(kept) + place, total, len(kept), taken / all_samples if all_samples else 1.0, name)
+        taken += samples
+
+
+LARGEST_RESOLUTION = 4096
+LARGEST_SPP = 1 << 16
+
+Progress = Callable[[Standing], None]
+"""Called once all is loaded, and after each view that is rendered."""
+
+
+def ensure_view_set(
+    scene_name: str | Scene,
+    *,
+    resolution: int,
+    counts: dict[str, int],
+    spp: dict[str, int],
+    cache_folder: Path | str,
+    variant: str | None = None,
+    progress: Progress | None = None,
+    integrator: str | None = None,
+    say: Callable[[str], None] | None = None,
+) -> Path:
+    """The folder of the rendered view set, from the cache where it is there and whole, else rendered now.
+
+    A scene of the catalogue goes by its name, a user's own (`scenes.catalog.scene_file`) is given itself.
+    `counts` and `spp` (samples a pixel, 2 or more) are given for train, val and test. With `variant` None a set that
+    any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
+    the same set at once. `say` is told what is wrong with one that is there. Raises `InputError` for a bad request or
+    a folder that cannot be written.
+    """
+    own = None if isinstance(scene_name, str) else scene_name.file
+    with mistakes_in(own):
+        order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+    wanted = known_variant(variant)
+    cache = Path(cache_folder)
+    for name in VARIANTS if wanted is None else (wanted,):
+        with mistakes_in(own):  # what is no plain data has no digest
+            stored = _folder(cache, order, name)
+        if is_complete(stored):
+            return with_occupancy(stored, order)
+    chosen = choose_variant(variant)
+    target = _folder(cache, order, chosen.name)
+    if say and target.exists():
+        say(f"{first_fault(target)}: rendered again, but for the views that are as they were written")
+    with _disk(cache):
+        cache.mkdir(parents=True, exist_ok=True)
+        remove_stale(cache, but=target.name)
+        with working_folder(cache, target.name) as partial:
+            try:
+                donors = [one for one in (target, *abandoned(cache, target.name)) if one.is_dir()]
+                with mistakes_in(own, but=OSError):  # which is the cache's
+                    write_view_set(partial, order, chosen, progress, donors)
+                _move_into_place(partial, target)
+            except (BrokenPipeError, KeyboardInterrupt):
+                raise  # whoever asked is gone: what is rendered is the next one's
+            except BaseException:
+                remove(partial)
+                raise
+        for one in (partial, *abandoned(cache, target.name)):
+            remove(one)
+    return with_occupancy(target, order)
+
+
+def check_resolution(resolution: int) -> None:
+    """Raises `InputError` for a number of pixels that no picture is wide."""
+    if not 1 <= resolution <= LARGEST_RESOLUTION:
+        raise InputError(f"--resolution {resolution}: choose 1 to {LARGEST_RESOLUTION} pixels")
+
+
+def is_stored(
+    scene_name: str,
+    resolution: int,
+    counts: dict[str, int],
+    spp: dict[str, int],
+    cache_folder: Path,
+    integrator: str | None = None,
+) -> bool:
+    """Whether something bears the view set's name; arguments and errors as in `ensure_view_set`, which looks whether it
+    is whole."""
+    order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+    return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
+
+
+def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: dict[str, int]) -> Order:
+    """Raises `InputError` that names the value and the remedy."""
+    scene = scene_named(scene_name) if isinstance(scene_name, str) else scene_name
+    check_resolution(resolution)
+    for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", spp, 2, LARGEST_SPP)):
+        if set(given) != set(SPLITS):
+            names = " ".join(f"{option}{split}" for split in SPLITS)
+            raise InputError(f"{names}: {given}: give one number each")
+        for split, value in given.items():
+            if value < smallest or (largest is not None and value > largest):
+                raise InputError(f"{option}{split} {value}: choose {smallest} to {largest or 'what there is'}")
+    order = Order(
+        scene,
+        *(fitted(scene) if scene.file is not None and scene.load is None else normalised(scene)),
+        resolution,
+        {split: counts[split] for split in SPLITS},
+        {split: spp[split] for split in SPLITS},
+    )
+    if not sum(counts.values()):
+        raise InputError(f"no view of {scene.name} was asked for; choose at least one")
+    for split in SPLITS:
+        order.poses(split)
+    return order
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether every file of the view set is there and whole; False for anything else, whatever is wrong with it."""
+    return folder.is_dir() and first_fault(folder) is None
+
+
+def first_fault(folder: Path) -> str | None:
+    """What is wrong with a stored view set, for a message; None where it is whole."""
+    try:
+        check_all(folder)
+    except InputError as error:
+        return str(error).split("; ")[0]
+    except (OSError, KeyError, TypeError) as error:
+        return f"{folder}: {type(error).__name__}: {error}"
+    return None
+
+
+def write_view_set(
+    folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
+) -> None:
+    """Renders into an existing, empty folder, but what is sound in one of `donors`; the manifest is written last."""
+    from scenes.rendering.render import LoadedScene, render_views, seed_from
+
+    scene, started = order.scene, time.perf_counter()
+    size = order.resolution
+    loaded = LoadedScene(
+        order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
+        emitters_seen=scene.emitters_seen, box=scene.box, load=scene.load,
+    )  # fmt: skip
+    if scene.file is not None and np.linalg.norm(np.abs(loaded.box()).max(axis=0)) > RADIUS - scene.near:
+        low, high = loaded.box().tolist()
+        raise InputError(
+            f"{scene.file}: reaches from {low} to {high}, nearer to the cameras, {RADIUS:.4g} from the origin, "
+            f"than near, {scene.near:g}; scale it to fit"
+        )
+    files: list[Path] = []
+    views: dict[str, Any] = {}
+    listed: dict[str, tuple[list[str], np.ndarray]] = {}
+    digest = order.digest(variant.name)
+    names = [f"{split}/r_{number}" for split in SPLITS for number in range(order.counts[split])]
+    kept = salvaged(folder, list(donors), digest, names)
+    standing = standings(order.counts, order.spp, kept)
+    if progress:
+        progress(next(standing))
+    earlier = sum(one.get("seconds", 0.0) for one in kept.values())
+    seen = lit = False
+    for split in SPLITS:
+        if not order.counts[split]:
+            continue
+        (folder / split).mkdir(exist_ok=True)
+        viewpoints, poses = order.poses(split)
+        names = [f"{split}/r_{number}" for number in range(len(poses))]
+        seeds = [seed_from(scene.name, split, int(viewpoint)) for viewpoint in viewpoints]
+        missing = [place for place, name in enumerate(names) if name not in kept]
+        rendered = render_views(
+            loaded, poses[missing], order.spp[split], [seeds[i] for i in missing], [names[i] for i in missing]
+        )
+        for name, viewpoint in zip(names, viewpoints, strict=True):
+            png, exr = folder / f"{name}.png", folder / f"{name}.exr"
+            files += [png, exr]
+            if name in kept:
+                seen, lit = seen or kept[name].get("seen", True), lit or kept[name].get("lit", True)
+                views[name] = {"noise_mse": kept[name]["noise_mse"], "viewpoint": int(viewpoint)}
+                continue
+            began = time.perf_counter()
+            view = next(rendered)
+            write_png(png, display_from_linear(view.rgba))
+            channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
+            channels["Z"] = view.depth
+            channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
+            channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
+            write_channels(exr, channels)
+            seen_here, lit_here = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
+            seen, lit = seen or seen_here, lit or lit_here
+            told = {"noise_mse": view.noise_mse, "seen": seen_here, "lit": lit_here}
+            note(folder, digest, name, {**told, "seconds": time.perf_counter() - began})
+            views[name] = {"noise_mse": view.noise_mse, "viewpoint": int(viewpoint)}
+            if progress:
+                progress(next(standing))
+        listing = transforms_file(folder, split)
+        write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
+        files.append(listing)
+        listed[split] = [f"{name}.png" for name in names], poses
+    if scene.file is not None and not (seen and lit):
+        what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
+        raise InputError(f"{scene.file}: {what}; mend the scene")
+    bounds = loaded.bounds()
+    region = Region(tuple(bounds.ravel().tolist()), scene.near, scene.far)
+    write_nerfstudio(folder / NERFSTUDIO, listed, (size, size), 0.5 * size / np.tan(0.5 * FOV_X_RADIANS), region)
+    files.append(folder / NERFSTUDIO)
+    described = bounds if order.similarity is None else order.similarity.inverse.points(bounds)
+    if loaded.placement is not None:
+        described = loaded.box_in_file
+    found = needs(order.description, bounds, _pixel_length(order, bounds), described)
+    if scene.load is not None:
+        found = cautious(found)
+    facts = {
+        "scene": scene.name,
+        "title": scene.title,
+        "digest": digest,
+        "near": scene.near,
+        "far": scene.far,
+        "bounds": bounds.tolist(),
+        "view_from": scene.view_from,
+        "resolution": order.resolution,
+        "counts": order.counts,
+        "empty_splits": [split for split in SPLITS if not order.counts[split]],
+        "spp": {split: loaded.actual_spp(order.spp[split]) for split in SPLITS},
+        "max_depth": scene.max_depth,
+        "emitters_seen": scene.emitters_seen,
+        "normalised": similarity_facts(loaded.placement or order.similarity),
+        "variant": variant.name,
+        "variant_why": variant.why,
+        "integrator": loaded.integrator_name,
+        "versions": {**versions(), "python": platform.python_version()},
+        "seconds": time.perf_counter() - started + earlier,
+        "needs": as_rows(found),
+        "left_out": left_out(found),
+        "views": views,
+    }
+    write_manifest(folder, facts, files)
+
+
+def _move_into_place(partial: Path, target: Path) -> None:
+    """Renames; what is in the way is kept if it is whole (another process was faster) and replaced if not."""
+    for _ in range(5):
+        try:
+            partial.rename(target)
+            return
+        except OSError as error:
+            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.EACCES) or not target.exists():
+                raise
+        if is_complete(target):
+            return
+        broken = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
+        try:
+            target.rename(broken / "broken")
+        except FileNotFoundError:
+            pass  # another process moved it away first
+        finally:
+            shutil.rmtree(broken, ignore_errors=True)
+    raise InputError(f"{target}: cannot be replaced, something keeps writing to it; remove it by hand")
+
+
+@contextmanager
+def _disk(cache: Path) -> Iterator[None]:
+    """Turns the system's refusal to write into an `InputError` that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        where = error.filename or cache
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise InputError(
+                f"{where}: the disk is full; free some space or choose another --view-sets folder"
+            ) from error
+        if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+            raise InputError(f"{where}: not writable; choose another --view-sets folder") from error
+        if error.errno in (errno.ENOTDIR, errno.EEXIST):
+            raise InputError(f"{where}: a file is in the way of a folder; choose another --view-sets folder") from error
+        raise InputError(f"{where}: cannot be written ({error.strerror}); choose another --view-sets folder") from error
+
+
+def _pixel_length(order: Order, bounds: np.ndarray) -> float:
+    """Of a pixel in the middle of the box, scene units, from the nearest camera."""
+    eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
+    focal = 0.5 * order.resolution / np.tan(0.5 * FOV_X_RADIANS)
+    return float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
+
+
+def _folder(cache: Path, order: Order, variant: str) -> Path:
+    return cache / f"{order.scene.name}-{order.resolution}px-{order.digest(variant)[:12]}"

@@ -1,0 +1,1 @@
+"""Posed images on disk, ours and those of other programs; imports `files`."""

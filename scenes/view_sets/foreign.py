@@ -1,0 +1,298 @@
+"""Path → reader: which of the field's formats posed images are in."""
+
+import math
+import tokenize
+import weakref
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets import nerfstudio
+from scenes.view_sets.images import read_image
+from scenes.view_sets.nerfstudio import read_nerfstudio
+from scenes.view_sets.source import Region, Source
+from scenes.view_sets.transforms import Frames, read_transforms, transforms_file
+from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
+
+TRAINED = 100
+TRAIN_SHARE = 0.9
+NEAR, FAR = 2.0, 6.0
+LARGEST_BYTES = 1 << 30
+"""Of one array, unpacked: 100 views of 800 × 800 are 0.77 GB."""
+LARGEST_PIXELS = 1 << 22
+"""Of one image: 2048 × 2048."""
+LARGEST_SMALL = 1 << 22
+"""Of an array that is read whole."""
+_PROBLEMS = (
+    OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, SyntaxError,
+    TypeError, MemoryError, tokenize.TokenError,
+)  # fmt: skip
+"""What reading a damaged archive may raise; the last ones by numpy, which parses a header as Python."""
+
+
+class Member:
+    """One array of the archive, read by its first index, in order at best."""
+
+    def __init__(self, file: Path, name: str, limit: int = LARGEST_BYTES) -> None:
+        """Raises `InputError` for a member that is missing, damaged, pickled, not of numbers or larger than `limit`."""
+        self.file, self.name = file, name
+        try:
+            archive = zipfile.ZipFile(file)
+            weakref.finalize(self, archive.close)
+            self._stream: IO[bytes] = archive.open(f"{name}.npy")
+            weakref.finalize(self, self._stream.close)
+            major, _ = np.lib.format.read_magic(self._stream)
+            read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+            self.shape, fortran, self.dtype = read(self._stream)
+            self._start = self._stream.tell()
+        except KeyError as error:
+            raise InputError(
+                f"{file}: holds no array {name!r}; a tiny-NeRF file has images, poses and focal"
+            ) from error
+        except _PROBLEMS as error:
+            raise InputError(f"{file}: {name} cannot be read ({_short(error)}); get the file again") from error
+        if self.dtype.kind not in "fiu" or fortran:
+            raise InputError(
+                f"{file}: {name} holds {self.dtype}{' in Fortran order' if fortran else ''}; save plain numbers"
+            )
+        if any(length < 0 for length in self.shape) or math.prod(self.shape) * self.dtype.itemsize > limit:
+            raise InputError(
+                f"{file}: {name} is {self.shape} of {self.dtype}, more than {limit} bytes; make it smaller"
+            )
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        """The entry at `index`, float64; raises `InputError` where the archive is damaged or an entry not finite."""
+        size = math.prod(self.shape[1:]) * self.dtype.itemsize
+        return self._read(self._start + index * size, size).reshape(self.shape[1:])
+
+    def whole(self) -> np.ndarray:
+        """Everything, float64; errors as for an entry."""
+        return self._read(self._start, math.prod(self.shape) * self.dtype.itemsize).reshape(self.shape)
+
+    def _read(self, offset: int, size: int) -> np.ndarray:
+        try:
+            self._stream.seek(offset)
+            data = self._stream.read(size)
+        except _PROBLEMS as error:
+            raise InputError(f"{self.file}: {self.name} is damaged ({_short(error)}); get the file again") from error
+        if len(data) != size:
+            raise InputError(f"{self.file}: {self.name} is cut off; get the file again")
+        values = np.frombuffer(data, dtype=self.dtype).astype(np.float64)
+        if not np.isfinite(values).all():
+            raise InputError(f"{self.file}: {self.name} holds NaN or infinity; give finite numbers")
+        return values
+
+
+def read_tiny_nerf(file: Path) -> Source:
+    """Raises `InputError`, naming file, array and remedy, for whatever cannot be trusted."""
+    images, poses = Member(file, "images"), Member(file, "poses", LARGEST_SMALL)
+    if len(images.shape) != 4 or images.shape[3] not in (3, 4) or 0 in images.shape:
+        raise InputError(f"{file}: images is {images.shape}; it must be [views, height, width, 3]")
+    count, height, width, _ = images.shape
+    if height * width > LARGEST_PIXELS:
+        raise InputError(f"{file}: images of {width} × {height} pixels; no more than {LARGEST_PIXELS} are read")
+    if poses.shape != (count, 4, 4):
+        raise InputError(f"{file}: poses is {poses.shape}; it must be {(count, 4, 4)}, a camera for each image")
+    focal = Member(file, "focal", LARGEST_SMALL)
+    if math.prod(focal.shape) != 1 or not (length := float(focal.whole().ravel()[0])) > 0:
+        raise InputError(f"{file}: focal must be one positive number of pixels")
+    fov = 2 * math.atan(0.5 * width / length)
+    check_field_of_view(fov, f"{file}: focal {length}")
+    cameras = poses.whole()
+    check_poses(cameras, [f"{file}: pose {number}" for number in range(count)])
+    names = _names(file)
+    splits, notes = _splits(file, names, count)
+    alpha = Member(file, "alpha") if "alpha" in names else None
+    if alpha is not None and alpha.shape != images.shape[:3]:
+        raise InputError(f"{file}: alpha is {alpha.shape}; it must be {images.shape[:3]}, as the images are")
+    if alpha is None and images.shape[3] == 3:
+        notes.append(f"{file.name} has no alpha: its images count as wholly covered, their background included.")
+    if "distances" not in names:
+        notes.append(f"Near {NEAR:g} and far {FAR:g} as in the notebook; --near and --far say better.")
+    if "bounds" not in names:
+        notes.append("Bounds are found from the cameras; --bounds says better.")
+    # names in the archive, as files of a folder would be named
+    files = [file.resolve() / "images" / str(number) for number in range(count)]
+    largest = 255.0 if images.dtype.kind in "iu" else 1.0
+
+    def pixels(name: Path) -> np.ndarray:
+        number = int(name.name)
+        colour = images[number] / largest
+        if colour.min() < -1e-6 or colour.max() > 1 + 1e-6:
+            raise InputError(
+                f"{file}: image {number} has values {colour.min():.3g} … {colour.max():.3g}; they must lie in 0 … 1"
+            )
+        rgba = colour if colour.shape[2] == 4 else np.concatenate([colour, np.ones((height, width, 1))], axis=-1)
+        if alpha is not None:
+            covered = np.clip(alpha[number], 0.0, 1.0)[..., None]
+            straight = np.where(covered > 0, rgba[..., :3] / np.where(covered > 0, covered, 1.0), 0.0)
+            rgba = np.concatenate([straight, covered], axis=-1)
+        return np.clip(rgba, 0.0, 1.0).astype(np.float32)
+
+    return Source(
+        name=file.stem,
+        frames=lambda split: (
+            Frames(fov, [files[i] for i in splits[split]], cameras[splits[split]]) if splits.get(split) else None
+        ),
+        pixels=pixels,
+        region=_region(file, names),
+        notes=tuple(notes),
+    )
+
+
+def write_tiny_nerf(
+    file: Path, rgba: Any, camera_to_world: np.ndarray, focal: float, train: int, region: Region
+) -> None:
+    """`rgba`: straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
+    written over black, which is what the notebook's renderer has where nothing is.
+    """
+    colours, alphas = [], []
+    for image in rgba:
+        colours.append(image[..., :3] * image[..., 3:])
+        alphas.append(image[..., 3])
+    count = len(camera_to_world)
+    arrays = {} if region.bounds is None else {"bounds": np.array(region.bounds)}
+    arrays |= dict(
+        images=np.array(colours, dtype=np.float32),
+        poses=camera_to_world,
+        focal=np.array(focal),
+        alpha=np.array(alphas, dtype=np.float32),
+        i_train=np.arange(train),
+        i_test=np.arange(train, count),
+        distances=np.array([region.near or NEAR, region.far or FAR]),
+    )
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w") as target:
+                np.lib.format.write_array(target, array, allow_pickle=False)
+
+
+def _names(file: Path) -> set[str]:
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except _PROBLEMS as error:
+        raise InputError(f"{file}: cannot be read ({_short(error)}); get the file again") from error
+
+
+def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int]], list[str]]:
+    """Split → indices of its views, and what was assumed."""
+    if {"i_train", "i_test"} <= names:
+        splits = {name: _indices(file, f"i_{name}", count) for name in ("train", "test")}
+        if set(splits["train"]) & set(splits["test"]):
+            raise InputError(f"{file}: i_train and i_test share views; a score on them would mean nothing")
+        return splits, []
+    if count > TRAINED:
+        return {"train": list(range(TRAINED)), "test": list(range(TRAINED, count))}, [
+            f"The first {TRAINED} images train, as in the notebook; the other {count - TRAINED} test."
+        ]
+    train = math.ceil(count * TRAIN_SHARE)
+    if train == count:
+        raise InputError(f"{file}: {count} images are too few to hold any out for testing; give ten or more")
+    chosen = np.linspace(0, count - 1, train, dtype=int).tolist()
+    others = sorted(set(range(count)) - set(chosen))
+    return {"train": chosen, "test": others}, [f"{train} of {count} images, evenly spread, train and the others test."]
+
+
+def _indices(file: Path, name: str, count: int) -> list[int]:
+    values = Member(file, name, LARGEST_SMALL).whole().ravel()
+    if len(set(values.tolist())) != len(values) or (values != np.floor(values)).any():
+        raise InputError(f"{file}: {name} must list each view once, by its number")
+    if not len(values) or values.min() < 0 or values.max() >= count:
+        raise InputError(f"{file}: {name} must name views from 0 to {count - 1}, at least one")
+    return sorted(int(value) for value in values)
+
+
+def _region(file: Path, names: set[str]) -> Region:
+    bounds = tuple(Member(file, "bounds", LARGEST_SMALL).whole().ravel().tolist()) if "bounds" in names else None
+    near, far = (NEAR, FAR)
+    if "distances" in names:
+        given = Member(file, "distances", LARGEST_SMALL).whole().ravel()
+        if len(given) != 2:
+            raise InputError(f"{file}: distances must be two numbers, near and far")
+        near, far = given.tolist()
+    try:
+        return Region(bounds, near, far)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__
+
+
+BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
+"""The field's habit for the NeRF synthetic scenes; the format itself says nothing."""
+
+KNOWN = (
+    "a view set is a folder with transforms_train.json (Blender format) or "
+    f"{nerfstudio.NAME} (nerfstudio), or a tiny-NeRF .npz file"
+)
+
+
+def source_of(path: Path) -> Source:
+    """The reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
+
+    Raises `InputError` for a path that is none of these, and where what was found there cannot be trusted.
+    """
+    return READERS[format_of(path)](path)
+
+
+def check_listed(path: Path) -> None:
+    """Reads which views there are and where their cameras stand, but no image. Raises `InputError` as `source_of`."""
+    source = source_of(path)
+    for split in SPLITS:
+        source.frames(split)
+
+
+def format_of(path: Path) -> str:
+    """A key of `READERS`, by names alone: nothing is opened. Raises `InputError` for a path that is no view set."""
+    if path.is_dir():
+        if any(transforms_file(path, split).exists() for split in ("train", "test")):
+            return "Blender"
+        if (path / nerfstudio.NAME).is_file():
+            return "nerfstudio"
+        raise InputError(f"{path}: no view set; {KNOWN}")
+    if not path.exists():
+        raise InputError(f"{path}: no such folder; {KNOWN}")
+    if path.name == nerfstudio.NAME:
+        return "nerfstudio"
+    if path.suffix.lower() == ".npz":
+        return "tiny NeRF"
+    raise InputError(f"{path}: not a view set; name a folder, a {nerfstudio.NAME} or an .npz file")
+
+
+def read_blender(folder: Path) -> Source:
+    """The three files of the Blender format; `val` need not be there."""
+
+    def frames(split: str) -> Frames | None:
+        missing = split == "val" and not transforms_file(folder, split).exists()
+        return None if missing else read_transforms(folder, split)
+
+    return Source(folder.resolve().name, frames, _rgba, BLENDER_REGION)
+
+
+READERS: dict[str, Callable[[Path], Source]] = {
+    "Blender": read_blender,
+    "nerfstudio": lambda path: read_nerfstudio(path if path.is_dir() else path.parent),
+    "tiny NeRF": read_tiny_nerf,
+}
+"""By format."""
+
+
+def _rgba(file: Path) -> np.ndarray:
+    pixels = read_image(file)
+    if pixels.shape[2] == 2:
+        pixels = pixels[..., [0, 0, 0, 1]]
+    if pixels.shape[2] != 4:
+        raise InputError(
+            f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, because what is not covered is not to "
+            f"be learnt: save them as PNG with an alpha channel, or list them in a {nerfstudio.NAME}, where images "
+            "without alpha count as wholly covered"
+        )
+    return pixels

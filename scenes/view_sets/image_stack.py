@@ -1,0 +1,108 @@
+"""Images of one size in a temporary file: what is read from it takes memory, and nothing else does.
+
+The file has no name, so it is gone with the process that holds it, however that ends. It is read and written, not
+mapped into memory: where a mapped disk is full or fails, the process is killed instead of told, and mapped pages
+count as the process's own. The system keeps in spare memory what is read often, and drops it when others need that.
+"""
+
+import errno
+import math
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import IO, SupportsIndex
+
+import numpy as np
+
+from scenes.files.errors import InputError
+
+
+class ImageStack:
+    """float32 [images, height, width, …], appended one image at a time, read by image or by pixel."""
+
+    def __init__(self, image_shape: tuple[int, ...], folder: Path | None = None) -> None:
+        """`folder` holds the file and should be on a disk; None: the system's temporary folder, which may be memory."""
+        self.image_shape = image_shape
+        self._folder = folder
+        self._file: IO[bytes] | None = None
+        self._count = 0
+
+    @staticmethod
+    def of(images: Iterable[np.ndarray], folder: Path | None = None) -> "ImageStack":
+        """A stack of at least one image; errors as in `append`."""
+        first, *others = images
+        stack = ImageStack(first.shape, folder)
+        for image in (first, *others):
+            stack.append(image)
+        return stack
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (self._count, *self.image_shape)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: SupportsIndex) -> np.ndarray:
+        """One image, a copy of its own."""
+        number = range(self._count)[index]
+        size = 4 * math.prod(self.image_shape)
+        return _floats([self._read(size, number * size)]).reshape(self.image_shape)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return (self[index] for index in range(self._count))
+
+    def pixels(self, index: np.ndarray) -> np.ndarray:
+        """[pixels, …] of the pixels [pixels], numbered through all images row by row."""
+        size = 4 * math.prod(self.image_shape[2:])
+        found = _floats([self._read(size, offset) for offset in (index * size).tolist()])
+        return found.reshape(len(index), *self.image_shape[2:])
+
+    def append(self, image: np.ndarray) -> None:
+        """Raises `InputError`, naming the folder, where nothing can be written there or its disk is full."""
+        if image.shape != self.image_shape:
+            raise ValueError(f"an image of {image.shape} among those of {self.image_shape}")
+        data = np.ascontiguousarray(image, dtype=np.float32).data.cast("B")
+        try:
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115
+                weakref.finalize(self, self._file.close)
+            while data:
+                # a disk that fills up takes part of it first, and says so at the next call
+                data = data[self._file.write(data) :]
+        except OSError as error:
+            raise _refused(self._folder, error.strerror or str(error)) from error
+        self._count += 1
+
+    def _read(self, size: int, offset: int) -> bytes:
+        """Raises `OSError` where the disk fails or gives less than was written."""
+        assert self._file is not None
+        data = os.pread(self._file.fileno(), size, offset)
+        if len(data) < size:
+            raise OSError(errno.EIO, f"{len(data)} of {size} bytes were read", str(self._folder))
+        return data
+
+
+def require_room(image_shapes: Sequence[tuple[int, ...]], images: int, folder: Path | None) -> None:
+    """Raises `InputError` where the disk has no room for stacks of so many: it need not be filled up to find out."""
+    needed = images * sum(4 * math.prod(shape) for shape in image_shapes)
+    try:
+        free = shutil.disk_usage(folder or tempfile.gettempdir()).free
+    except OSError as error:
+        raise _refused(folder, error.strerror or str(error)) from error
+    if needed > free:
+        raise _refused(folder, f"they take {needed >> 20} MiB, {free >> 20} MiB are free")
+
+
+def _refused(folder: Path | None, reason: str) -> InputError:
+    return InputError(
+        f"{folder or 'temporary folder'}: the decoded images cannot be put there ({reason}); make room, "
+        "name an --out on another disk, or choose a smaller --resolution"
+    )
+
+
+def _floats(parts: list[bytes]) -> np.ndarray:
+    return np.frombuffer(bytearray().join(parts), dtype=np.float32)

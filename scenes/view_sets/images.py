@@ -1,0 +1,162 @@
+"""Image files ↔ arrays through OpenImageIO. Row 0 is on top; nothing is converted but integers to 0 … 1."""
+
+import errno
+import os
+import zlib
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from scenes.files.errors import InputError
+
+LARGEST_VALUES = 208 * 1024 * 1024
+"""An image with more values, pixels times channels, is refused before it is read: 4096 × 4096 in 13 channels, as large
+as the largest of our own, which takes 832 MiB."""
+MOST_CHANNELS = 64
+
+
+def read_image(file: Path) -> np.ndarray:
+    """The first image of a file as float32 [h, w, channels]: integers divided by their largest, alpha as stored.
+
+    Raises `InputError`, naming the file, where it is missing, empty, truncated, no image or absurdly large.
+    """
+    return _read(file)[0]
+
+
+def read_channels(file: Path) -> dict[str, np.ndarray]:
+    """The channels of a (multi-channel EXR) file by name, float32 [h, w] each; errors as in `read_image`."""
+    pixels, names = _read(file)
+    return {name: pixels[..., index] for index, name in enumerate(names)}
+
+
+def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    if not file.is_file():
+        raise InputError(f"{file}: this image is missing")
+    if file.stat().st_size == 0:
+        raise InputError(f"{file}: this image file is empty; get it again")
+    if file.suffix.lower() == ".png":
+        _check_png(file)
+    try:
+        return _decoded(file)
+    except UnicodeDecodeError as error:  # OpenImageIO passes a damaged name on in what it says
+        raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
+
+
+def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    oiio = _openimageio()
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored
+    source = oiio.ImageInput.open(str(file), config)
+    if source is None:
+        raise InputError(f"{file}: not an image that can be read ({_reason(oiio.geterror())})")
+    try:
+        spec = source.spec()
+        if spec.width < 1 or spec.height < 1 or spec.depth > 1 or spec.nchannels < 1:
+            raise InputError(f"{file}: {spec.width} × {spec.height} × {spec.depth} pixels is not a flat image")
+        if spec.width * spec.height * spec.nchannels > LARGEST_VALUES or spec.nchannels > MOST_CHANNELS:
+            raise InputError(
+                f"{file}: {spec.width} × {spec.height} pixels in {spec.nchannels} channels is larger than the "
+                f"{LARGEST_VALUES} values in {MOST_CHANNELS} channels that are read; make it smaller"
+            )
+        pixels = source.read_image(oiio.FLOAT)
+        failure = source.geterror()
+        if pixels is None or failure:
+            raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
+        shape = (spec.height, spec.width, spec.nchannels)
+        return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames)
+    finally:
+        source.close()
+
+
+def _check_png(file: Path) -> None:
+    """Raises `InputError` unless the chunks of the PNG are whole: libpng itself would also print to the terminal."""
+    data = file.read_bytes()
+    if data[:8] != b"\x89PNG\r\n\x1a\n":
+        raise InputError(f"{file}: not an image that can be read (no PNG signature)")
+    start = 8
+    while start + 12 <= len(data):
+        length = int.from_bytes(data[start : start + 4], "big")
+        body, checksum = data[start + 4 : start + 8 + length], data[start + 8 + length : start + 12 + length]
+        if len(checksum) < 4 or zlib.crc32(body) != int.from_bytes(checksum, "big"):
+            break
+        if body[:4] == b"IEND":
+            return
+        start += 12 + length
+    raise InputError(f"{file}: this image is truncated or damaged (at byte {start} of {len(data)}); get it again")
+
+
+def write_png(file: Path, display: np.ndarray) -> None:
+    """Straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, read back to be sure.
+
+    Raises `OSError` where it cannot be written.
+    """
+    levels = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+    oiio = _openimageio()
+    spec = oiio.ImageSpec(levels.shape[1], levels.shape[0], levels.shape[2], oiio.UINT8)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("oiio:ColorSpace", "sRGB")
+    _write(file, spec, levels)
+    _check_written(file, levels, 255.0)
+
+
+def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
+    """Named float32 channels [h, w] as an EXR file, float as they are, read back to be sure.
+
+    Raises `OSError` where it cannot be written.
+    """
+    pixels = np.stack(list(channels.values()), axis=-1).astype(np.float32)
+    oiio = _openimageio()
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
+    spec.channelnames = tuple(channels)
+    spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "1970:01:01 00:00:00")  # else that of writing: equal pixels make equal files
+    _write(file, spec, pixels)
+    _check_written(file, pixels, 1.0)
+
+
+def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
+    oiio = _openimageio()
+    target = oiio.ImageOutput.create(str(file))
+    if target is None:
+        raise OSError(errno.EINVAL, _reason(oiio.geterror()), str(file))
+    written = target.open(str(file), spec) and target.write_image(np.ascontiguousarray(pixels))
+    # a full disk shows when the file is closed, if not before
+    if not (target.close() and written):
+        raise OSError(_cause(file), _reason(target.geterror()), str(file))
+    if not file.is_file():
+        raise OSError(errno.EIO, "nothing was written", str(file))
+
+
+def _check_written(file: Path, pixels: np.ndarray, scale: float) -> None:
+    """Raises `OSError` unless the file holds the pixels; OpenImageIO does not notice a full disk for every format."""
+    try:
+        found = _read(file)[0] * np.float32(scale)
+    except InputError as error:
+        raise OSError(_cause(file), f"what was written cannot be read back: {error}", str(file)) from error
+    if not np.array_equal(np.round(found) if pixels.dtype == np.uint8 else found, pixels, equal_nan=True):
+        raise OSError(_cause(file), "what was written is not what is read back", str(file))
+
+
+def _cause(file: Path) -> int:
+    """The system's error number, which OpenImageIO does not pass on, found by writing a byte."""
+    try:
+        with file.open("ab") as handle:
+            handle.write(b"\0" * 65536)
+            handle.flush()
+            os.fsync(handle.fileno())
+    except OSError as error:
+        return error.errno or errno.EIO
+    return errno.EIO
+
+
+def _reason(said: str) -> str:
+    printable = "".join(letter if letter.isprintable() else " " for letter in said)  # it passes on what files hold
+    return " ".join(printable.split())[:200] or "no reason given"
+
+
+def _openimageio() -> ModuleType:
+    """Imported where it is used: reading a manifest or listing scenes must not pay for it."""
+    import OpenImageIO
+
+    return OpenImageIO

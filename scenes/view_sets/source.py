@@ -1,0 +1,135 @@
+"""What a reader of posed images gives, whatever the format, and where what its cameras look at lies.
+
+`scenes.view_sets.foreign` finds the reader of a path.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets.transforms import Frames
+from scenes.view_sets.viewpoints import SPLITS
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where what is seen lies; None: not said. Raises `InputError` for a box or distances that are none."""
+
+    bounds: tuple[float, ...] | None = None
+    """Lower corner, then upper corner: six numbers."""
+    near: float | None = None
+    far: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.bounds is not None:
+            box = self.bounds
+            if len(box) != 6 or not all(map(math.isfinite, box)) or any(box[i] >= box[i + 3] for i in range(3)):
+                raise InputError(f"bounds {list(box)}: give two finite corners, x y z each, the lower one first")
+        near, far = (0.0 if self.near is None else self.near), (math.inf if self.far is None else self.far)
+        zero = self.near is not None and near <= 0
+        if zero or not near < far or math.isinf(near) or (self.far is not None and math.isinf(far)) or math.isnan(far):
+            raise InputError(f"near {self.near} and far {self.far}: distances must be positive, near the smaller one")
+
+    @property
+    def box(self) -> np.ndarray | None:
+        """float64 [2, 3]."""
+        return None if self.bounds is None else np.array(self.bounds, dtype=np.float64).reshape(2, 3)
+
+    def over(self, other: "Region") -> "Region":
+        """What is said here, else what `other` says."""
+        return Region(
+            other.bounds if self.bounds is None else self.bounds,
+            other.near if self.near is None else self.near,
+            other.far if self.far is None else self.far,
+        )
+
+
+@dataclass(frozen=True)
+class Source:
+    """Posed images of somebody: poses are read, pixels not yet."""
+
+    name: str
+    frames: Callable[[str], Frames | None]
+    """All views of a split, or None where it need not be there; raises `InputError` for what cannot be trusted."""
+    pixels: Callable[[Path], np.ndarray]
+    """Straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
+    region: Region
+    """As the format says it; what it leaves open is found from the cameras (`scenes.view_sets.source`)."""
+    notes: tuple[str, ...] = ()
+    """What was assumed, a sentence each: whoever trains on it should know."""
+
+
+ASK = "say where the scene lies with --bounds X0 Y0 Z0 X1 Y1 Z1"
+LEAST_IN_FRONT = 0.9
+"""Share of the cameras that must look towards the common point."""
+LEAST_SPREAD = 1e-4
+"""Smallest eigenvalue of the mean projector across the views: cameras that all look one way have no common point."""
+LEAST_NEAR = 0.02
+"""Of far, where a camera stands in the box or close to it."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A region of which nothing is open."""
+
+    box: np.ndarray
+    """float64 [2, 3]."""
+    near: float
+    far: float
+
+
+def completed(said: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path) -> Place:
+    """`said`, and what it leaves open found from all cameras of all splits, whichever of them are read now: every
+    reader of a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at` does.
+    """
+    box, near, far = said.box, said.near, said.far
+    if box is None or near is None or far is None:
+        poses = np.concatenate([one.camera_to_world for split in SPLITS if (one := source.frames(split))])
+        box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box
+        nearest, farthest = distances_to(box, poses)
+        near = min(nearest, 0.5 * (far or math.inf)) if near is None else near
+        far = max(farthest, 2 * near) if far is None else far
+    return Place(box, near, far)
+
+
+def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, where: str) -> np.ndarray:
+    """A box [2, 3] that every pixel's ray of every camera [n, 4, 4] meets, about the point nearest to all axes.
+
+    `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (±1.5 is the field's habit,
+    which cuts the pictures' corners off). Raises `InputError`, which names `where`, for cameras that look at no common
+    point: side by side, or outwards.
+    """
+    o, d = camera_to_world[:, :3, 3], -camera_to_world[:, :3, 2]
+    across = np.eye(3) - d[:, :, None] * d[:, None, :]
+    total = across.sum(axis=0)
+    if np.linalg.eigvalsh(total)[0] < LEAST_SPREAD * len(o):
+        raise InputError(f"{where}: the cameras all look the same way, so what they look at is not known; {ASK}")
+    centre = np.linalg.solve(total, np.einsum("nij,nj->i", across, o))
+    ahead = np.einsum("ni,ni->n", centre - o, d) > 0
+    if ahead.mean() < LEAST_IN_FRONT:
+        raise InputError(
+            f"{where}: {int((~ahead).sum())} of {len(o)} cameras look away from the point that all axes pass; {ASK}"
+        )
+    half = np.array([math.tan(0.5 * fov_x_radians), aspect * math.tan(0.5 * fov_x_radians)])
+    corners = np.array([[x, y, -1.0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+    rays = np.einsum("nij,cj->nci", camera_to_world[ahead, :3, :3], corners)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    away = (centre - o[ahead])[:, None]
+    along = np.maximum(np.einsum("nci,nci->nc", np.broadcast_to(away, rays.shape), rays), 0.0)
+    radius = float(np.linalg.norm(away - along[..., None] * rays, axis=-1).max())
+    if not radius > 1e-9:
+        raise InputError(f"{where}: all cameras stand on one point, so nothing has a distance; {ASK}")
+    return np.array([centre - radius, centre + radius])
+
+
+def distances_to(box: np.ndarray, camera_to_world: np.ndarray) -> tuple[float, float]:
+    """Near and far: from the nearest camera to the box [2, 3], and from the farthest to its farthest corner."""
+    o = camera_to_world[:, :3, 3]
+    outside = np.maximum(np.maximum(box[0] - o, o - box[1]), 0.0)
+    farthest = np.maximum(np.abs(o - box[0]), np.abs(o - box[1]))
+    far = float(np.linalg.norm(farthest, axis=1).max())
+    return max(float(np.linalg.norm(outside, axis=1).min()), LEAST_NEAR * far), far

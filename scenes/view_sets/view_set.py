@@ -1,0 +1,327 @@
+"""A view set and how it is read: posed images in the Blender format, ours or anyone's, or as others have them.
+
+    FOLDER/transforms_{train,val,test}.json   poses (OpenGL axes), horizontal field of view
+    FOLDER/train/r_0.png                      display colour, straight alpha, 8 bit
+    FOLDER/train/r_0.exr                      ours: R G B A linear premultiplied, Z depth, N.{X,Y,Z} normal,
+                                              V.{R,G,B,A} variance of the estimate; all float
+    FOLDER/view_set.json                      ours: the manifest (`scenes.view_sets.manifest`), written last
+
+Where there is a manifest, the files must be the ones that it lists, and colour comes from the EXR files. Other formats
+have readers of their own (`scenes.view_sets.foreign`).
+"""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets.foreign import source_of
+from scenes.view_sets.image_stack import ImageStack, require_room
+from scenes.view_sets.images import read_channels
+from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
+from scenes.view_sets.pixels import (
+    area_average,
+    area_average_hits,
+    area_average_straight,
+    decode_srgb,
+    display_from_linear,
+    over_white,
+)
+from scenes.view_sets.source import Region, Source, completed
+from scenes.view_sets.transforms import Frames, transforms_file
+from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
+
+CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
+"""Of our EXR files, as far as they are read."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """The views of one split; n may be 0. Images are in a file and read one at a time or by pixels."""
+
+    names: tuple[str, ...]
+    """Path inside the folder without suffix, such as `test/r_0`."""
+    camera_to_world: np.ndarray
+    """float64 [n, 4, 4], OpenGL axes."""
+    rgba: ImageStack
+    """float32 [n, h, w, 4]: straight alpha, display colour, 0 … 1."""
+    depth: ImageStack | None = None
+    """float32 [n, h, w]: distance along the unit ray, mean over the pixel's hits, 0 where nothing was hit."""
+    normal: ImageStack | None = None
+    """float32 [n, h, w, 3]: world frame, unit, 0 where nothing was hit."""
+    noise_mse: np.ndarray | None = None
+    """float64 [n]: expected mean square error of the image over white that rendering noise causes, at this size."""
+
+
+@dataclass(frozen=True)
+class ViewSet:
+    """Posed images of one scene at one size."""
+
+    path: Path
+    name: str
+    title: str
+    width: int
+    height: int
+    fov_x_radians: float
+    near: float
+    far: float
+    bounds: np.ndarray
+    """float64 [2, 3]: everything that is seen lies in this box."""
+    train: Split
+    val: Split
+    test: Split
+    rendered: dict[str, Any] = field(default_factory=dict)
+    """What the manifest says about the rendering; empty for a folder that is not ours."""
+    repeated_views: tuple[str, ...] = ()
+    """Views whose camera another view has already, in whatever split, one line each: a reader of scores should know."""
+    notes: tuple[str, ...] = ()
+    """What was assumed of images that are not ours, a sentence each."""
+    content: str | None = None
+    """Digest of the cameras and the stored pixels that were read; None for a folder of ours, whose manifest has one."""
+
+    @property
+    def focal(self) -> float:
+        """Focal length in pixels."""
+        return 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
+
+
+def read_view_set(
+    folder: Path | str,
+    resolution: int | None = None,
+    splits: Sequence[str] = SPLITS,
+    train_count: int | None = None,
+    val_count: int | None = None,
+    test_count: int | None = None,
+    bounds: np.ndarray | None = None,
+    geometry: Sequence[str] = ("test",),
+    scratch: Path | None = None,
+    region: Region | None = None,
+) -> ViewSet:
+    """Reads a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
+
+    `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread subsets
+    and never exceed what there is. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
+    `region` overrule what the manifest or the format says, or what would be found from the cameras. The decoded images,
+    16 bytes a pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
+    (`scenes.view_sets.image_stack`). Raises `InputError`, which says what to do, for anything missing, malformed,
+    damaged or not supported, and where `scratch` has no room.
+    """
+    folder = Path(folder)
+    manifest = read_manifest(folder) if folder.is_dir() else {}
+    source = source_of(folder)
+    counts = {"train": train_count, "val": val_count, "test": test_count}
+    everything: dict[str, Frames] = {
+        split: frames for split in SPLITS if (frames := _frames(folder, split, source, manifest, splits))
+    }
+    found = {split: _chosen(frames, counts[split], split) for split, frames in everything.items()}
+    if not found:
+        raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
+    _check_apart(found, folder)
+    angles = {split: entry.fov_x_radians for split, entry in found.items()}
+    fov = next(iter(angles.values()))
+    if any(abs(angle - fov) > 1e-6 for angle in angles.values()):
+        raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
+    reader = _Reader(folder, resolution, manifest, source, scratch)
+    read = {split: reader.split(found[split], split in geometry) if split in found else None for split in SPLITS}
+    if reader.size is None or reader.stored is None:
+        raise InputError(f"{folder}: no view is left to read; ask for at least one")
+    given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
+    place = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
+    return ViewSet(
+        path=folder,
+        name=manifest["scene"] if manifest else source.name,
+        title=manifest["title"] if manifest else "",
+        width=reader.size[1],
+        height=reader.size[0],
+        fov_x_radians=fov,
+        near=place.near,
+        far=place.far,
+        bounds=place.box,
+        train=read["train"] or _empty(reader.size),
+        val=read["val"] or _empty(reader.size),
+        test=read["test"] or _empty(reader.size),
+        rendered=manifest,
+        repeated_views=_repeated(found),
+        notes=source.notes,
+        content=None if manifest else _content(found, reader),
+    )
+
+
+def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], splits: Sequence[str]) -> Frames | None:
+    """All views of a split that was asked for and is there."""
+    if split not in splits or (
+        split in manifest.get("empty_splits", []) and not transforms_file(folder, split).exists()
+    ):
+        return None
+    if manifest and (split != "val" or transforms_file(folder, split).exists()):
+        checked(folder, transforms_file(folder, split), manifest)
+    return source.frames(split)
+
+
+def _chosen(frames: Frames, count: int | None, split: str) -> Frames:
+    if count is None or count >= len(frames.files):
+        return frames
+    if count < 0:
+        raise InputError(f"{count} views of {split}: choose 0 or more")
+    chosen = evenly_spread(count, frames.camera_to_world)
+    return Frames(frames.fov_x_radians, [frames.files[i] for i in chosen], frames.camera_to_world[chosen])
+
+
+def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
+    """As the manifest says it, or else the format."""
+    if not manifest:
+        return source.region
+    try:
+        box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
+        return Region(tuple(box), float(manifest["near"]), float(manifest["far"]))
+    except InputError as error:
+        raise InputError(f"{folder}: {error}") from error
+
+
+def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
+    """Raises `InputError` where an image is both trained on and tested on."""
+    if "train" in frames and "test" in frames:
+        both = sorted(set(frames["train"].files) & set(frames["test"].files))
+        if both:
+            raise InputError(f"{folder}: {both[0]} is a training and a test view; a score on it would mean nothing")
+
+
+def _repeated(frames: dict[str, Frames]) -> tuple[str, ...]:
+    """One line for each view that has the camera of an earlier one, of its split or of the splits before it."""
+    if not frames:
+        return ()
+    names = [f"{split}: {file.name}" for split, entry in frames.items() for file in entry.files]
+    pairs = repeated(np.concatenate([entry.camera_to_world for entry in frames.values()]))
+    return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
+
+
+def _content(frames: dict[str, Frames], reader: "_Reader") -> str:
+    for split, entry in frames.items():
+        reader.content.update(f"{split} {len(entry.files)}\n".encode())
+        reader.content.update(np.ascontiguousarray(entry.camera_to_world, dtype=np.float64).tobytes())
+    return reader.content.hexdigest()
+
+
+def _empty(size: tuple[int, int]) -> Split:
+    return Split((), np.zeros((0, 4, 4)), ImageStack((*size, 4)))
+
+
+class _Reader:
+    """Reads views of one folder one after another and holds them to one size."""
+
+    def __init__(
+        self, folder: Path, resolution: int | None, manifest: dict[str, Any], source: Source, scratch: Path | None
+    ) -> None:
+        if resolution is not None and resolution < 1:
+            raise InputError(f"resolution {resolution}: choose 1 pixel or more")
+        self.folder, self.resolution, self.manifest, self.scratch = folder, resolution, manifest, scratch
+        self.source = source
+        self.stored: tuple[int, int] | None = None
+        self.size: tuple[int, int] | None = None
+        """Height and width after resizing."""
+        self.content = hashlib.blake2b(digest_size=32)
+        """Of the stored pixels, in the order in which they are read, where they are not ours."""
+
+    def split(self, frames: Frames, geometry: bool) -> Split:
+        names: list[str] = []
+        stacks: list[ImageStack] = []
+        noise: list[float] = []
+        for file in frames.files:
+            name = self._name(file)
+            names.append(name)
+            images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
+            if not stacks:
+                require_room([image.shape for image in images], len(frames.files), self.scratch)
+                stacks = [ImageStack(image.shape, self.scratch) for image in images]
+            for stack, image in zip(stacks, images, strict=True):
+                stack.append(image)
+            if self.manifest:
+                shrink = (self.size[1] / self.stored[1]) ** 2 if self.size and self.stored else 1.0
+                if name not in self.manifest["views"]:
+                    raise DamagedViewSet(f"{file}: not among the views of {NAME}; render the view set again")
+                noise.append(self.manifest["views"][name]["noise_mse"] * shrink)
+        if not stacks:
+            stacks = [ImageStack((*(self.size or (1, 1)), 4))]
+        depth, normal = stacks[1:] or (None, None)
+        return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
+
+    def _name(self, file: Path) -> str:
+        root = self.folder.resolve()
+        return file.relative_to(root if file.is_relative_to(root) else root.parent).with_suffix("").as_posix()
+
+    def _foreign(self, file: Path) -> np.ndarray:
+        pixels = self.source.pixels(file)
+        self._fits(file, pixels.shape[:2])
+        self.content.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
+        width = self._width()
+        return pixels if width == pixels.shape[1] else area_average_straight(pixels, width)
+
+    def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
+        """Colour, then depth and normals where `geometry` is wanted."""
+        exr = file.with_suffix(".exr")
+        channels = read_channels(checked(self.folder, exr, self.manifest))
+        if lacking := [name for name in CHANNELS if name not in channels]:
+            raise DamagedViewSet(f"{exr}: has no channel {' '.join(lacking)}; render the view set again")
+        linear = np.stack([channels[name] for name in "RGBA"], axis=-1)
+        self._fits(exr, linear.shape[:2])
+        resized = self._width() != linear.shape[1]
+        rgba = display_from_linear(area_average(linear, self._width()) if resized else linear)
+        if not geometry:
+            return [rgba]
+        depth = channels["Z"]
+        normal = np.stack([channels[name] for name in ("N.X", "N.Y", "N.Z")], axis=-1)
+        if resized:
+            hits = np.where(depth > 0, np.maximum(linear[..., 3], 1e-3), 0.0)
+            depth = area_average_hits(depth[..., None], hits, self._width())[..., 0]
+            normal = area_average_hits(normal, hits, self._width())
+            length = np.linalg.norm(normal, axis=-1, keepdims=True)
+            normal = normal / np.where(length > 1e-6, length, 1.0)
+        return [rgba, depth, normal]
+
+    def _width(self) -> int:
+        assert self.stored is not None
+        return self.resolution or self.stored[1]
+
+    def _fits(self, file: Path, size: tuple[int, ...]) -> None:
+        height, width = size
+        if self.stored is None:
+            if self.resolution is not None and self.resolution > width:
+                raise InputError(
+                    f"{file}: {width} pixels wide, {self.resolution} were asked for; "
+                    f"enlarging adds nothing: choose --resolution {width} or less"
+                )
+            self.stored = (height, width)
+            scale = width / self._width()
+            self.size = (max(1, int(height / scale + 1e-9)), self._width())
+        if self.stored != (height, width):
+            raise InputError(
+                f"{file}: {width} × {height} pixels, but views before it have {self.stored[1]} × {self.stored[0]}; "
+                "all images of a view set must have one size"
+            )
+
+
+def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
+    """Linear light over white [height, width, 3] of the view `name` at the view set's size, not clipped; None where the
+    view set is not ours and holds display colour alone. Errors as in `read_view_set`.
+
+    Display colour is put over white, as everywhere (CONVENTIONS.md), and then decoded; what is brighter than white is
+    added. So an image that is the display colour has no error but where the light exceeds what display colour holds.
+    """
+    if "files" not in views.rendered:
+        return None
+    channels = read_channels(checked(views.path, views.path / f"{name}.exr", views.rendered))
+    rgba = np.stack([channels[channel] for channel in "RGBA"], axis=-1)
+    if rgba.shape[1] != views.width:
+        rgba = area_average(rgba, views.width)
+    return decode_srgb(over_white(display_from_linear(rgba))) + _beyond_white(rgba)
+
+
+def _beyond_white(rgba: np.ndarray) -> np.ndarray:
+    """How much more light [..., 3] comes from each pixel, linear and premultiplied, than if what covers it were white:
+    alpha · max(colour − 1, 0)."""
+    return np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)

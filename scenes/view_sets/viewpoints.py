@@ -1,0 +1,155 @@
+"""Where the cameras of a view set stand: the measured distribution of the NeRF synthetic set.
+
+Every camera is 4.0311 from the origin, looks at it, and has no roll. Training and validation views are random with
+a fixed seed per split; the test views are one spiral, the same in every scene.
+"""
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from scenes.files.errors import InputError
+
+Split = Literal["train", "val", "test"]
+SPLITS: tuple[Split, ...] = ("train", "val", "test")
+
+Z_AXIS = np.array([0.0, 0.0, 1.0])
+FOV_X_RADIANS = 0.6911112070083618
+RADIUS = float(np.hypot(4.0, 0.5))
+TILT = float(np.arctan2(0.5, 4.0))
+"""Elevation of the original rig at rest (7.125°): random elevations are turned up by it."""
+VIEW_COUNTS: dict[Split, int] = {"train": 100, "val": 100, "test": 200}
+_SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
+
+
+def camera_to_world(
+    split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere", count: int | None = None
+) -> np.ndarray:
+    """Poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200.
+
+    Raises `InputError` for a count that is negative or larger than the split.
+    """
+    poses = all_poses(split, view_from)
+    return poses if count is None else poses[evenly_spread(count, poses, f"{split} views")]
+
+
+def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere") -> np.ndarray:
+    """All poses of a split, float64 [views, 4, 4]."""
+    count = VIEW_COUNTS[split]
+    if split == "test":
+        k = np.arange(count)
+        azimuth = np.pi / 2 + np.radians(3.6) * k
+        elevation = TILT + 0.35 * (1 + np.cos(2 * np.pi * np.maximum(k - 1, 0) / count))
+    else:
+        generator = np.random.default_rng(_SEEDS[split])
+        azimuth = generator.uniform(0.0, 2 * np.pi, count)
+        elevation = np.arcsin(generator.uniform(-1.0, 1.0, count))
+        if view_from == "hemisphere":
+            elevation = np.abs(elevation)
+        elevation += TILT
+        past_pole = elevation > np.pi / 2
+        elevation = np.where(past_pole, np.pi - elevation, elevation)
+        azimuth = np.where(past_pole, azimuth + np.pi, azimuth)
+    return poses_on_sphere(azimuth, elevation)
+
+
+def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = RADIUS) -> np.ndarray:
+    """Cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians.
+
+    Written in angles, so that a camera right above the object has a direction for "up" as well.
+    """
+    sin_a, cos_a, sin_e, cos_e = np.sin(azimuth), np.cos(azimuth), np.sin(elevation), np.cos(elevation)
+    zero = np.zeros_like(sin_a)
+    right = np.stack([-sin_a, cos_a, zero], axis=-1)
+    up = np.stack([-sin_e * cos_a, -sin_e * sin_a, cos_e], axis=-1)
+    backward = np.stack([cos_e * cos_a, cos_e * sin_a, sin_e], axis=-1)
+    poses = np.zeros((len(sin_a), 4, 4))
+    poses[:, :3] = np.stack([right, up, backward, radius * backward], axis=-1)
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> np.ndarray:
+    """The camera [4, 4], OpenGL axes, that stands at `origin` [3], looks at `target` [3] and keeps `up` [3] upright.
+
+    Raises `InputError` for numbers that are not finite, an origin on the target, and an up without length or along
+    the view: for all of these Mitsuba's own look_at gives a matrix with which it renders a clean background.
+    """
+    o, at, upright = (np.asarray(vector, dtype=np.float64) for vector in (origin, target, up))
+    for name, vector in (("origin", o), ("target", at), ("up", upright)):
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise InputError(f"look_at: {name} is {vector.tolist()}; give three finite numbers")
+    distance = float(np.linalg.norm(o - at))
+    if distance <= 1e-9 * max(1.0, float(np.abs([o, at]).max())):
+        raise InputError(f"look_at: the camera stands on its target, {at.tolist()}; move one of them")
+    backward = (o - at) / distance
+    length = float(np.linalg.norm(upright))
+    right = np.cross(upright, backward)
+    if length == 0 or np.linalg.norm(right) < 1e-6 * length:
+        raise InputError(f"look_at: up {upright.tolist()} lies along the view; choose another direction for up")
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(backward, right), backward, o], axis=-1)
+    return pose
+
+
+def check_field_of_view(radians: float, where: str) -> None:
+    """Raises `InputError` unless it lies strictly between 0 and 180°; `where` names whose it is."""
+    if not 0 < radians < math.pi:
+        raise InputError(
+            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie "
+            "between 0 and π, that is 180°, both excluded"
+        )
+
+
+def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs (first, later) of cameras [n, 4, 4] that stand and look alike to within 1e-6."""
+    first: dict[bytes, int] = {}
+    pairs = []
+    for number, pose in enumerate(poses):
+        key = (np.round(pose, 6) + 0.0).tobytes()  # −0 becomes +0
+        if first.setdefault(key, number) != number:
+            pairs.append((first[key], number))
+    return pairs
+
+
+def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndarray:
+    """Indices [count], increasing, of `count` of the cameras [n, 4, 4], spread evenly over *azimuth*.
+
+    Every k-th of the test spiral would not do: every 25th of its 200 views has only four azimuths. Views are ordered
+    by azimuth about the z axis first. Half of the spiral or less gives as many azimuths as views, for any count; an
+    odd count alternates between its two turns. Raises `InputError` unless 0 ≤ count ≤ n.
+    """
+    if not 0 <= count <= len(poses):
+        raise InputError(f"{count} {what} were asked for; choose 0 to {len(poses)}, which is what there is")
+    azimuth = np.degrees(np.arctan2(poses[:, 1, 3], poses[:, 0, 3])) % 360.0
+    # rounded, so that the same azimuth one turn later is a tie whatever the last bit says
+    order = np.argsort(np.round(azimuth, 6) % 360.0, kind="stable")
+    return np.sort(order[np.arange(count) * len(poses) // max(count, 1)])
+
+
+def check_poses(poses: np.ndarray, names: list[str]) -> None:
+    """Raises `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation).
+
+    Mitsuba renders a clean background for a NaN matrix and never says so.
+    """
+    for pose, name in zip(poses, names, strict=True):
+        if not np.isfinite(pose).all():
+            raise InputError(f"{name}: its camera matrix holds NaN or infinity; give finite numbers")
+        rotation = pose[:3, :3]
+        if np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-6:
+            raise InputError(f"{name}: the last row of its camera matrix is {pose[3].tolist()}; it must be 0 0 0 1")
+        if np.abs(rotation).max() > 1e100:  # whose square would be infinite
+            raise InputError(f"{name}: its camera matrix is not a rotation: it holds {np.abs(rotation).max():.3g}")
+        off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+        if off > 1e-3 or np.linalg.det(rotation) < 0:
+            raise InputError(
+                f"{name}: its camera matrix is not a rotation and a translation (off by {off:.3g}, determinant "
+                f"{np.linalg.det(rotation):.3g}); scaled, mirrored and singular matrices cannot be rendered"
+            )
+        if np.abs(pose[:3, 3]).max() > 1e4:
+            raise InputError(
+                f"{name}: its camera stands at {pose[:3, 3].tolist()}; beyond 10 000 scene units single precision "
+                "no longer resolves the object: scale the scene to a few units"
+            )

@@ -1,0 +1,120 @@
+"""What TensorBoard reads back is what the records hold."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.__main__ import main
+from harness.command import board
+from harness.command.board import board_folder, require_tensorboard, write_board
+from harness.command.tensorboard_command import also_written
+from harness.execution.progress import Quiet
+from harness.records.cells import CellRecord, Checkpoint, write_cell
+from scenes.files.errors import InputError
+from tests.harness.shell import refused
+
+EDGES = [0.0, 0.25, 0.5, 1.0]
+
+
+def cell(method: str = "qnerf", **changes: Any) -> CellRecord:
+    density = {"edges": EDGES, "before": [0.5, 0.25, 0.25], "after": [0.0, 0.5, 0.5]}
+    curve = [
+        Checkpoint(20, 2.0, 1000, 20.5, 0.1, 0.8, density, 0.6, 1.0, flip=0.3),
+        Checkpoint(40, 4.5, 2000, 22.25, None, 0.9, density, 0.7, 1.1, flip=0.25, depth_rmse=0.4),
+    ]
+    trace: dict[str, list[float | None]] = {
+        "step": [1.0, 20.0, 30.0],
+        "loss": [0.5, 0.25, None],
+        "gradient_norm": [2.0, 1.0, 0.5],
+        "alpha": [0.61, 0.62, 0.63],
+    }
+    facts: dict[str, Any] = {
+        "scene": "ball", "method": method, "seed": 0, "status": "done", "reason": None, "steps": 40,
+        "train_seconds": 4.5, "scores": {"psnr": 22.25, "depth_rmse": None}, "curve": curve, "views": [],
+        "trace": trace, "parameters": {"total": 3}, "properties": {}, "warnings": [], "settings": {},
+        "provenance": {}, "pictures": None,
+    }  # fmt: skip
+    return CellRecord(**{**facts, **changes})
+
+
+def read_back(folder: Path) -> Any:
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    everything = {"scalars": 0, "images": 0, "histograms": 0, "tensors": 0}
+    found = accumulator.EventAccumulator(str(folder), size_guidance=everything)
+    found.Reload()
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _tensorboard() -> None:
+    pytest.importorskip("tensorboard")
+    pytest.importorskip("torch.utils.tensorboard")
+
+
+def test_scalars_are_those_of_the_record_on_the_cells_own_clock(tmp_path: Path) -> None:
+    found = read_back(write_board(tmp_path, cell()))
+
+    def series(tag: str) -> list[tuple[int, float, float]]:
+        return [(one.step, one.wall_time, pytest.approx(one.value)) for one in found.Scalars(tag)]
+
+    assert series("test/psnr") == [(20, 2.0, 20.5), (40, 4.5, 22.25)]
+    assert series("test/rmse_linear") == [(20, 2.0, 0.1)], "what is None is left out"
+    assert series("test/depth_rmse") == [(40, 4.5, 0.4)]
+    assert series("train/loss") == [(1, pytest.approx(0.1), 0.5), (20, 2.0, 0.25)]
+    assert series("train/gradient_norm")[2][:2] == (30, 3.25), "halfway between two checkpoints"
+    assert [value for *_, value in series("train/alpha")] == [0.61, 0.62, 0.63]
+    assert series("end/psnr") == [(40, 4.5, 22.25)]
+    assert not {"train/beta", "end/depth_rmse"} & set(found.Tags()["scalars"])
+
+
+def test_writing_again_replaces(tmp_path: Path) -> None:
+    for _ in range(2):
+        folder = write_board(tmp_path, cell())
+    assert len(list(folder.iterdir())) == 1
+    assert [one.name for one in folder.parent.iterdir()] == ["0"], "nothing half written is left beside"
+
+
+def test_a_cell_that_diverged_before_its_first_checkpoint_has_a_reason(tmp_path: Path) -> None:
+    found = read_back(
+        write_board(tmp_path, cell(status="diverged", reason="not finite", curve=[], trace={}, scores={}))
+    )
+    assert found.Tags()["scalars"] == []
+    assert b"diverged: not finite" in found.Tensors("cell/status/text_summary")[0].tensor_proto.string_val[0]
+
+
+def test_the_command_writes_every_cell_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for method in ("nerf", "qnerf"):
+        write_cell(tmp_path, cell(method))
+    assert main(["tensorboard", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.startswith("2 cells written")
+    assert len(read_back(board_folder(tmp_path, cell("nerf"))).Scalars("test/psnr")) == 2
+    assert "holds no cell" in refused(capsys, tmp_path / "nothing", command="tensorboard")
+
+
+def test_a_run_writes_each_cell_as_it_ends_and_those_from_before(tmp_path: Path) -> None:
+    write_cell(tmp_path, cell("nerf"))
+    told: list[CellRecord] = []
+    show = Quiet()
+    show.cell = told.append  # type: ignore[method-assign]
+    asked = argparse.Namespace(tensorboard=True)
+    wrapped = also_written(asked, tmp_path, show)
+    assert board_folder(tmp_path, cell("nerf")).is_dir()
+    wrapped.cell(cell("qnerf"))
+    wrapped.line("all else goes through")
+    assert told == [cell("qnerf")]
+    assert board_folder(tmp_path, cell("qnerf")).is_dir()
+    assert also_written(argparse.Namespace(tensorboard=False), tmp_path, show) is show
+
+
+def test_without_the_package_it_is_said_before_anything_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(board.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match="not installed"):
+        require_tensorboard("--tensorboard")
+    out = tmp_path / "out"
+    said = refused(capsys, "--profile", "smoke", "--tensorboard", "--out", out)
+    assert said.startswith("error: --tensorboard: the package tensorboard is not installed")
+    assert not out.exists()

@@ -1,0 +1,180 @@
+"""`python -m harness run`: what is wrong is said in one line, before anything is done."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from harness.__main__ import main
+from harness.execution.progress import Quiet
+from harness.execution.run import run
+from harness.plan.profiles import Machine, planned
+from harness.records.cells import read_cells, read_comparisons
+from harness.run_folder.output_folder import claim
+from tests.harness.bad_view_sets import SPOILT
+from tests.harness.shell import CELLS, TINY, refused, shell
+from tests.harness.trained_runs import in_this_process
+
+# bad input
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced stress ladder full"),
+        ("--scenes lego teapot", "unknown 'teapot'; known: "),
+        ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
+        ("--methods nerf nerf", "named twice"),
+        ("--seeds 0", "--seeds 0: must lie between"),
+        ("--seeds -1", "--seeds -1"),
+        ("--budget-steps 0", "--budget-steps 0"),
+        ("--budget-steps 99999999999", "--budget-steps 99999999999"),
+        ("--budget-seconds -2", "--budget-seconds -2"),
+        ("--budget-seconds nan", "--budget-seconds nan"),
+        ("--resolution 0", "--resolution 0"),
+        ("--resolution 100000", "--resolution 100000"),
+        ("--workers 0", "--workers 0"),
+        ("--workers 100000", "--workers 100000"),
+        ("--scenes lego --view-set x", "exclude each other"),
+        ("--dry-run --view-set nowhere", "--view-set nowhere: no such folder; a view set is a folder with transforms_"),
+        ("--dry-run --view-set .", "--view-set .: no view set; a view set is a folder with transforms_train.json"),
+        ("--executor ray --ray-address 192.0.2.9:1 --scenes teapot", "unknown 'teapot'"),
+    ],
+)
+def test_bad_options_are_said_in_one_line(
+    options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(capsys, "--quiet", *options.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("listing", ['{"camera_angle_x": 0.6}', '{"camera_angle_x": 0.6, "frames": []}', "{"])
+def test_what_a_view_set_lists_is_read_before_anything_is_planned(
+    listing: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "transforms.json").write_text(listing)
+    said = refused(capsys, "--dry-run", "--view-set", str(tmp_path))
+    assert f"--view-set {tmp_path}/transforms.json" in said
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "",
+        "walk",
+        "run --colour red",
+        "run --seeds many",
+        "run --device tpu",
+        "run --executor cloud",
+        "run lego",
+        "run --with x",
+    ],
+)
+def test_bad_usage_is_exit_code_2(arguments: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments.split())
+    assert caught.value.code == 2
+    assert "error: " in capsys.readouterr().err
+
+
+def test_a_gpu_that_is_not_there_is_missed_by_name(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    said = refused(capsys, "--device", "cuda", "--out", tmp_path / "run")
+    assert "--device cuda" in said
+    assert "sees no GPU" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("wrong", SPOILT)
+def test_a_bad_view_set_is_told_before_anything_is_done(
+    wrong: str, ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil, expected = SPOILT[wrong]
+    folder = tmp_path / "ball"
+    shutil.copytree(ball_folder, folder)
+    spoil(folder)
+    said = refused(capsys, *TINY, "--quiet", "--view-set", folder, "--out", tmp_path / "run")
+    assert expected in said
+    assert str(folder) in said
+    assert [file.name for file in tmp_path.iterdir()] == ["ball"], "the same command can be typed again"
+
+
+def test_a_view_set_that_is_not_there_and_one_too_small(
+    ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere = tmp_path / "nowhere"
+    assert "no such folder" in refused(capsys, *TINY, "--quiet", "--view-set", nowhere, "--out", tmp_path / "run")
+    said = refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", tmp_path / "run", "--resolution", "48")
+    assert "choose --resolution 24 or less" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_from_a_shell_there_is_no_traceback(tmp_path: Path) -> None:
+    ran = shell("--profile", "smoke", "--view-set", tmp_path / "nowhere", "--out", tmp_path / "run")
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1
+    assert "Traceback" not in ran.stderr + ran.stdout
+
+
+def test_an_output_folder_that_cannot_be_is_refused(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    (tmp_path / "out" / "earlier").mkdir(parents=True)
+    (tmp_path / "out" / "latest").symlink_to("earlier")
+    monkeypatch.chdir(tmp_path)
+    for out, expected in (
+        (file, "is a file"),
+        (file / "run", "cannot be written"),
+        (Path("/proc/run"), "cannot be written"),
+        (tmp_path / ("long" * 100), "cannot be written"),
+        (tmp_path, "in use by something else"),
+    ):
+        assert expected in refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", out)
+    assert file.read_text() == "mine"
+    assert (tmp_path / "out" / "latest").readlink() == Path("earlier")
+
+
+# other surfaces
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_the_same_command_can_be_typed_again(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
+    options = "run --profile smoke --resolution 24 --methods nerf --seeds 1 --budget-steps 2 --quiet --view-set"
+    folders = []
+    for _ in range(2):
+        assert main([*options.split(), str(ball_folder)]) == 0
+        folders.append((tmp_path / "out" / "latest").resolve())
+    assert folders[0] != folders[1]
+    assert all(folder.parent == tmp_path / "out" and folder.name.startswith("smoke-") for folder in folders)
+    assert [len(list(read_cells(folder))) for folder in folders] == [1, 1]
+    assert capsys.readouterr() == ("", ""), "--quiet"
+    nowhere = [*options.split(), str(tmp_path / "nowhere")]
+    assert main(nowhere) == 2
+    assert (tmp_path / "out" / "latest").resolve() == folders[1], "latest goes back to the last run that began"
+
+
+def test_a_diverged_cell_is_exit_code_3_and_stays_visible(ball_folder: Path, tmp_path: Path) -> None:
+    plan = planned("smoke", view_set=[ball_folder], methods=["nerf", "qnerf"], seeds=2, budget_steps=20, resolution=24)
+    plan = replace(plan, train=replace(plan.train, learning_rate=1e30, last_learning_rate=1e30, warm_up_steps=0))
+    claim(tmp_path / "run", plan, Machine("cpu", 1, 1), resume=False)
+    assert run(plan, tmp_path / "run", tmp_path, Machine("cpu", 1, 1), "none", Quiet()) == 3
+    cells = list(read_cells(tmp_path / "run"))
+    assert [(cell.method, cell.seed) for cell in cells] == CELLS
+    diverged = [cell for cell in cells if cell.status == "diverged"]
+    assert diverged
+    for cell in diverged:
+        assert (cell.reason or "").startswith(f"not finite at step {cell.steps}: ")
+    assert {row.verdict for row in read_comparisons(tmp_path / "run")} == {"inconclusive"}
+    assert sum(row.unpaired for row in read_comparisons(tmp_path / "run") if row.metric == "psnr") > 0

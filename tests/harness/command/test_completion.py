@@ -1,0 +1,73 @@
+"""The completion scripts in real shells: commands, options, scenes, methods and profiles."""
+
+import shutil
+import subprocess
+from functools import cache
+
+import pytest
+
+from harness.command.completion import SHELLS, script
+from harness.command.main import COMMANDS, main, parser
+
+ASK = """
+{script}
+COMP_WORDS=({words})
+COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+_shtab_harness
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+
+@cache
+def bash_script() -> str:
+    return script("bash", parser())
+
+
+@pytest.mark.parametrize(
+    ("words", "some", "none"),
+    [
+        ("harness ''", ["run", "doctor", "conformance", "view"], ["--methods"]),
+        ("harness do", ["doctor"], ["run"]),
+        ("harness run --tens", ["--tensorboard"], ["--seeds"]),
+        ("harness run --profile re", ["reduced"], ["smoke"]),
+        ("harness run --scenes l", ["lego"], ["hotdog"]),
+        ("harness run --methods nerf qnerf_t", ["qnerf_theorem"], ["nerf"]),
+        ("harness run --device c", ["cpu", "cuda"], ["auto"]),
+        ("harness conformance voxels", ["voxels_drjit"], ["nerf"]),
+    ],
+)
+def test_bash_completes(words: str, some: list[str], none: list[str]) -> None:
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash here")
+    text = ASK.format(script=bash_script(), words=words)
+    done = subprocess.run([bash, "--norc", "-c", text], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    found = done.stdout.split()
+    assert set(some) <= set(found)
+    assert not set(none) & set(found)
+
+
+def test_harness_is_what_is_completed_and_what_is_run() -> None:
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash here")
+    text = f'{bash_script()}\ncomplete -p harness\npython() {{ echo "$@"; }}\nharness run "a b"'
+    done = subprocess.run([bash, "--norc", "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["complete -o bashdefault -F _shtab_harness harness", "-m harness run a b"]
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_every_shell_gets_a_script_with_every_command(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    text = capsys.readouterr().out
+    for command in COMMANDS:
+        assert command in text
+
+
+def test_the_parser_that_is_used_is_left_as_it_was() -> None:
+    ours = parser()
+    script("bash", ours)
+    assert ours.prog == "python -m harness"
+    # a choice would refuse with other words than ours, and before a package is looked for
+    assert ours.parse_args(["run", "--methods", "no_such"]).methods == ["no_such"]

@@ -1,0 +1,62 @@
+"""Cells in training travel to the driver as they are kept, and with the next attempt to another node; without Ray."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from harness.execution.cluster.mailbox import Delivered, Kept, Message, Said
+from harness.execution.cluster.node_work import _kept_since
+from harness.execution.group import GroupTask
+from harness.execution.ray_executor import _Running, _told, _unfinished
+from harness.plan.schedule import Budget
+from tests.harness.cells import cell, checkpoint
+from tests.harness.tiny import SCORE, TRAIN, VIEWS
+
+KEY = ("ball", 0)
+NERF, QNERF = (f"unfinished/ball.{method}.0.safetensors" for method in ("nerf", "qnerf"))
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> GroupTask:
+    budget = Budget(24, None)
+    return GroupTask("ball", 0, ("nerf", "qnerf"), tmp_path / "v", VIEWS, TRAIN, SCORE, budget, "cpu", 1, tmp_path)
+
+
+def told(task: GroupTask, *messages: Message) -> list[str]:
+    """At the second attempt: what it says."""
+    events = _told(list(messages), {"reference": _Running(task, 2)})
+    return [event.notice for event in events if event.notice is not None]
+
+
+def test_what_a_node_keeps_is_kept_by_the_driver_and_goes_with_the_next_attempt(task: GroupTask) -> None:
+    said = told(task, Kept(KEY, 2, {NERF: b"old", QNERF: b"q"}), Said(KEY, 2, "goes on"), Kept(KEY, 2, {NERF: b"new"}))
+    assert said == ["goes on"]
+    assert _unfinished(task) == {NERF: b"new", QNERF: b"q"}
+
+
+def test_a_lost_attempt_overwrites_nothing(task: GroupTask) -> None:
+    told(task, Kept(KEY, 2, {NERF: b"new"}))
+    assert told(task, Kept(KEY, 1, {NERF: b"late"}), Said(KEY, 1, "late")) == []
+    assert _unfinished(task) == {NERF: b"new"}
+
+
+def test_a_delivered_cell_is_no_longer_kept(task: GroupTask) -> None:
+    done = cell("ball", "nerf", 0, [checkpoint(24, 1.0, 20.0)])
+    told(task, Kept(KEY, 2, {NERF: b"n", QNERF: b"q"}), Delivered(KEY, 2, done, {}))
+    assert _unfinished(task) == {QNERF: b"q"}
+    assert (task.out / "records/cells/ball.nerf.0.json").is_file()
+
+
+def test_a_node_sends_each_state_once(tmp_path: Path) -> None:
+    times: dict[Path, int] = {}
+    assert _kept_since(tmp_path, times) == {}
+    file = tmp_path / NERF
+    file.parent.mkdir()
+    (file.parent / f".{file.name}.7.part").write_bytes(b"half")
+    file.write_bytes(b"one")
+    assert _kept_since(tmp_path, times) == {NERF: b"one"}
+    assert _kept_since(tmp_path, times) == {}
+    file.write_bytes(b"two")
+    os.utime(file, ns=(1, 1))
+    assert _kept_since(tmp_path, times) == {NERF: b"two"}

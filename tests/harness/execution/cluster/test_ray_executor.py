@@ -1,0 +1,256 @@
+"""A real Ray cluster of a head and three nodes, of which one is killed while it trains."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.__main__ import main
+from harness.execution.cluster.connection import connect, disconnect, hardware
+from harness.execution.cluster.node_work import GroupOrder
+from harness.execution.group import GroupTask
+from harness.execution.local_executor import Event, run_locally
+from harness.execution.ray_executor import run_on_ray
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings
+from harness.records.cells import CellRecord, read_cells
+from scenes.files.errors import InputError
+from tests.harness.tiny import TRAIN, VIEWS
+
+SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=10, stored_views=1)
+"""The end of a cell takes a second: time enough to kill a node between two cells of one group."""
+
+pytestmark = pytest.mark.timeout(1800)
+"""On a busy machine Ray's many processes and twelve trainings take many minutes."""
+
+
+def test_without_ray_it_is_said_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert main(["run", "--profile", "smoke", "--executor", "ray", "--dry-run"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: --executor ray: Ray is not installed; `python -m pip install ray==")
+    assert said.count("\n") == 1
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A head that trains nothing and three nodes of one core, each with a temporary folder of its own."""
+    pytest.importorskip("ray", reason="the extra `ray` is not installed")
+    from ray._private import services
+    from ray.cluster_utils import Cluster
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        # on a busy machine: workers would wait for everything else, and Ray gives a node half a minute to start
+        patch.setenv("RAY_worker_niceness", "0")
+        for limit in ("health_check_timeout", "agent_register_timeout"):
+            patch.setenv(f"RAY_{limit}_ms", "300000")
+        patch.setattr(services, "get_node", patient(services.get_node))
+        found = Cluster()
+        found.add_node(num_cpus=0, include_dashboard=False, wait=False)
+        for number in range(3):
+            scratch = tmp_path_factory.mktemp(f"node{number}")
+            found.add_node(num_cpus=1, env_vars={"TMPDIR": str(scratch)}, wait=False)
+        yield found
+        disconnect()
+        found.shutdown()
+
+
+def patient(ask: Callable[..., Any]) -> Callable[..., Any]:
+    """`ask`, tried again for some minutes."""
+
+    def ask_again(*given: Any) -> Any:
+        until = time.monotonic() + 300
+        while True:
+            try:
+                return ask(*given)
+            except RuntimeError:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(0.2)
+
+    return ask_again
+
+
+@pytest.fixture
+def joined(cluster: Any) -> Iterator[Any]:
+    before = signal.getsignal(signal.SIGTERM)
+    connect(cluster.address)
+    assert signal.getsignal(signal.SIGTERM) is before, "what a run does when it is told to end stays"
+    yield cluster
+    disconnect()
+
+
+def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
+    task = GroupTask("ball", 0, ("nerf", "qnerf"), ball_folder, VIEWS, TRAIN, score, Budget(24, None), "cpu", 1, out)
+    return [replace(task, seed=seed, **changes) for seed in range(seeds)]
+
+
+def without_place(cell: CellRecord) -> CellRecord:
+    """Nor time."""
+    return replace(
+        cell, train_seconds=0.0, curve=[replace(point, seconds=0.0) for point in cell.curve], provenance={}
+    )  # fmt: skip
+
+
+def not_on_the_drivers_disk(*parts: Any) -> GroupOrder:
+    order = GroupOrder(*parts)
+    return replace(order, view_set=replace(order.view_set, folder=Path("/not/on/this/node/ball")))
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_a_killed_node_costs_time_and_changes_no_bit(
+    joined: Any, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.execution.ray_executor.Order", not_on_the_drivers_disk)
+    ours = tasks(ball_folder, tmp_path / "ray", 3, SLOW_SCORES, keep_every=0.0)
+    events: list[Event] = []
+    killed = ""
+    kept: dict[Path, bytes] = {}
+    for event in run_on_ray(ours, "0123456789ab"):
+        events.append(event)
+        if event.cell is not None and not killed:
+            killed = event.cell.provenance["node"]
+            kept = {file: file.read_bytes() for file in (tmp_path / "ray/records/cells").iterdir()}
+            (victim,) = [node for node in joined.worker_nodes if node.node_id.startswith(killed)]
+            joined.remove_node(victim, allow_graceful=False)
+    assert killed, "no cell ended"
+    notice, going_on = [event for event in events if event.notice is not None]
+    assert notice.notice is not None
+    assert f"the node died (node {killed})" in notice.notice
+    assert "1 of its cells had ended and are kept; 1 cells are trained again, 1 of them kept on" in notice.notice
+    assert going_on.notice is not None
+    assert f"seed {notice.task.seed}: goes on at step " in going_on.notice
+    cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path / "ray")}
+    assert {cell.status for cell in cells.values()} == {"done"}
+    again = [cell for cell in cells.values() if cell.seed == notice.task.seed]
+    assert sum(cell.provenance["node"] == killed for cell in again) == 1, "one cell from before its node died"
+    assert sum(cell.provenance["node"] == killed for cell in cells.values()) == 1
+    assert ["resumed_at" in cell.provenance for cell in again if cell.provenance["node"] != killed] == [True]
+    assert len({cell.provenance["node"] for cell in cells.values()}) == 3
+    assert {cell.provenance["commit"] for cell in cells.values()} == {"0123456789ab"}
+    assert all(file.read_bytes() == before for file, before in kept.items()), "what was finished stays as it was"
+    told = [(event.cell.method, event.cell.seed) for event in events if event.cell is not None]
+    assert sorted(told) == sorted(cells), "each cell once"
+    for seed in range(3):
+        assert [event.share for event in events if event.task.seed == seed and event.share is not None][-1] == 1.0
+
+    list(run_locally(tasks(ball_folder, tmp_path / "here", 3, SLOW_SCORES), 1))
+    for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "ray"), strict=True):
+        assert without_place(mine) == without_place(theirs)
+    here = files_of(tmp_path / "here")
+    assert files_of(tmp_path / "ray") == here, "weights and pictures, byte for byte"
+    assert {Path(name).parts[0] for name in here} == {"checkpoints", "records"}
+
+
+def files_of(out: Path) -> dict[str, bytes]:
+    """All but what holds clocks."""
+    return {
+        file.relative_to(out).as_posix(): file.read_bytes()
+        for file in out.rglob("*")
+        if file.is_file() and file.suffix != ".json"
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_an_error_of_ours_is_recorded_and_not_tried_again(joined: Any, ball_folder: Path, tmp_path: Path) -> None:
+    (broken,) = tasks(ball_folder, tmp_path, 1, SLOW_SCORES, methods=("nerf", "no_such_method"))
+    events = list(run_on_ray([broken], "none"))
+    assert [event.notice for event in events if event.notice] == []
+    assert {cell.method: cell.status for cell in read_cells(tmp_path)} == {"nerf": "error", "no_such_method": "error"}
+    assert all("no_such_method" in (cell.reason or "") for cell in read_cells(tmp_path))
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_a_node_with_another_torch_is_refused_by_name(
+    joined: Any, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from harness.machine.provenance import versions
+
+    assert hardware(1).nodes >= 2
+    with pytest.raises(InputError, match="--threads 2: no node of the Ray cluster has so many cores"):
+        hardware(2)
+    other = {**versions(), "torch": "99.0"}
+    monkeypatch.setattr("harness.execution.cluster.connection.versions", lambda: other)
+    with pytest.raises(InputError, match=r"node [0-9a-f]{8} has torch .* instead of 99\.0"):
+        hardware(1)
+    monkeypatch.setattr("harness.execution.ray_executor.versions", lambda: other)
+    with pytest.raises(InputError, match=r"node [0-9a-f]{8} has torch .* instead of 99\.0"):
+        list(run_on_ray(tasks(ball_folder, tmp_path, 1, SLOW_SCORES), "none"))
+    assert not list(tmp_path.rglob("*.json"))
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_a_group_that_waits_for_the_driver_keeps_its_core(joined: Any) -> None:
+    """Ray lends the cores of a task that waits to the next one, and two clocks would share a core."""
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    def waits_for(slow: Any, seconds: float) -> tuple[float, float]:
+        from harness.execution.cluster.node_work import awaited
+
+        began = time.time()
+        awaited(slow.nap.remote(seconds))
+        return began, time.time()
+
+    class Slow:
+        def nap(self, seconds: float) -> None:
+            time.sleep(seconds)
+
+    here = NodeAffinitySchedulingStrategy(next(iter(joined.worker_nodes)).node_id, soft=False)
+    slow = ray.remote(num_cpus=0, max_concurrency=2)(Slow).remote()
+    wait = ray.remote(max_retries=0)(waits_for)
+    # two processes on the node first: a new one would take longer than the other waits
+    ray.get([wait.options(num_cpus=0, scheduling_strategy=here).remote(slow, 5.0) for _ in range(2)])
+    asked = [wait.options(num_cpus=1, scheduling_strategy=here).remote(slow, 3.0) for _ in range(2)]
+    (first, first_end), (second, second_end) = ray.get(asked)
+    assert second >= first_end or first >= second_end
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_a_group_that_no_node_can_hold_ends_the_run_in_words(
+    joined: Any, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.execution.cluster.room.LONGEST_WAIT_SECONDS", 0.5)
+    for changes, lacks in (({"threads": 2}, "takes 2 cores"), ({"device": "cuda"}, "takes 1 cores and 1 GPUs")):
+        events = run_on_ray(tasks(ball_folder, tmp_path, 1, SLOW_SCORES, **changes), "none")
+        assert lacks in (next(events).notice or "")
+        with pytest.raises(InputError, match=f"{lacks}, and none of the [34] nodes alive has that.*--resume"):
+            list(events)
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_a_cluster_of_another_ray_is_refused(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ray.__version__", "1.0")
+    with pytest.raises(InputError, match=r"another Ray or Python than this command .*Ray: 2.*Ray: 1\.0"):
+        connect(cluster.address)
+    disconnect()
+
+
+def test_an_address_at_which_nothing_answers_is_named() -> None:
+    pytest.importorskip("ray", reason="the extra `ray` is not installed")
+    with pytest.raises(InputError, match=r"--ray-address 127\.0\.0\.1:1: no Ray cluster there \(.*refused\)"):
+        connect("127.0.0.1:1")
+
+
+@pytest.mark.slow
+@pytest.mark.cluster
+def test_where_no_cluster_is_it_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ray", reason="the extra `ray` is not installed")
+    with pytest.raises(InputError, match="a driver outside of the cluster is not supported"):
+        connect("ray://head:10001")
+    assert main(["run", "--profile", "smoke", "--executor", "ray", "--workers", "3"]) == 2
+    assert "--workers: on Ray the cluster decides" in capsys.readouterr().err

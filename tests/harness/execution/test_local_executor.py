@@ -1,0 +1,194 @@
+"""Worker processes: results do not depend on how many there are, and a dead one costs its own group alone."""
+
+import multiprocessing
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.execution import local_executor
+from harness.execution.group import GroupTask, run_group
+from harness.execution.local_executor import run_locally
+from harness.machine.provenance import versions
+from harness.plan.schedule import Budget
+from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
+from harness.training.trainer import Trainer
+from tests.harness import dying_workers
+from tests.harness.tiny import BUDGET, SCORE, TRAIN, VIEWS
+
+
+def tasks(ball_folder: Path, out: Path, budget: Budget = BUDGET) -> list[GroupTask]:
+    return [
+        GroupTask(
+            scene="ball",
+            seed=seed,
+            methods=("nerf", "qnerf"),
+            view_set=ball_folder,
+            views=VIEWS,
+            train=TRAIN,
+            score=SCORE,
+            budget=budget,
+            device="cpu",
+            threads=1,
+            out=out,
+        )
+        for seed in range(2)
+    ]
+
+
+def without_time(cell: CellRecord) -> CellRecord:
+    """Nor the cores that the clock ran on."""
+    curve = [replace(point, seconds=0.0) for point in cell.curve]
+    origin = {**cell.provenance, "own_cores": []}
+    return replace(cell, train_seconds=0.0, curve=curve, provenance=origin)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tmp_path: Path) -> None:
+    left = []
+    for workers in (1, 2):
+        out = tmp_path / str(workers)
+        events = list(run_locally(tasks(ball_folder, out), workers))
+        reported = [event.cell for event in events if event.cell is not None]
+        stored = list(read_cells(out))
+        by_name = sorted(reported, key=lambda cell: (cell.method, cell.seed))
+        assert [replace(cell, settings={}) for cell in by_name] == [replace(cell, settings={}) for cell in stored]
+        assert [(cell.method, cell.seed, cell.status) for cell in stored] == [
+            ("nerf", 0, "done"),
+            ("nerf", 1, "done"),
+            ("qnerf", 0, "done"),
+            ("qnerf", 1, "done"),
+        ]
+        for seed in range(2):
+            shares = [event.share for event in events if event.task.seed == seed and event.share is not None]
+            assert shares == sorted(shares)
+            assert shares[-1] == 1.0
+        left.append([without_time(cell) for cell in stored])
+    assert left[0] == left[1]
+    assert multiprocessing.active_children() == []
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_a_killed_worker_costs_its_group_and_the_rest_completes(ball_folder: Path, tmp_path: Path) -> None:
+    events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)
+    seen = [next(events)]
+    assert seen[0].share is not None
+    assert seen[0].share < 0.5
+    victims = multiprocessing.active_children()
+    assert len(victims) == 1
+    assert victims[0].pid is not None
+    os.kill(victims[0].pid, signal.SIGKILL)
+    seen += list(events)
+    cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path)}
+    assert {key: cell.status for key, cell in cells.items()} == {
+        ("nerf", 0): "error",
+        ("qnerf", 0): "error",
+        ("nerf", 1): "done",
+        ("qnerf", 1): "done",
+    }
+    assert "SIGKILL" in (cells["nerf", 0].reason or "")
+    assert {(event.cell.method, event.cell.seed) for event in seen if event.cell is not None} == set(cells)
+    assert {event.task.seed for event in seen if event.share == 1.0} == {0, 1}
+
+
+def test_a_group_that_cannot_be_trained_ends_in_error_records(ball_folder: Path, tmp_path: Path) -> None:
+    told: list[CellRecord] = []
+    bad = replace(tasks(ball_folder, tmp_path)[0], view_set=tmp_path / "nowhere")
+    run_group(bad, lambda share: None, told.append)
+    assert [(cell.method, cell.status) for cell in told] == [("nerf", "error"), ("qnerf", "error")]
+    assert "no such folder" in (told[0].reason or "")
+    assert list(read_cells(tmp_path)) == told
+
+
+def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Trainer.train_on
+
+    def broken(self: Trainer, *batch: Any) -> None:
+        if self.method == "qnerf" and self.step == 2:
+            raise RuntimeError("a bug")
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "train_on", broken)
+    run_group(tasks(ball_folder, tmp_path, Budget(2, None))[0], lambda share: None, lambda cell: None)
+    run_group(tasks(ball_folder, tmp_path, Budget(4, None))[1], lambda share: None, lambda cell: None)
+    assert {(cell.method, cell.seed): cell.status for cell in read_cells(tmp_path)} == {
+        ("nerf", 0): "done",
+        ("qnerf", 0): "done",
+        ("nerf", 1): "done",
+        ("qnerf", 1): "error",
+    }
+    assert read_cell(cell_path(tmp_path, "ball", "qnerf", 1)).reason == "RuntimeError at step 2: a bug"
+
+
+def test_a_disk_that_takes_nothing_ends_the_run(ball_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(FileExistsError):
+        list(run_locally(tasks(ball_folder, tmp_path / "file", Budget(2, None))[:1], 1))
+    assert multiprocessing.active_children() == []
+
+
+def test_closing_ends_the_workers(ball_folder: Path, tmp_path: Path) -> None:
+    events = run_locally(tasks(ball_folder, tmp_path, Budget(10_000, None)), 1)
+    next(events)
+    events.close()  # type: ignore[attr-defined]
+    assert multiprocessing.active_children() == []
+    assert list(read_cells(tmp_path)) == []
+
+
+def test_a_worker_that_dies_after_its_last_word_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_executor, "_work", dying_workers.after_its_last_word)
+    ended = []
+    for event in run_locally(tasks(tmp_path, tmp_path), 1):
+        if event.task.seed == 0 and event.share == 0.5:
+            multiprocessing.active_children()[0].join()
+        assert event.cell is None
+        ended += [event.task.seed] if event.share == 1.0 else []
+    assert ended == [0, 1]
+
+
+def test_a_worker_that_dies_in_the_middle_of_a_message_costs_its_group_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_executor, "_work", dying_workers.in_the_middle_of_a_message)
+    events = list(run_locally(tasks(tmp_path, tmp_path), 1))
+    assert [event.task.seed for event in events if event.share == 1.0] == [0, 1]
+    reasons = {(event.cell.seed, event.cell.reason) for event in events if event.cell is not None}
+    assert reasons == {(0, "the worker process ended with signal 9 (SIGKILL); out of memory, perhaps")}
+
+
+def test_a_worker_of_other_sources_trains_nothing(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_executor, "versions", lambda: {**versions(), "this program": "before"})
+    events = list(run_locally(tasks(ball_folder, tmp_path), 2))
+    cells = [event.cell for event in events if event.cell is not None]
+    assert sorted((cell.seed, cell.method, cell.status) for cell in cells) == [
+        (seed, method, "error") for seed in range(2) for method in ("nerf", "qnerf")
+    ], "in whichever order the workers refuse"
+    assert {cell.reason for cell in cells} == {
+        f"the sources changed while the run was going on (this program {versions()['this program']} instead of "
+        "before); start it again with --resume"
+    }
+    assert multiprocessing.active_children() == []
+
+
+def test_cells_are_labelled_with_the_code_that_the_run_was_started_with(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.machine.provenance.commit", lambda: "of the start")
+    list(run_locally(tasks(ball_folder, tmp_path, Budget(2, None))[:1], 1))
+    assert {cell.provenance["commit"] for cell in read_cells(tmp_path)} == {"of the start"}
+    assert {cell.provenance["sources"] for cell in read_cells(tmp_path)} == {versions()["this program"]}
+
+
+def test_sources_that_change_while_they_are_imported_are_other_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = ["", "this program"]
+    monkeypatch.setattr(local_executor, "changed_since", lambda versions: found.pop(0))
+    assert local_executor._other_code({}) == "this program"

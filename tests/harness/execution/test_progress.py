@@ -1,0 +1,76 @@
+"""What is said while a run goes on."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.execution.ground_truth import RenderProgress
+from harness.execution.group import GroupTask
+from harness.execution.progress import Lines
+from harness.plan.profiles import PROFILES
+from harness.plan.schedule import Budget
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Its one entry is the time."""
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    return now
+
+
+def task(tmp_path: Path, seed: int = 0) -> GroupTask:
+    plan = PROFILES["reduced"]
+    return GroupTask(
+        scene="lego", seed=seed, methods=plan.methods, view_set=tmp_path, views=plan.views, train=plan.train,
+        score=plan.score, budget=plan.budget, device="cpu", threads=1, out=tmp_path,
+    )  # fmt: skip
+
+
+def test_the_start_of_processes_does_not_foretell_the_rest(
+    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show, group = Lines(every_seconds=0.0), task(tmp_path)
+    show.start_training(6, 6)
+    clock[0] = 30.0
+    show.trained(group, 0.005)
+    clock[0] = 30.5
+    show.trained(group, 0.01)
+    assert "left" not in capsys.readouterr().out, "30 s for 0.5 % are no hundred minutes"
+    for step in range(1, 11):
+        clock[0] = 30.5 + 10.0 * step
+        show.trained(group, step / 20)
+    said = capsys.readouterr().out.splitlines()
+    assert ["left" in line for line in said[4:6]] == [False, True], "once a quarter was trained since the first report"
+    assert [line.partition(",")[2] for line in said][-1] == " 2.5 to 5 min left"
+
+
+def test_work_that_was_scored_counts_as_done_and_a_budget_of_seconds_has_no_such_parts(
+    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show, group = Lines(every_seconds=0.0), task(tmp_path)
+    show.start_training(3, 3)
+    for share in (0.09, 0.11, 0.99, 1.0):
+        show.trained(group, share)
+    said = capsys.readouterr().out.splitlines()[1:]
+    by_steps = [int(line.split()[1].rstrip("%,")) for line in said]
+    assert by_steps[1] - by_steps[0] >= 5
+    assert by_steps[2] < 90
+    assert by_steps[3] == 100
+    show.start_training(3, 3)
+    show.trained(replace(group, budget=Budget(None, 10.0)), 0.5)
+    assert capsys.readouterr().out.splitlines()[-1].startswith("trained 50%")
+
+
+def test_a_scene_that_is_rendered_says_what_is_left_of_it(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    show = Lines(every_seconds=0.0)
+    for scene in ("lego", "mic"):
+        for done in (1, 20, 60):
+            clock[0] += 20.0
+            show.rendered(RenderProgress(scene, done, 120, doing="view", kept=7, share=done / 120), 2)
+    said = capsys.readouterr().out.splitlines()
+    assert ["left" in line for line in said] == [False, False, True] * 2
+    assert said[0] == "rendering lego: 1 of 120 views done (7 from before), view"

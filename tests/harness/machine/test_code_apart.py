@@ -1,0 +1,67 @@
+"""What is said of a run whose cells were made by different code or packages."""
+
+from pathlib import Path
+from typing import Any
+
+from harness.machine.mixed_code import code_apart, made_elsewhere
+from harness.records.cells import CellRecord
+from tests.harness import cells
+
+HERE: dict[str, Any] = {"commit": "new", "sources": "22", "python": "3.11", "packages": {"torch": "2", "mitsuba": "3"}}
+
+
+def made(scene: str, method: str, **changes: Any) -> CellRecord:
+    origin = {name: value for name, value in {**HERE, **changes}.items() if value is not None}
+    return cells.cell(scene, method, 0, [cells.checkpoint(4, 1.0, 20.0)], provenance=origin)
+
+
+def plugin(sources: str) -> dict[str, Any]:
+    return {"mine": {"package": "pack", "version": "1.0", "entry_point": "pack:METHOD", "sources": sources}}
+
+
+ALIKE = [made("a", "nerf"), made("a", "qnerf"), made("b", "nerf")]
+
+
+def test_cells_that_were_made_alike_need_no_words() -> None:
+    others = [made("b", "qnerf", commit="docs changed"), made("c", "nerf", packages={"torch": "2", "mitsuba": "4"})]
+    assert code_apart([]) == code_apart([*ALIKE, *others]) == []
+    assert made_elsewhere([*ALIKE, *others], HERE, Path("out")) is None
+    # before the digest was recorded
+    assert code_apart([*ALIKE, made("b", "qnerf", sources=None)]) == []
+    assert made_elsewhere([made("b", "qnerf", sources=None)], HERE, Path("out")) is None
+    # a cell that had no chance
+    failed = cells.cell("a", "nerf", 0, [], status="error", provenance={})
+    assert code_apart([*ALIKE, failed]) == []
+    assert made_elsewhere([failed], HERE, Path("out")) is None
+
+
+def test_groups_that_mix_code_are_counted() -> None:
+    (said,) = code_apart([*ALIKE, made("b", "qnerf", sources="11", commit="old")])
+    assert said.startswith("One code and one set of packages for all cells: they differ in sources 22 (3 cells), 11 (1")
+    assert "commit new (3 cells), old (1 cells)" in said
+    assert "In 1 of 2 groups of one scene and seed" in said
+
+
+def test_records_without_the_digest_are_told_apart_by_their_commit() -> None:
+    (said,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
+    assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in said
+
+
+def test_a_package_of_the_users_own_is_told_apart_of_its_own_method_alone() -> None:
+    first, second = (made(scene, "mine", plugins=plugin(digest)) for scene, digest in (("a", "aa"), ("b", "bb")))
+    (said,) = code_apart([*ALIKE, first, second])
+    assert "differ in package of mine pack 1.0 (aa) (1 cells), pack 1.0 (bb) (1 cells)" in said
+    said = made_elsewhere([first, second], {**HERE, "plugins": plugin("bb")}, Path("out")) or ""
+    assert said.startswith("1 of 2 finished cells")
+    assert "a.mine.0: package of mine pack 1.0 (aa) instead of pack 1.0 (bb)" in said
+
+
+def test_cells_of_other_code_are_named_with_the_remedy() -> None:
+    old = [made(scene, "nerf", commit="old", sources="11") for scene in "cdefgh"]
+    said = made_elsewhere([*ALIKE, *old, made("i", "nerf", packages={"torch": "1"})], HERE, Path("out"))
+    assert said == (
+        "7 of 10 finished cells were made by other code or packages (c.nerf.0, d.nerf.0, e.nerf.0, f.nerf.0 and 2 "
+        "more: sources 11 instead of 22, commit old instead of new; i.nerf.0: torch 1 instead of 2) and are compared "
+        "with the others all the same; to have them anew, remove their records in out/records/cells and go on with "
+        "--resume, or name a fresh --out"
+    )

@@ -1,0 +1,71 @@
+"""Where tensors live, and the switches that make a run repeatable."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from harness.machine.device import chosen_device, has_amx, keep_freed_memory, multiplies_bfloat16, use_threads
+from scenes.files.errors import InputError
+
+
+def test_auto_takes_a_gpu_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for there, kind in ((True, "cuda"), (False, "cpu")):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
+        assert chosen_device("auto").type == kind
+    assert chosen_device("cpu").type == "cpu"
+
+
+@pytest.mark.parametrize(
+    ("cuda", "hip", "built"), [("12.8", None, "CUDA 12.8"), (None, "6.4", "ROCm 6.4"), (None, None, "the CPU alone")]
+)
+def test_a_missing_gpu_is_told_with_what_torch_was_built_for(
+    cuda: str | None, hip: str | None, built: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.version, "cuda", cuda)
+    monkeypatch.setattr(torch.version, "hip", hip)
+    with pytest.raises(InputError) as caught:
+        chosen_device("cuda")
+    assert f"built for {built}) sees no GPU; use --device cpu" in str(caught.value)
+
+
+def test_sums_are_repeatable() -> None:
+    use_threads(1)
+    assert torch.get_num_threads() == 1
+    assert torch.are_deterministic_algorithms_enabled()
+    assert torch.is_deterministic_algorithms_warn_only_enabled()
+    assert not torch.backends.cuda.matmul.allow_tf32
+
+
+def test_a_process_that_trains_does_not_import_the_compiler() -> None:
+    code = "import sys; from harness.machine.device import use_threads; use_threads(1); "
+    code += "print('torch._inductor' in sys.modules)"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[3], capture_output=True, text=True, check=True
+    )
+    assert ran.stdout == "False\n"
+
+
+def test_only_matrix_units_make_bfloat16_worth_it(tmp_path: Path) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    assert not has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_tile\n")
+    assert not has_amx(cpuinfo)
+    cpuinfo.write_text("flags : fpu avx512_bf16 amx_bf16 amx_tile\n")
+    assert has_amx(cpuinfo)
+    assert multiplies_bfloat16(torch.device("cpu")) == has_amx()
+
+
+def test_new_tensors_are_not_written_twice() -> None:
+    """Deterministic mode would fill each with NaN, in training nothing but time."""
+    use_threads(1)
+    assert not torch.utils.deterministic.fill_uninitialized_memory  # type: ignore[attr-defined]
+
+
+def test_memory_is_kept_where_the_c_library_can_and_nothing_fails_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    keep_freed_memory()
+    monkeypatch.setattr("ctypes.CDLL", lambda name: object())
+    keep_freed_memory()

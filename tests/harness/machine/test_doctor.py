@@ -1,0 +1,127 @@
+"""What `doctor` says of machines that are not this one."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+from harness.machine import doctor
+from harness.machine.doctor import Finding
+from tests.harness.shell import ROOT
+
+
+def said(capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
+    code = main(["doctor", *options])
+    return code, capsys.readouterr().out
+
+
+@pytest.fixture
+def probes(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    table: dict[str, object] = {}
+    monkeypatch.setattr(doctor, "PROBES", table)
+    return table
+
+
+def test_a_line_each_with_what_to_do(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    probes["one"] = lambda: [Finding("disk", "1 GB", "limited", "make room"), Finding("cores", "4")]
+    code, text = said(capsys)
+    assert code == 0
+    assert [line.split() for line in text.splitlines()[:3]] == [
+        ["limited", "disk:", "1", "GB"],
+        ["→", "make", "room"],
+        ["ok", "cores:", "4"],
+    ]
+
+
+def test_what_is_needed_and_missing_ends_with_2(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    probes["one"] = lambda: [Finding("ray", "not installed", "missing", "install it")]
+    assert said(capsys)[0] == 0
+    probes["two"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
+    code, text = said(capsys)
+    assert code == 2
+    assert text.splitlines()[-1] == "missing, and needed: torch"
+
+
+def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
+    def broken() -> list[Finding]:
+        raise ImportError("libtorch.so:\nno such file")
+
+    probes["torch"] = broken
+    code, text = said(capsys, "--json")
+    assert code == 2
+    (found,) = json.loads(text)
+    assert found["found"] == "ImportError: libtorch.so: no such file"
+    assert found["needed"] is True
+
+
+def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:       4000 kB\nMemFree: 1 kB\n")
+    assert doctor.memory_bytes(tmp_path, meminfo) == 4_096_000
+    (tmp_path / "memory.max").write_text("max")
+    assert doctor.memory_bytes(tmp_path, meminfo) == 4_096_000
+    (tmp_path / "memory.max").write_text("1000000")
+    assert doctor.memory_bytes(tmp_path, meminfo) == 1_000_000
+    assert doctor.memory_bytes(tmp_path / "none", tmp_path / "none") is None
+
+
+@pytest.mark.parametrize(
+    ("gigabytes", "verdict"), [(None, "limited"), (1.0, "missing"), (3.5, "limited"), (64.0, "ok")]
+)
+def test_memory_is_judged_by_workers(monkeypatch: pytest.MonkeyPatch, gigabytes: float | None, verdict: str) -> None:
+    monkeypatch.setattr(doctor, "memory_bytes", lambda: None if gigabytes is None else int(gigabytes * 1e9))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1, 2, 3}, raising=False)
+    (found,) = doctor.memory_findings()
+    assert found.verdict == verdict
+    if gigabytes == 3.5:
+        assert "--workers 2" in found.to_do
+
+
+@pytest.mark.parametrize(("free", "verdict"), [(0.1, "missing"), (1.0, "limited"), (50.0, "ok")])
+def test_disk_is_looked_at_where_a_run_would_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, verdict: str
+) -> None:
+    asked = []
+
+    def usage(folder: Path) -> object:
+        asked.append(folder)
+        return type("Usage", (), {"free": int(free * 1e9)})()
+
+    monkeypatch.setattr("shutil.disk_usage", usage)
+    (found,) = doctor.disk_findings(tmp_path / "not" / "yet")
+    assert (found.verdict, asked) == (verdict, [tmp_path])
+
+
+def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = {"torch": "2.15.0+cpu", "numpy": "1.0"}
+
+    def version(name: str) -> str:
+        if name not in here:
+            raise doctor.PackageNotFoundError(name)
+        return here[name]
+
+    project = {"project": {"dependencies": ["torch==2.15.0", "numpy==2.4.6", "scipy[all]==1.17.1"]}}
+    monkeypatch.setattr(doctor, "version", version)
+    monkeypatch.setattr(doctor, "_project", lambda: project)
+    first, *odd = doctor.package_findings()
+    assert first.found == "1 of 3 as pinned", "a build's local version is no other version"
+    assert [(one.what, one.verdict, one.needed) for one in odd] == [
+        ("numpy", "limited", False),
+        ("scipy", "missing", True),
+    ]
+
+
+@pytest.mark.slow
+def test_this_machine() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", "doctor", "--json"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {one["what"]: one for one in json.loads(done.stdout)}
+    assert found["Mitsuba scalar_rgb"]["found"] == "renders"
+    assert found["torch"]["verdict"] == "ok"
+    assert all(one["to_do"] for one in found.values() if one["verdict"] != "ok")

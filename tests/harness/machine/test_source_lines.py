@@ -1,0 +1,50 @@
+"""What counts as a source line."""
+
+import pytest
+
+from harness.machine.provenance import BASELINES, PARTS, core_module_lines, source_lines
+
+MODULE = '''"""A docstring
+over two lines."""
+
+# a comment
+import math  # with a comment behind
+
+
+def f(x):
+    """Told."""
+    y = """not
+    told"""
+
+    return (
+        x,
+        # in between
+        y,
+    )
+'''
+
+
+def test_blank_lines_comments_and_docstrings_do_not_count():
+    assert source_lines(MODULE) == 8  # import, def, y over two lines, return ( x, y, )
+
+
+def test_each_kind_adds_what_it_should():
+    assert source_lines("") == 0
+    assert source_lines("\n\n# only\n") == 0
+    assert source_lines("x = 1\ny = 2\n") == 2
+    assert source_lines("x = 1; y = 2\n") == 1
+    assert source_lines('x = 1\n"""told of x"""\n') == 1
+
+
+def test_what_is_no_module_is_refused():
+    with pytest.raises(SyntaxError):
+        source_lines("def (")
+
+
+def test_the_core_module_is_counted_by_part_and_no_file_twice():
+    found = core_module_lines()
+    assert set(found) == set(PARTS)
+    names = [name for names in PARTS.values() for name in names]
+    assert len(set(names)) == len(names)
+    longest = {part: sum(len((BASELINES / name).read_text().splitlines()) for name in PARTS[part]) for part in PARTS}
+    assert all(0 < found[part] < longest[part] for part in PARTS)

@@ -1,0 +1,57 @@
+"""Workers end with the one who asked for them, and what is kept is told."""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from harness.machine.stopping import told_when_stopped
+from harness.plan.profiles import planned
+from harness.studies.choices import arms
+
+
+def slept(task: arms.CellTask) -> None:
+    (task.scratch / "begun").touch()
+    time.sleep(1000)
+
+
+@pytest.fixture
+def _open_to_ctrl_c() -> Iterator[None]:
+    """A suite that was started in the background is not."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_open_to_ctrl_c")
+def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(arms, "trained_cell", slept)
+    task = arms.CellTask("lego", "nerf", 0, Path(), tmp_path, planned("smoke"), {})
+
+    def stop() -> None:
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=stop, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        list(arms.trained_cells([task, task], 1))
+    assert multiprocessing.active_children() == []
+
+
+def test_it_is_told_what_is_kept() -> None:
+    def stopped() -> None:
+        kept = 0
+        with told_when_stopped(lambda: f"{kept} of 2"):
+            kept = 1
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="1 of 2"):
+        stopped()

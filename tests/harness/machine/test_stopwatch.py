@@ -1,0 +1,64 @@
+"""What is between start and stop counts, and nothing else."""
+
+import pytest
+import torch
+
+from harness.machine.stopwatch import Stopwatch
+
+
+class FakeClock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_what_is_outside_does_not_count() -> None:
+    clock = FakeClock()
+    watch = Stopwatch(torch.device("cpu"), clock)
+    clock.now += 1000
+    with watch.running():
+        clock.now += 2
+    clock.now += 5000
+    with watch.running():
+        clock.now += 0.5
+    clock.now += 1
+    assert watch.seconds == 2.5
+
+
+def test_a_step_that_fails_still_counts() -> None:
+    clock = FakeClock()
+    watch = Stopwatch(torch.device("cpu"), clock)
+
+    def step() -> None:
+        with watch.running():
+            clock.now += 3
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        step()
+    assert watch.seconds == 3
+
+
+def test_launched_work_is_waited_for_before_each_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = FakeClock()
+    pending = [7.0, 11.0]  # of somebody else before the step, and of the step
+
+    def synchronize() -> None:
+        clock.now += pending.pop(0)
+
+    monkeypatch.setattr(torch.cuda, "synchronize", synchronize)
+    watch = Stopwatch(torch.device("cuda"), clock)
+    with watch.running():
+        clock.now += 1
+    assert pending == []
+    assert watch.seconds == 12
+
+
+def test_nothing_is_waited_for_on_a_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "synchronize", lambda: pytest.fail("there is no GPU to wait for"))
+    watch = Stopwatch(torch.device("cpu"), FakeClock())
+    with watch.running():
+        pass
+    assert watch.seconds == 0

@@ -1,0 +1,244 @@
+"""Methods of a user's own package: found, loaded when asked for, refused with a reason, recorded, and told apart."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG
+from baselines.composition import LADDERS, SKIPS
+from harness.__main__ import main
+from harness.plan import plugins
+from harness.plan.profiles import planned
+from harness.playback.run_loader import FinishedRun
+from harness.studies.conformance.method_checks import conformance
+from harness.studies.conformance.subject import Subject
+from scenes.files.errors import InputError
+from tests.harness.ball import write_ball
+from tests.harness.shell import ROOT, refused
+
+EXAMPLE = ROOT / "docs" / "examples" / "method_package"
+HEAD = (
+    "from dataclasses import replace\nfrom baselines.catalog import Method\nfrom baselines.methods.nerf import NERF\n"
+)
+Installed = Callable[..., Path]
+
+
+def install(site: Path, package: str, points: dict[str, str], files: dict[str, str] | None = None) -> Path:
+    """What an installer leaves: the package's files and the facts about it."""
+    module = package.replace("-", "_")
+    facts = site / f"{module}-1.2.dist-info"
+    facts.mkdir(parents=True)
+    (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.2\n")
+    lines = [f"{name} = {value}" for name, value in points.items()]
+    (facts / "entry_points.txt").write_text("\n".join([f"[{plugins.GROUP}]", *lines, ""]))
+    for name, text in (files or {}).items():
+        (site / module).mkdir(exist_ok=True)
+        (site / module / name).write_text(text)
+    return site
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty folder of packages; whatever is loaded from it is forgotten afterwards."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    tables: list[dict[str, Any]] = [CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded, sys.modules]
+    before = [dict(table) for table in tables]
+    monkeypatch.syspath_prepend(str(folder))
+    yield folder
+    for table, kept in zip(tables, before, strict=True):
+        for name in set(table) - set(kept):
+            del table[name]
+    plugins.sources_digest.cache_clear()
+
+
+@pytest.fixture
+def example(site: Path) -> Path:
+    """The documented package, as it stands there."""
+    points = {"nerf_base3": "my_radiance_methods:NERF_BASE3", "blobs": "my_radiance_methods:BLOBS"}
+    install(site, "my-radiance-methods", points)
+    (site / "my_radiance_methods").symlink_to(EXAMPLE / "my_radiance_methods")
+    return site
+
+
+def test_the_documented_entry_points_are_those_that_are_tested() -> None:
+    text = (EXAMPLE / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'[project.entry-points."{plugins.GROUP}"]' in text
+    for line in ('nerf_base3 = "my_radiance_methods:NERF_BASE3"', 'blobs = "my_radiance_methods:BLOBS"'):
+        assert line in text
+
+
+def test_a_package_is_listed_without_being_imported(example: Path) -> None:
+    assert plugins.method_names()[-2:] == ["nerf_base3", "blobs"]
+    assert "my_radiance_methods" not in sys.modules
+    planned("smoke")
+    assert "my_radiance_methods" not in sys.modules
+
+
+def test_a_method_that_is_named_is_loaded_with_its_parts_and_its_origin(example: Path) -> None:
+    assert planned("smoke", methods=["nerf", "nerf_base3", "blobs"]).methods == ("nerf", "nerf_base3", "blobs")
+    assert LADDERS["base3"].base == 3.0
+    origin = plugins.origin_of("blobs")
+    assert origin is not None
+    assert (origin["package"], origin["version"]) == ("my-radiance-methods", "1.2")
+    assert origin["entry_point"] == "my_radiance_methods:BLOBS"
+    assert plugins.origin_of("nerf") is None
+    assert plugins.title_of("blobs").endswith("(package my-radiance-methods 1.2)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["nerf_base3", "blobs"])
+def test_the_documented_package_conforms(example: Path, method: str) -> None:
+    assert [one for one in conformance(Subject(method)) if one.verdict != "held"] == []
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import nowhere_to_be_found", "ModuleNotFoundError: No module named 'nowhere_to_be_found'"),
+        ("raise SystemExit('bye')", "SystemExit: bye"),
+        ("1 +", "SyntaxError"),
+        ("raise ValueError('two\\nlines')", "ValueError: two lines"),
+        ("", "AttributeError"),
+        ("M = 'a string'", "gives a str, not a baselines.catalog.Method"),
+        (HEAD + "M = Method(NERF, ' ')", "no title"),
+        (HEAD + "M = Method(None, 'x')", "parts or make_field"),
+        (HEAD + "M = Method(NERF, 'x', make_field=int)", "parts or make_field"),
+        (HEAD + "M = Method(None, 'x', 'voxels_drjit')", "kind 'voxels_drjit'"),
+        (HEAD + "M = Method(replace(NERF, encoding='base9'), 'x')", "encoding 'base9' is unknown; known: base2"),
+        (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),
+        (HEAD + "M = Method(replace(NERF, skip='never'), 'x')", "skip 'never' is unknown"),
+        (HEAD + "M = Method(replace(NERF, quadrature='guess'), 'x')", "quadrature 'guess' is unknown"),
+        (HEAD + "M = Method(NERF, 'x', skips={'half': len})", "skip 'half' is taken"),
+    ],
+)
+def test_what_is_wrong_with_a_package_is_said_in_one_line(
+    site: Path, capsys: pytest.CaptureFixture[str], code: str, said: str
+) -> None:
+    before = dict(LADDERS), dict(SKIPS), dict(CATALOG)
+    install(site, "bad-luck", {"mine": "bad_luck:M"}, {"__init__.py": code})
+    text = refused(capsys, "--profile", "smoke", "--methods", "nerf", "mine", "--dry-run")
+    assert "package bad-luck 1.2 (entry point mine = bad_luck:M)" in text
+    assert said in text
+    assert (dict(LADDERS), dict(SKIPS), dict(CATALOG)) == before, "a refused package leaves nothing behind"
+
+
+def test_a_name_of_ours_is_given_to_nobody(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nerf = CATALOG["nerf"]
+    install(site, "usurper", {"nerf": "usurper:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    text = refused(capsys, "--profile", "smoke", "--methods", "nerf", "--dry-run")
+    assert "radiance-verdict" in text
+    assert "usurper 1.2" in text
+    assert CATALOG["nerf"] is nerf
+    assert "usurper" not in sys.modules
+
+
+def test_two_packages_with_one_name_are_both_named(site: Path) -> None:
+    for package in ("first-one", "second-one"):
+        install(site, package, {"mine": f"{package.replace('-', '_')}:M"})
+    with pytest.raises(InputError, match=r"first-one 1\.2 .* and package second-one 1\.2|second-one .* first-one"):
+        planned("smoke", methods=["mine"])
+
+
+def test_a_name_that_could_leave_the_folder_is_refused(site: Path) -> None:
+    install(site, "climber", {"../../mine": "climber:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    with pytest.raises(InputError, match="letters, digits"):
+        planned("smoke", methods=["../../mine"])
+
+
+def digest(name: str) -> str:
+    plugins.sources_digest.cache_clear()
+    (point,) = plugins.offered()[name]
+    return plugins.sources_digest(point)
+
+
+@pytest.mark.parametrize("editable", [False, True])
+def test_the_digest_is_of_everything_that_a_package_brings(
+    tmp_path: Path, site: Path, monkeypatch: pytest.MonkeyPatch, editable: bool
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path / "project"))
+    install(site, "changing", {"mine": "changing.inner:M"})
+    facts, home = site / "changing-1.2.dist-info", tmp_path / "project" if editable else site
+    counted = ["changing/__init__.py", "changing/inner.py", "changing/weights.bin", "changing/deep/facts.json"]
+    beside = ["helper.py", "fast.abi3.so", "second/__init__.py", "second/table.json"]
+    not_counted = ["changing/__pycache__/inner.pyc", "changing/.draft"]
+    if not editable:
+        not_counted.append("changing-1.2.dist-info/INSTALLER")
+    for name in [*counted, *beside, *not_counted, "of_another.json"]:
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).write_bytes(b"")
+    if editable:
+        (facts / "direct_url.json").write_text('{"url": "file:///x", "dir_info": {"editable": true}}')
+    else:
+        (facts / "RECORD").write_text("".join(f"{one},,\n" for one in [*counted, *beside, *not_counted]))
+    before = digest("mine")
+    assert digest("mine") == before
+    for name in [*not_counted, "of_another.json"]:
+        (home / name).write_bytes(b"another")
+        assert digest("mine") == before, name
+    for name in [*counted, *beside]:
+        (home / name).write_bytes(b"#")
+        assert digest("mine") != before, name
+        (home / name).write_bytes(b"")
+
+
+@pytest.mark.parametrize(
+    ("note", "text"), [("direct_url.json", "{"), ("RECORD", '"' + "x" * 200_000), ("RECORD", "a,b,c,d,e\n")]
+)
+def test_an_installation_whose_notes_are_damaged_is_refused_by_name(
+    site: Path, capsys: pytest.CaptureFixture[str], note: str, text: str
+) -> None:
+    install(site, "torn", {"mine": "torn:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    (site / "torn-1.2.dist-info" / note).write_text(text)
+    said = refused(capsys, "--profile", "smoke", "--methods", "nerf", "mine", "--dry-run")
+    assert "package torn 1.2 (entry point mine = torn:M): its files cannot be read" in said
+    assert "mine" not in CATALOG
+
+
+def test_views_of_a_changed_package_are_other_views(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from harness.playback.keys import method_digest
+    from harness.studies.conformance.learner_checks import fresh
+
+    install(site, "changing", {"mine": "changing:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    one = method_digest(fresh(Subject("mine")), "weights")
+    assert method_digest(fresh(Subject("mine")), "weights") == one
+    (site / "changing" / "__init__.py").write_text(HEAD + "M = Method(NERF, 'x')\n# another thought\n")
+    for table in (CATALOG, plugins._loaded, sys.modules):
+        table.pop("mine" if table is not sys.modules else "changing")  # type: ignore[attr-defined]
+    plugins.sources_digest.cache_clear()
+    assert method_digest(fresh(Subject("mine")), "weights") != one
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_run_trains_it_in_worker_processes_records_it_and_gives_it_back(example: Path, tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball", size=16, train=5, test=2)
+    options = ["--profile", "smoke", "--view-set", str(tmp_path / "ball"), "--resolution", "16", "--seeds", "1"]
+    more = ["--budget-steps", "20", "--workers", "1", "--no-serving", "--quiet", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-m", "harness", "run", *options, *more, "--methods", "nerf", "nerf_base3", "blobs"]
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(example)}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    run = json.loads((tmp_path / "run" / "records" / "run.json").read_text())
+    assert run["provenance"]["plugins"]["blobs"]["version"] == "1.2"
+    assert "my-radiance-methods 1.2" in run["methods"]["nerf_base3"]
+    cell = json.loads((tmp_path / "run" / "records" / "cells" / "ball.blobs.0.json").read_text())
+    assert cell["status"] == "done"
+    assert cell["provenance"]["plugins"]["blobs"]["package"] == "my-radiance-methods"
+    finished = FinishedRun.of(tmp_path / "run")
+    trained = finished.trained(finished.scenes(None)[0], "blobs", 0, torch.device("cpu"))
+    assert trained.learner.field.parameter_counts()["total"] == 64 * 8
+
+
+def test_a_finished_run_whose_package_is_gone_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["conformance", "gone_with_the_wind"]) == 2
+    assert "unknown 'gone_with_the_wind'" in capsys.readouterr().err

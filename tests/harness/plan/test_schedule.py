@@ -1,0 +1,48 @@
+"""Progress, learning rate, checkpoints."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from harness.plan.schedule import Budget, checkpoint_fractions, learning_rate
+
+
+@pytest.mark.parametrize(
+    ("budget", "step", "seconds", "expected"),
+    [
+        (Budget(200, None), 0, 0.0, 0.0),
+        (Budget(200, None), 50, 1e9, 0.25),
+        (Budget(200, None), 200, 0.0, 1.0),
+        (Budget(None, 8.0), 10**9, 2.0, 0.25),
+        (Budget(None, 8.0), 1, 9.0, 1.125),
+        (Budget(200, 8.0), 100, 2.0, 0.5),
+        (Budget(200, 8.0), 20, 6.0, 0.75),
+    ],
+)
+def test_progress_is_the_share_of_what_ends_first(budget: Budget, step: int, seconds: float, expected: float) -> None:
+    assert budget.progress(step, seconds) == expected
+
+
+def test_the_learning_rate_decays_by_equal_factors() -> None:
+    rates = [learning_rate(i / 4, 1000, 1e-2, 1e-4, 0) for i in range(5)]
+    assert rates == pytest.approx([1e-2, 10**-2.5, 1e-3, 10**-3.5, 1e-4])
+    assert learning_rate(1.3, 1000, 1e-2, 1e-4, 0) == pytest.approx(1e-4)
+
+
+def test_the_warm_up_is_linear_and_never_zero() -> None:
+    rates = [learning_rate(0.0, step, 1.0, 0.1, 3) for step in range(6)]
+    assert rates == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.0, 1.0])
+    assert learning_rate(0.0, 0, 1.0, 0.1, 0) == 1.0
+
+
+def test_checkpoints_are_even_in_log_time_and_end_with_the_budget() -> None:
+    shares = checkpoint_fractions(5, 0.1)
+    assert shares[0] == pytest.approx(0.1)
+    assert shares[-1] == 1.0
+    logs = [math.log(share) for share in shares]
+    assert [b - a for a, b in pairwise(logs)] == pytest.approx([math.log(10) / 4] * 4)
+
+
+def test_a_single_checkpoint_is_at_the_end() -> None:
+    assert checkpoint_fractions(1, 0.3) == [1.0]

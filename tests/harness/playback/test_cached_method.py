@@ -1,0 +1,181 @@
+"""A method behind the cache gives the pictures that it would give without."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from harness.playback import cached
+from harness.playback.cached import CachedMethod
+from harness.playback.store import ViewStore
+from harness.training.evaluate import View, render_view
+from harness.training.trainer import Diverged, Trainer
+from tests.harness.ball import pose
+from tests.harness.playback.drawn import same_bits
+from tests.harness.playback.test_view_keys import CHANGES, camera, trained
+
+CHUNK = 50
+
+
+def plain(learner: Trainer, view: object = None) -> View:
+    return render_view(learner, (view or camera()).cameras(learner.device), 0, CHUNK)  # type: ignore[attr-defined]
+
+
+def same(a: View, b: View) -> bool:
+    return all(same_bits(getattr(a, name), getattr(b, name)) for name in ("colour", "opacity", "depth"))
+
+
+@pytest.fixture
+def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Grows whenever something is rendered."""
+    found: list[int] = []
+
+    def counted(*arguments: object) -> View:
+        found.append(len(found))
+        return render_view(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(cached, "render_view", counted)
+    return found
+
+
+@pytest.mark.parametrize("method", ["nerf", "qnerf"])
+@pytest.mark.parametrize("frozen", [False, True])
+def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
+    tmp_path: Path, method: str, frozen: bool, renders: list[int]
+) -> None:
+    learner = trained(method)
+    expected = plain(learner)
+    one = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    assert one.lookup(camera()) is None
+    assert same(one.render(camera()), expected)
+    for level in (1, 0, 0):
+        found = one.lookup(camera())
+        assert found is not None
+        assert same(found[0], expected)
+        assert found[1] == level
+    fresh = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    found = fresh.lookup(camera())
+    assert found is not None
+    assert same(found[0], expected)
+    assert found[1] == 2
+    assert same(fresh.render(camera()), expected)
+    assert len(renders) == 1
+
+
+def test_without_the_cache_it_is_rendered_again_and_kept(renders: list[int]) -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    first = one.render(camera(), use_cache=False)
+    assert same(one.render(camera(), use_cache=False), first)
+    assert len(renders) == 2
+    assert same(one.render(camera()), first)
+    assert len(renders) == 2
+
+
+def test_nobody_can_change_what_is_kept() -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    expected = plain(one.learner)  # type: ignore[arg-type]
+    for _ in range(3):
+        view = one.render(camera())
+        for part in (view.colour, view.opacity, view.depth):
+            with pytest.raises(ValueError, match="read-only"):
+                part += 1.0
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                part.setflags(write=True)
+        assert same(view, expected)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_is_a_miss_and_what_is_rendered_then_is_the_changed_picture(change: str) -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    one.render(camera())
+    assert one.lookup(camera()) is not None
+    CHANGES[change](one.learner)  # type: ignore[arg-type]
+    assert one.lookup(camera()) is None
+
+
+def replaced(learner: Trainer) -> None:
+    learner.coarse.density_head.weight = torch.nn.Parameter(learner.coarse.density_head.weight.detach() * 2.0)
+
+
+def moved(learner: Trainer) -> None:
+    weight = learner.coarse.density_head.weight
+    weight.data = weight.data * 2.0
+
+
+def multiplied(learner: Trainer) -> None:
+    with torch.no_grad():
+        learner.coarse.density_head.weight.mul_(2.0)
+
+
+def restored(learner: Trainer) -> None:
+    weights = {name: value * 2.0 for name, value in learner.fields.state_dict().items()}
+    learner.restore({**weights, "occupied": learner.grid.occupied.clone()}, learner.step)  # type: ignore[union-attr]
+
+
+SHOWS = {
+    **{name: change for name, change in CHANGES.items() if ".data" not in name},
+    "a weight that is another one": replaced,
+    "data that lies elsewhere": moved,
+    "an operation in place": multiplied,
+    "other weights restored": restored,
+}
+
+
+@pytest.mark.parametrize("change", SHOWS)
+def test_a_frozen_method_that_was_changed_all_the_same_is_found_out(change: str) -> None:
+    """All but a write through `.data`, as it says."""
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+    before = one.render(camera())
+    SHOWS[change](one.learner)  # type: ignore[arg-type]
+    assert one.lookup(camera()) is None
+    if change in ("an operation in place", "data that lies elsewhere", "other weights restored"):
+        assert same(one.render(camera()), plain(one.learner))  # type: ignore[arg-type]
+        assert not same(one.render(camera()), before)
+
+
+def test_weights_of_a_frozen_method_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
+    digest = cached.weights_digest
+
+    def counted(learner: object) -> str:
+        calls.append(learner)
+        return digest(learner)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(cached, "weights_digest", counted)
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+    for azimuth in range(5):
+        one.render(camera(camera_to_world=pose(azimuth, 0.4)))
+        one.render(camera(camera_to_world=pose(azimuth, 0.4)))
+    assert len(calls) == 1
+
+
+def test_a_method_that_is_trained_while_it_renders_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    before = one.key(camera())
+
+    def trained_meanwhile(*arguments: object) -> View:
+        view = render_view(*arguments)  # type: ignore[arg-type]
+        CHANGES["one more training step"](one.learner)  # type: ignore[arg-type]
+        return view
+
+    monkeypatch.setattr(cached, "render_view", trained_meanwhile)
+    one.render(camera())
+    assert one.store.get(before) is None
+    assert one.lookup(camera()) is None
+
+
+def test_something_else_under_the_key_is_a_miss() -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    one.store.store(one.key(camera()), np.zeros((10, 12, 4), dtype=np.float32))
+    assert one.lookup(camera()) is None
+    assert same(one.render(camera()), plain(one.learner))  # type: ignore[arg-type]
+
+
+def test_a_method_that_diverged_raises_and_leaves_nothing() -> None:
+    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    with torch.no_grad():
+        one.learner.coarse.density_head.weight.fill_(torch.nan)  # type: ignore[attr-defined]
+    with pytest.raises(Diverged):
+        one.render(camera())
+    assert one.lookup(camera()) is None

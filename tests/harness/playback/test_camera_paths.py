@@ -1,0 +1,171 @@
+"""Camera paths: rigid, level, on their sphere, and where they say they are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from harness.playback.camera_paths import ORIGIN, PATHS, look_at, orbit, spiral, through, walk
+from scenes.files.errors import InputError
+from scenes.view_sets.viewpoints import RADIUS, TILT, all_poses
+from scenes.view_sets.viewpoints import look_at as scenes_look_at
+
+TARGET = (0.3, -0.2, 0.5)
+
+
+def assert_level_and_rigid(poses: np.ndarray) -> None:
+    assert poses.dtype == np.float64
+    assert poses.shape[1:] == (4, 4)
+    rotation = poses[:, :3, :3]
+    np.testing.assert_allclose(
+        rotation.transpose(0, 2, 1) @ rotation, np.tile(np.eye(3), (len(poses), 1, 1)), atol=1e-14
+    )
+    np.testing.assert_allclose(np.linalg.det(rotation), 1.0, atol=1e-14)
+    np.testing.assert_array_equal(poses[:, 3], np.tile([0.0, 0.0, 0.0, 1.0], (len(poses), 1)))
+    np.testing.assert_allclose(rotation[:, 2, 0], 0.0, atol=1e-14)
+    assert (rotation[:, 2, 1] >= -1e-14).all(), "up points up"
+
+
+def misses(poses: np.ndarray, target: tuple[float, ...]) -> np.ndarray:
+    """How far from the target the optical axes pass."""
+    away = np.asarray(target) - poses[:, :3, 3]
+    forward = -poses[:, :3, 2]
+    along = np.einsum("ni,ni->n", away, forward)
+    assert (along > 0).all(), "the target is in front"
+    return np.linalg.norm(away - along[:, None] * forward, axis=-1)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_every_path_is_level_and_looks_at_its_target_from_its_radius(name: str) -> None:
+    poses = PATHS[name](23, radius=2.5, target=TARGET)
+    assert len(poses) == 23
+    assert_level_and_rigid(poses)
+    np.testing.assert_allclose(misses(poses, TARGET), 0.0, atol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(poses[:, :3, 3] - TARGET, axis=-1), 2.5, rtol=1e-14)
+    np.testing.assert_array_equal(poses, PATHS[name](23, radius=2.5, target=TARGET))
+
+
+def test_an_orbit_is_closed_in_equal_steps_at_one_height() -> None:
+    frames, elevation = 12, 0.4
+    poses = orbit(frames, 3.0, elevation, TARGET, azimuth=1.1)
+    turn = poses @ np.linalg.inv(np.roll(poses, 1, axis=0))  # the last one to the first included
+    np.testing.assert_allclose(turn, np.tile(turn[0], (frames, 1, 1)), atol=1e-14)
+    angle = 2 * math.pi / frames
+    np.testing.assert_allclose(
+        turn[0, :2, :2], [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    )
+    np.testing.assert_allclose(poses[:, 2, 3], TARGET[2] + 3.0 * math.sin(elevation))
+    start = poses[0, :2, 3] - TARGET[:2]
+    assert math.atan2(start[1], start[0]) == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize("elevation", [math.pi / 2, -math.pi / 2])
+def test_an_orbit_over_a_pole_turns_the_picture(elevation: float) -> None:
+    poses = orbit(4, elevation=elevation)
+    assert_level_and_rigid(poses)
+    np.testing.assert_allclose(
+        poses[:, :3, 3], np.tile([0.0, 0.0, math.copysign(RADIUS, elevation)], (4, 1)), atol=1e-14
+    )
+    np.testing.assert_allclose(poses[0, :3, 0], -poses[2, :3, 0], atol=1e-14)
+
+
+def test_the_spiral_is_the_test_views_to_the_last_bit() -> None:
+    np.testing.assert_array_equal(spiral(), all_poses("test"))
+    np.testing.assert_array_equal(spiral(200), all_poses("test"))
+    np.testing.assert_allclose(spiral(100), all_poses("test")[::2], atol=1e-14)
+
+
+def test_a_walk_goes_step_by_step_and_comes_back_to_the_same_bits() -> None:
+    poses = walk(400, seed=3)
+    height = np.arcsin(poses[:, 2, 3] / RADIUS)
+    azimuth = np.unwrap(np.arctan2(poses[:, 1, 3], poses[:, 0, 3]))
+    steps = np.stack([np.diff(azimuth), np.diff(height)]) / math.radians(6.0)
+    np.testing.assert_allclose(np.abs(steps).sum(axis=0), 1.0, atol=1e-9)
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    assert height.min() >= TILT - 1e-12
+    assert height.max() <= TILT + 0.7 + 1e-12
+    places = {tuple(np.round(pose[:3, 3], 9)) for pose in poses}
+    assert len(places) == len({pose.tobytes() for pose in poses}) < 300
+    for column in (0, 1):
+        assert {-1, 0, 1} == set(np.round(steps[column]).astype(int)), "to and fro both ways"
+    assert not np.array_equal(walk(50, seed=3), walk(50, seed=4))
+    np.testing.assert_array_equal(walk(50, seed=3), poses[:50])
+
+
+def test_through_hits_what_is_given() -> None:
+    given = all_poses("test")[5:185:20]
+    np.testing.assert_allclose(through(given, len(given)), given, atol=1e-14)
+    np.testing.assert_allclose(through(given, 4 * (len(given) - 1) + 1)[::4], given, atol=1e-14)
+
+
+def test_through_keeps_level_and_distance_in_between() -> None:
+    path = through(all_poses("test")[::20], 77)
+    assert_level_and_rigid(path)
+    np.testing.assert_allclose(np.linalg.norm(path[:, :3, 3], axis=-1), RADIUS, rtol=1e-14)
+    np.testing.assert_allclose(misses(path, ORIGIN), 0.0, atol=1e-13)
+    longest = np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=-1).max()
+    assert longest < 0.2 * np.linalg.norm(np.diff(all_poses("test")[::20][:, :3, 3], axis=0), axis=-1).max()
+
+
+def test_through_goes_the_short_way_and_half_of_it_at_half_time() -> None:
+    low = orbit(4, elevation=0.0)
+    middle = through(low[:2], 3)[1]
+    np.testing.assert_allclose(middle, orbit(8, elevation=0.0)[1], atol=1e-14)
+
+
+def test_through_rolled_poses_keeps_their_roll() -> None:
+    roll = np.eye(4)
+    roll[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
+    rolled = orbit(4) @ roll
+    np.testing.assert_allclose(through(rolled, 4), rolled, atol=1e-14)
+    np.testing.assert_array_equal(through(rolled[:1], 3), rolled[[0, 0, 0]])
+
+
+def test_look_at_is_that_of_the_scenes_away_from_the_poles() -> None:
+    generator = np.random.default_rng(0)
+    for eye in generator.normal(size=(20, 3)) * 3:
+        ours = look_at(eye, TARGET)
+        np.testing.assert_allclose(ours, scenes_look_at(eye, np.array(TARGET)), atol=1e-13)
+        np.testing.assert_array_equal(ours[:3, 3], eye)
+
+
+@pytest.mark.parametrize("height", [2.0, -2.0])
+@pytest.mark.parametrize("offset", [0.0, -0.0])
+def test_look_at_from_a_pole_is_as_from_azimuth_0(height: float, offset: float) -> None:
+    pose = look_at((offset, offset, height))
+    assert_level_and_rigid(pose[None])
+    np.testing.assert_allclose(pose[:3, :3], look_at((1e-15, 0.0, height))[:3, :3], atol=1e-14)
+    np.testing.assert_array_equal(pose[:3, 3], (0.0, 0.0, height))
+    np.testing.assert_allclose(pose[:3, 0], [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(misses(pose[None], ORIGIN), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"frames": 0}, "0 frames"),
+        ({"frames": -3}, "-3 frames"),
+        ({"frames": 2, "radius": 0.0}, "radius 0.0"),
+        ({"frames": 2, "radius": math.nan}, "radius nan"),
+        ({"frames": 2, "target": (0.0, math.inf, 0.0)}, "inf"),
+        ({"frames": 2, "target": np.zeros(2)}, "three finite numbers"),
+    ],
+)
+def test_what_no_path_can_be_made_of_is_refused(name: str, given: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        PATHS[name](**given)
+
+
+def test_the_others_refuse_as_well() -> None:
+    for call, said in (
+        (lambda: orbit(3, elevation=math.nan), "finite angles"),
+        (lambda: walk(3, keep=1.5), "keep 1.5"),
+        (lambda: look_at((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)), "stands on its target"),
+        (lambda: look_at((math.nan, 1.0, 1.0)), "eye is"),
+        (lambda: through(np.zeros((0, 4, 4)), 3), "one 4 × 4 matrix or more"),
+        (lambda: through(orbit(3), 0), "0 frames"),
+        (lambda: through(2.0 * orbit(3), 3), "pose 0"),
+    ):
+        with pytest.raises(InputError, match=said):
+            call()

@@ -1,0 +1,294 @@
+"""A finished run gives back what was trained: the same picture to the last bit, or a reason why not."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from baselines.catalog import CATALOG
+from harness.plan.schedule import Budget
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
+from harness.playback.run_loader import FinishedRun, from_plain
+from harness.records.cells import cell_path, checkpoint_name, read_cell
+from harness.records.json_record import DamagedRecord
+from harness.training.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
+from harness.training.learner import Learner
+from scenes.files.errors import InputError
+from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.viewpoints import RADIUS
+from tests.harness.ball import DISTANCE, write_ball
+from tests.harness.tiny import CPU, TRAIN
+from tests.harness.trained_runs import SIZE, train_run
+from tests.harness.voxels import drjit_or_skip
+
+METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
+"""A density of its own point, one that depends on the call, and one with buffers beside its weights."""
+OTHERS = [name for name in CATALOG if name not in METHODS]
+SMALL = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
+Rendered = dict[str, list[View]]
+
+
+def views_of(learner: Learner, views: ViewSet, chunk: int) -> list[View]:
+    return list(render_split(learner, cameras_of(views, views.test, CPU), chunk))
+
+
+def trained(folder: Path, methods: list[str], **options: Any) -> tuple[Path, Rendered]:
+    """A run, and the test views as the learners themselves rendered them when they had been trained."""
+    learners: list[Learner] = []
+    out = train_run(folder, methods, on_trained=learners.append, **options)
+    views = read_view_set(folder / "ball")
+    return out, {one.method: views_of(one, views, 100) for one in learners}
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rendered]:
+    return trained(tmp_path_factory.mktemp("three"), METHODS, train=SMALL)
+
+
+@pytest.fixture(scope="module")
+def all_others(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rendered]:
+    return trained(tmp_path_factory.mktemp("others"), OTHERS, train=SMALL, steps=14)
+
+
+@pytest.fixture(scope="module")
+def finished(three: tuple[Path, Rendered]) -> FinishedRun:
+    """Not to be changed."""
+    return FinishedRun.of(three[0])
+
+
+@pytest.fixture
+def copy(finished: FinishedRun, tmp_path: Path) -> FinishedRun:
+    return FinishedRun.of(Path(shutil.copytree(finished.out, tmp_path / "run")))
+
+
+def assert_same(out: Path, method: str, before: list[View]) -> None:
+    """The cell restored renders `before` bit for bit, and scores what its record says."""
+    run = FinishedRun.of(out)
+    cell = run.trained(run.run.scenes[0], method, 0, CPU)
+    views = read_view_set(out.parent / "ball")
+    after = views_of(cell.learner, views, cell.chunk)
+    assert len(before) == len(after) == 3
+    for ours, theirs in zip(after, before, strict=True):
+        for name in ("colour", "opacity", "depth"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    rows = [view_scores(view, views.test, index) for index, view in enumerate(after)]
+    assert mean_scores(rows)["psnr"] == cell.cell.scores["psnr"]
+    assert rows == cell.cell.views
+    assert np.ptp(after[0].colour) > 0.01, "it shows something"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_restored_renders_and_scores_as_it_did(method: str, three: tuple[Path, Rendered]) -> None:
+    assert_same(three[0], method, three[1][method])
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+@pytest.mark.parametrize("method", OTHERS)
+def test_so_it_is_with_every_other_method(method: str, all_others: tuple[Path, Rendered]) -> None:
+    if CATALOG[method].kind == "voxels_drjit":
+        drjit_or_skip()
+    assert_same(all_others[0], method, all_others[1][method])
+
+
+OTHER_SETTINGS: dict[str, dict[str, Any]] = {
+    "fine pass, bfloat16": {"fine_bins": 8, "precision": "bfloat16"},
+    "no grid": {"grid": GridSettings(cells=0)},
+    "before the grid": {"grid": replace(TRAIN.grid, first_step=100)},
+    "without accelerations": {"accelerations": TRAIN.accelerations.without(("fused", "grid", "early_stop"))},
+}
+
+
+def test_so_it_is_with_a_fine_pass_and_without_view_direction(tmp_path: Path) -> None:
+    train = replace(TRAIN, fine_bins=8)
+    out, before = trained(tmp_path, ["nerf", "qnerf"], train=train, steps=14, no_need=["view_direction"])
+    for method in ("nerf", "qnerf"):
+        assert_same(out, method, before[method])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHER_SETTINGS)
+def test_so_it_is_with_other_settings(name: str, tmp_path: Path) -> None:
+    out, before = trained(tmp_path, METHODS, train=replace(TRAIN, **OTHER_SETTINGS[name]), steps=14)
+    for method in METHODS:
+        assert_same(out, method, before[method])
+
+
+def test_its_camera_is_that_of_the_views(finished: FinishedRun) -> None:
+    cell = finished.trained(finished.run.scenes[0], "nerf", 0, CPU)
+    views = read_view_set(finished.out.parent / "ball")
+    camera = cell.camera(views.test.camera_to_world[1])
+    before = render_view(cell.learner, cameras_of(views, views.test, CPU), 1, cell.chunk)
+    after = render_view(cell.learner, camera.cameras(CPU), 0, cell.chunk)
+    np.testing.assert_array_equal(before.colour, after.colour)
+    assert (camera.near, camera.far) == (views.near, views.far)
+
+
+def test_it_knows_where_its_views_are_and_how_far_its_cameras_stand(
+    copy: FinishedRun, tmp_path: Path, finished: FinishedRun
+) -> None:
+    scene = finished.run.scenes[0]
+    ball = finished.out.parent / "ball"
+    assert finished.view_set(scene) == ball
+    assert finished.view_radius(scene) == pytest.approx(DISTANCE)
+    ours = replace(scene, rendered={"digest": "x"})
+    assert copy.view_radius(ours) == RADIUS
+    own = FinishedRun(copy.out, replace(copy.run, settings={**copy.run.settings, "view_set": None}))
+    with pytest.raises(InputError, match="--view-sets"):
+        own.view_set(scene, tmp_path / "cache")
+    shutil.copytree(ball, tmp_path / "view_sets" / "ball")
+    assert own.view_set(scene, tmp_path / "cache") == tmp_path / "view_sets" / "ball"
+    shutil.copytree(ball, tmp_path / "cache" / "ball")
+    assert own.view_set(scene, tmp_path / "cache") == tmp_path / "cache" / "ball"
+
+
+# names
+
+
+def test_scenes_and_methods_are_all_or_those_asked_for(finished: FinishedRun) -> None:
+    assert [scene.name for scene in finished.scenes(None)] == ["ball"]
+    assert finished.methods(["qnerf", "nerf"]) == ["qnerf", "nerf"]
+    assert finished.methods(None) == METHODS
+    for ask, said in (
+        (lambda: finished.scenes(["lego"]), "--scenes: unknown 'lego'; known: ball"),
+        (lambda: finished.methods(["merf"]), "--methods: unknown 'merf'"),
+        (lambda: finished.methods(["nerf", "nerf"]), "named twice"),
+        (lambda: FinishedRun.of(finished.out / "records"), "holds no run"),
+        (lambda: FinishedRun.of(finished.out / "nowhere"), "holds no run"),
+        (lambda: finished.trained(finished.run.scenes[0], "nerf", 7, CPU), "nerf, seed 7 was not trained"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ask()
+    assert finished.is_trained("ball", "nerf", 0)
+    assert not finished.is_trained("ball", "nerf", 1)
+
+
+# records
+
+
+def edited(change: Callable[[dict[str, Any]], None]) -> Callable[[Path], None]:
+    def edit(path: Path) -> None:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        data.pop("digest", None)
+        change(data)
+        path.write_text(json.dumps(data), encoding="utf-8")
+
+    return edit
+
+
+SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
+    "not json": (lambda path: path.write_text("{"), "delete it and run again"),
+    "empty": (lambda path: path.write_text(""), "delete it and run again"),
+    "diverged": (edited(lambda cell: cell.update(status="diverged", reason="not finite at step 7: loss")), "step 7"),
+    "no train settings": (edited(lambda cell: cell["settings"].pop("train")), "not those of this version"),
+    "no score settings": (edited(lambda cell: cell["settings"].pop("score")), "not those of this version"),
+    "no focal length": (edited(lambda cell: cell["settings"]["view_set"].pop("focal")), "recorded before the focal"),
+    "no view set": (edited(lambda cell: cell["settings"].pop("view_set")), "recorded before the focal"),
+    "a setting less": (edited(lambda cell: cell["settings"]["train"].pop("bins")), "'bins'"),
+    "a setting more": (edited(lambda cell: cell["settings"]["train"].update(colour=1)), "'colour'"),
+    "words for numbers": (edited(lambda cell: cell["settings"]["train"].update(bins="16")), "'16'"),
+    "half a bin": (edited(lambda cell: cell["settings"]["train"].update(bins=16.5)), "16.5"),
+    "no precision": (edited(lambda cell: cell["settings"]["train"].update(precision="float7")), "float7"),
+    "no switch": (edited(lambda cell: cell["settings"]["train"]["accelerations"].update(grid="off")), "'off'"),
+    "wider": (edited(lambda cell: cell["settings"]["train"]["network"].update(width=17)), "not a checkpoint of nerf"),
+    "a lens turned round": (edited(lambda cell: cell["settings"]["view_set"].update(focal=-1.5)), "focal length -1.5"),
+    "no grid": (edited(lambda cell: cell["settings"]["train"]["grid"].update(cells=0)), "occupancy grid"),
+    "another grid": (edited(lambda cell: cell["settings"]["train"]["grid"].update(cells=9)), "occupancy grid"),
+}
+
+
+@pytest.mark.parametrize("wrong", SPOILT)
+def test_a_damaged_or_foreign_record_is_refused(wrong: str, copy: FinishedRun) -> None:
+    spoil, said = SPOILT[wrong]
+    spoil(cell_path(copy.out, "ball", "nerf", 0))
+    with pytest.raises((InputError, DamagedRecord), match=said) as caught:
+        copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
+    assert "ball.nerf.0" in str(caught.value) or "ball, nerf, seed 0" in str(caught.value)
+
+
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.99])
+def test_weights_that_changed_since_they_were_written_are_refused(place: float, copy: FinishedRun) -> None:
+    weights = copy.out / checkpoint_name("ball", "nerf", 0)
+    data = bytearray(weights.read_bytes())
+    data[int(place * len(data))] ^= 0x40
+    weights.write_bytes(data)
+    with pytest.raises(InputError, match="changed since it was written; --resume"):
+        copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
+
+
+@pytest.mark.parametrize("views", ["--help", {"need": [["empty_space"]]}, {"no_need": 7}])
+def test_settings_of_its_views_that_are_none_are_refused(views: Any, finished: FinishedRun) -> None:
+    spoilt = replace(finished, run=replace(finished.run, settings={**finished.run.settings, "views": views}))
+    with pytest.raises(DamagedRecord, match=r"run\.json: settings\.views"):
+        spoilt.views(spoilt.run.scenes[0])
+
+
+def test_views_that_are_not_counted_are_refused_with_the_file(finished: FinishedRun) -> None:
+    scene = replace(finished.run.scenes[0], views={"train": 5})
+    with pytest.raises(DamagedRecord, match=r"run\.json: ball: views says no number of test"):
+        finished.views(scene)
+
+
+def test_a_box_that_is_upside_down_is_refused_with_the_file(finished: FinishedRun) -> None:
+    scene = replace(finished.run.scenes[0], bounds=[[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]])
+    with pytest.raises(DamagedRecord, match=r"run\.json: ball: bounds"):
+        finished.views(scene)
+
+
+def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.playback.run_loader.CATALOG", {"nerf": CATALOG["nerf"]})
+    with pytest.raises(
+        InputError, match="'qnerf' is not in this version's catalogue, and no installed package offers it: nerf"
+    ):
+        copy.trained(copy.run.scenes[0], "qnerf", 0, CPU)
+
+
+# settings
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        TrainSettings(),
+        SMALL,
+        replace(TRAIN, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "fused"))),
+        Budget(steps=None, seconds=1.5),
+        Budget(steps=7, seconds=None),
+        ScoreSettings(),
+    ],
+)
+def test_settings_go_through_json_and_come_back(settings: Any, tmp_path: Path) -> None:
+    told = json.loads(json.dumps(asdict(settings)))
+    assert from_plain(type(settings), told, tmp_path) == settings
+
+
+def test_recorded_settings_are_those_trained_with(finished: FinishedRun) -> None:
+    cell = read_cell(cell_path(finished.out, "ball", "nerf", 0))
+    assert from_plain(TrainSettings, cell.settings["train"], finished.out) == SMALL
+    assert from_plain(Budget, cell.settings["budget"], finished.out) == Budget(24, None)
+
+
+@pytest.mark.parametrize(
+    "data", [None, [], {"steps": 1}, {"steps": True, "seconds": None}, {"steps": 1, "seconds": "1"}]
+)
+def test_what_is_no_budget_is_refused(data: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cell\.json: its settings are not those of this version"):
+        from_plain(Budget, data, tmp_path / "cell.json")
+
+
+def test_each_of_several_view_sets_is_a_scene_that_trains_as_it_would_alone(tmp_path: Path) -> None:
+    other = write_ball(tmp_path / "other", size=SIZE, train=4, test=2)
+    both = FinishedRun.of(train_run(tmp_path, ["nerf"], steps=3, others=[other]))
+    assert [both.view_set(one) for one in both.scenes(["ball", "other"])] == [tmp_path / "ball", other]
+    alone = train_run(tmp_path / "alone", ["nerf"], steps=3)
+    assert losses(both.out, "ball") == losses(alone, "ball")
+    assert losses(both.out, "ball") != losses(both.out, "other")
+
+
+def losses(out: Path, scene: str) -> list[float]:
+    return read_cell(cell_path(out, scene, "nerf", 0)).trace["loss"]

@@ -1,0 +1,251 @@
+"""However a view is rendered in parts, it is the view; and what is not, says so."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.contract import Rays, Rendering
+from baselines.numerics.attention import maps
+from baselines.numerics.attention.priorities import BadAttention, allocated_bins, region_order
+from baselines.numerics.attention.regions import Regions
+from harness.playback import progressive
+from harness.playback.progressive import (
+    Canvas,
+    Done,
+    coarse,
+    estimated_error,
+    refine,
+    render_allocated,
+    render_attended,
+)
+from harness.training.batches import Camera
+from harness.training.evaluate import View, render_view
+from harness.training.learner import Learner
+from tests.harness.ball import pose
+from tests.harness.tiny import CPU, rays_and_colours, trainer
+
+CHUNK = 150
+BINS = 16
+ROUNDING = 2e-6
+"""Display colour and opacity, of sums of 16 float32 weights; depth is up to 6 scene units and has six times as much."""
+CAMERA = Camera(pose(0.4, 0.5), 22, 18, 24.0, 2.0, 6.0)
+REGIONS = Regions(18, 22, 5)
+ATTENTION = maps.around_point(REGIONS, 6.0, 14.0, 4.0)
+EQUAL = np.full(REGIONS.count, 0.7)
+
+
+def trained(method: str) -> Learner:
+    """Past the grid's first step, so that empty space is left out and the settled number of bins is in use."""
+    learner = trainer(method)
+    rays, colours = rays_and_colours()
+    for _ in range(14):
+        learner.train_on(rays, colours)
+    return learner
+
+
+@pytest.fixture(scope="module")
+def nerf() -> Learner:
+    return trained("nerf")
+
+
+@pytest.fixture(scope="module")
+def qnerf() -> Learner:
+    return trained("qnerf")
+
+
+def plain(learner: Learner, camera: Camera = CAMERA) -> View:
+    return render_view(learner, camera.cameras(CPU), 0, CHUNK)
+
+
+def same_bits(one: View, other: View) -> bool:
+    return all(
+        getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("colour", "opacity", "depth")
+    )
+
+
+def largest_difference(one: View, other: View) -> float:
+    colour, opacity = np.abs(one.colour - other.colour).max(), np.abs(one.opacity - other.opacity).max()
+    return float(max(colour, opacity, np.abs(one.depth - other.depth).max() / 6.0))
+
+
+def test_the_views_looked_at_show_something(nerf: Learner) -> None:
+    found = plain(nerf)
+    assert found.opacity.max() > 0.05
+    assert found.colour.std() > 1e-3
+    assert nerf.rendered_by()["sampling"]["bins"] == BINS
+
+
+@pytest.mark.parametrize("order", list(progressive.ORDERS))
+def test_any_order_gives_the_plain_picture(nerf: Learner, order: Any) -> None:
+    assert largest_difference(render_attended(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order), plain(nerf)) < ROUNDING
+
+
+@pytest.mark.parametrize("attention", [EQUAL, np.zeros(REGIONS.count)])
+def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarray) -> None:
+    calls: list[Done] = []
+    assert same_bits(render_attended(nerf, CAMERA, REGIONS, attention, CHUNK, on_region=calls.append), plain(nerf))
+    assert [len(done.pixels) for done in calls] == [150, 150, 96]
+    assert all(done.region is None for done in calls)
+
+
+@pytest.mark.parametrize("order", list(progressive.ORDERS))
+def test_a_method_that_is_not_pointwise_is_plain_to_the_bit_whatever_is_attended(qnerf: Learner, order: Any) -> None:
+    reason = progressive.why_plain(qnerf)
+    assert reason is not None
+    assert "which points share a call" in reason
+    assert same_bits(render_attended(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order), plain(qnerf))
+
+
+def test_a_pointwise_method_has_no_reason(nerf: Learner) -> None:
+    assert progressive.why_plain(nerf) is None
+
+
+@pytest.mark.parametrize("order", list(progressive.ORDERS))
+@pytest.mark.parametrize("rays_a_call", [1, 60, 10_000])
+def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any, rays_a_call: int) -> None:
+    parts = list(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order, rays_a_call))
+    assert len(parts) == REGIONS.count
+    assert sorted(np.concatenate([done.pixels for done in parts]).tolist()) == list(range(18 * 22))
+    shares = np.cumsum([len(done.pixels) for done in parts]) / (18 * 22)
+    assert [done.share for done in parts] == shares.tolist()
+    assert parts[-1].share == 1.0
+    regions = [done.region for done in parts]
+    if order == "spread":
+        assert set(regions) == {None}
+    else:
+        expected = region_order(ATTENTION) if order == "attention" else range(REGIONS.count)
+        assert regions == list(expected)
+        for done in parts:
+            assert done.region is not None
+            assert done.pixels.tolist() == REGIONS.pixels(done.region).tolist()
+
+
+class Watched:
+    """A learner that notes its calls."""
+
+    def __init__(self, inner: Learner) -> None:
+        self.inner = inner
+        self.calls: list[tuple[int, int, int | None]] = []
+        self.evaluations: list[int] = []
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        self.calls.append((len(rays), chunk, bins))
+        found = self.inner.render(rays, chunk, bins)
+        self.evaluations.append(found.network_evaluations)
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+
+def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> None:
+    whole = nerf.render(CAMERA.rays(CPU), 10_000).network_evaluations
+    for rays_a_call in (1, 100):
+        parts = refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", rays_a_call)
+        assert sum(done.network_evaluations for done in parts) == pytest.approx(whole, rel=0.01)
+
+
+def test_parts_are_called_back_in_order_while_the_picture_fills(nerf: Learner) -> None:
+    seen: list[Done] = []
+    found = render_attended(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, on_region=seen.append)
+    assert [done.region for done in seen] == region_order(ATTENTION).tolist()
+    canvas = Canvas(18, 22)
+    for done in seen:
+        canvas.put(done)
+    assert same_bits(canvas.view, found)
+
+
+def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> None:
+    watched = Watched(nerf)
+    bad = ATTENTION.copy()
+    bad[3] = np.nan
+    for attention, said in (
+        (bad, "region 3: attention nan"),
+        (ATTENTION[:-1], r"must be \[20\]"),
+        (np.zeros(0), r"\[0\]"),
+    ):
+        with pytest.raises(BadAttention, match=said):
+            refine(watched, CAMERA, REGIONS, attention, CHUNK)
+    with pytest.raises(ValueError, match="the view has 18 × 22"):
+        refine(watched, CAMERA, Regions(22, 18, 5), np.ones(20), CHUNK)
+    assert watched.calls == []
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3, 4, 7, 50])
+def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learner, stride: int) -> None:
+    watched = Watched(nerf)
+    found, rays, evaluations = coarse(watched, CAMERA, stride, CHUNK)
+    assert sum(watched.evaluations) == evaluations
+    whole = plain(nerf)
+    rows, columns = range(0, 18, stride), range(0, 22, stride)
+    assert rays == len(rows) * len(columns)
+    for top in rows:
+        for left in columns:
+            row, column = min(top + (stride - 1) // 2, 17), min(left + (stride - 1) // 2, 21)
+            for name, tolerance in (("colour", ROUNDING), ("opacity", ROUNDING), ("depth", 6 * ROUNDING)):
+                square = getattr(found, name)[top : top + stride, left : left + stride]
+                assert np.abs(square - getattr(whole, name)[row, column]).max() < tolerance
+
+
+def test_a_stride_below_one_is_refused(nerf: Learner) -> None:
+    with pytest.raises(ValueError, match="stride 0"):
+        coarse(nerf, CAMERA, 0, CHUNK)
+
+
+def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
+    """Every region by itself."""
+    canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)
+    for region in range(REGIONS.count):
+        pixels = REGIONS.pixels(region)
+        one = learner.render(rays.chosen(torch.as_tensor(pixels)), 10_000, int(bins[region]))
+        arrays = (one.colour.numpy(), one.opacity.numpy(), one.depth.numpy())
+        canvas.put(Done(region, pixels, *arrays, share=0.0, network_evaluations=0))
+    return canvas.view
+
+
+def test_every_region_gets_its_own_bins(nerf: Learner) -> None:
+    bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 4)
+    assert len(set(bins.tolist())) > 3
+    seen: list[Done] = []
+    found = render_allocated(nerf, CAMERA, REGIONS, bins, CHUNK, seen.append)
+    assert largest_difference(found, slow_allocated(nerf, bins)) < ROUNDING
+    assert largest_difference(found, plain(nerf)) > 100 * ROUNDING
+    assert sorted(np.concatenate([done.pixels for done in seen]).tolist()) == list(range(18 * 22))
+    assert (np.diff([done.share for done in seen]) > 0.0).all()
+    assert seen[-1].share == 1.0
+
+
+def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learner) -> None:
+    for learner in (nerf, qnerf):
+        same = render_allocated(learner, CAMERA, REGIONS, np.full(REGIONS.count, BINS), CHUNK)
+        assert same_bits(same, plain(learner))
+
+
+def test_a_method_that_is_not_pointwise_gets_the_mean_number_everywhere(qnerf: Learner) -> None:
+    bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
+    found = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
+    mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
+    assert same_bits(found, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK))
+
+
+def test_what_regions_would_change_is_rounding_for_one_method_and_more_for_the_other(
+    nerf: Learner, qnerf: Learner
+) -> None:
+    assert progressive.changed_by_regions(nerf, CAMERA, REGIONS, CHUNK) < ROUNDING
+    assert progressive.changed_by_regions(qnerf, CAMERA, REGIONS, CHUNK) > 10 * ROUNDING
+
+
+def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:
+    watched = Watched(nerf)
+    fine, (rough, rays, evaluations) = (
+        coarse(nerf, CAMERA, 3, CHUNK, BINS).view,
+        coarse(nerf, CAMERA, 3, CHUNK, BINS // 2),
+    )
+    found = estimated_error(watched, CAMERA, fine, 3, CHUNK, BINS)
+    square = ((fine.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
+    np.testing.assert_allclose(found.error**2, square, rtol=1e-12)
+    assert found.error.max() > 0.0
+    assert watched.calls == [(48, CHUNK, BINS // 2)]
+    assert (found.rays, found.network_evaluations) == (rays, evaluations) == (48, evaluations)

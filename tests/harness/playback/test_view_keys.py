@@ -1,0 +1,257 @@
+"""Everything that a picture depends on changes its key, and nothing else does."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.contract import EVERY_ACCELERATION, Accelerations, Box
+from harness.playback import keys
+from harness.playback.cached import CachedMethod
+from harness.playback.keys import RENDERING, code_digest, plain_calls, view_key
+from harness.playback.store import ViewStore
+from harness.training.batches import Camera
+from harness.training.checkpoints import load_checkpoint, save_checkpoint, weights_digest
+from harness.training.learner import Learner
+from harness.training.trainer import Trainer
+from tests.harness.ball import pose
+from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+from tests.test_architecture import imported, modules
+
+CALLS = plain_calls(512)
+
+
+def camera(**changes: Any) -> Camera:
+    plain: dict[str, Any] = {
+        "camera_to_world": pose(0.3, 0.4), "width": 12, "height": 10, "focal": 16.0, "near": 2.0, "far": 6.0,
+    }  # fmt: skip
+    return Camera(**{**plain, **changes})
+
+
+def trained(method: str = "nerf", **changes: Any) -> Trainer:
+    one = trainer(method, replace(TRAIN, **changes))
+    for step in range(2):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str:
+    return view_key(learner, view or camera(), calls, weights_digest(learner))
+
+
+def test_the_same_view_has_the_same_key_and_it_is_one() -> None:
+    one = trained()
+    assert (
+        key(one) == key(one, camera()) == key(trained()) == key(one, camera(camera_to_world=pose(0.3, 0.4).T.copy().T))
+    )
+    assert len(key(one)) == 64
+    assert int(key(one), 16) >= 0
+
+
+@pytest.mark.parametrize("entry", range(16))
+@pytest.mark.parametrize("towards", [-np.inf, np.inf])
+def test_one_ulp_of_any_entry_of_the_pose_is_another_view(entry: int, towards: float) -> None:
+    one, moved = trained(), pose(0.3, 0.4)
+    moved.reshape(-1)[entry] = np.nextafter(moved.reshape(-1)[entry], towards)
+    assert key(one, camera(camera_to_world=moved)) != key(one)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"focal": np.nextafter(16.0, 17.0)},
+        {"near": np.nextafter(2.0, 3.0)},
+        {"far": np.nextafter(6.0, 7.0)},
+        {"width": 10, "height": 12},
+        {"width": 13},
+        {"height": 11},
+    ],
+)
+def test_another_lens_is_another_view(changes: dict[str, Any]) -> None:
+    one = trained()
+    assert key(one, camera(**changes)) != key(one)
+
+
+def trained_further(one: Trainer) -> None:
+    one.train_on(*rays_and_colours(seed=9))
+
+
+def written_in_place(one: Trainer) -> None:
+    weight = next(one.fields.parameters())
+    weight.data[0, 0] = torch.nextafter(weight.data[0, 0], torch.tensor(9.0))
+
+
+def grid_changed(one: Trainer) -> None:
+    assert one.grid is not None
+    one.grid.occupied[7] = False
+
+
+def box_moved(one: Trainer) -> None:
+    one.box = Box(one.box.lower, torch.nextafter(one.box.upper, torch.tensor(9.0)))
+
+
+def background_changed(one: Trainer) -> None:
+    one.background = torch.nextafter(one.background, torch.tensor(0.0))
+
+
+def settings_changed(**changes: Any) -> Callable[[Trainer], None]:
+    def change(one: Trainer) -> None:
+        one.settings = replace(one.settings, **changes)
+
+    return change
+
+
+def named(**attributes: Any) -> Callable[[Trainer], None]:
+    def change(one: Trainer) -> None:
+        for name, value in attributes.items():
+            setattr(one, name, value)
+
+    return change
+
+
+CHANGES: dict[str, Callable[[Trainer], None]] = {
+    "one more training step": trained_further,
+    "a weight written through .data": written_in_place,
+    "one cell of the occupancy mask": grid_changed,
+    "the mask gone": named(grid=None),
+    "method": named(method="qnerf"),
+    "quadrature": named(quadrature="listing4"),
+    "direction": named(view_dependent=False),
+    "background": background_changed,
+    "box": box_moved,
+    "device": named(device=torch.device("meta")),
+    "bins": settings_changed(bins=17, first_bins=17),
+    "fine bins": settings_changed(fine_bins=8),
+    "network": settings_changed(network=replace(TRAIN.network, colour_layers=1)),
+    "bfloat16": settings_changed(precision="bfloat16"),
+    "float16": settings_changed(precision="float16"),
+    **{
+        f"without {one.name}": settings_changed(accelerations=replace(EVERY_ACCELERATION, **{one.name: False}))
+        for one in fields(Accelerations)
+    },
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_whatever_a_picture_depends_on_is_in_the_key(change: str) -> None:
+    one = trained()
+    before = key(one)
+    assert key(one) == before
+    CHANGES[change](one)
+    assert key(one) != before
+
+
+def test_more_training_moves_the_sampling_even_where_no_weight_moves() -> None:
+    """Another number of bins holds before the grid is in use."""
+    one = trained()
+    before = key(one)
+    one.step = TRAIN.grid.first_step + 1
+    assert key(one) != before
+
+
+def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
+    learners = [trained(), trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
+    found = [key(one, calls=calls) for one in learners for calls in (CALLS, plain_calls(513), "region after region")]
+    assert len(set(found)) == len(found)
+
+
+def test_another_version_of_the_sources_or_of_torch_is_another_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trained()
+    before = key(one)
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "__version__", "9.9")
+        assert key(one) != before
+    with monkeypatch.context() as patch:
+        patch.setattr(keys, "code_digest", lambda: "0" * 64)
+        assert key(one) != before
+    torch.set_num_threads(2)  # put back by a fixture
+    assert key(one) != before
+
+
+def digested() -> set[Path]:
+    return {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
+
+
+def test_the_digest_of_the_code_is_of_every_source_that_renders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = modules(keys.ROOT)
+    waiting = ["harness.training.trainer", "harness.training.voxel_trainer", "harness.training.batches"]
+    rendering: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name in known and name not in rendering:
+            rendering.add(name)
+            waiting += imported(name, known[name], set(known))
+    in_digest = digested()
+    assert keys.ROOT / "harness/training/evaluate.py" in in_digest
+    left_out = {name for name in rendering if known[name] not in in_digest}
+    # they train, keep time, read files and say what is missing; no pixel comes from them
+    assert left_out == NOT_RENDERING
+    for pattern in RENDERING:
+        file = tmp_path / pattern.replace("**/*", "deep/a").replace("*", "a")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("")
+    monkeypatch.setattr(keys, "ROOT", tmp_path)
+    found = {code_digest.__wrapped__()}
+    for file in sorted(tmp_path.rglob("*.py")):
+        file.write_text("# changed")
+        found.add(code_digest.__wrapped__())
+    assert len(found) == 1 + len(RENDERING)
+
+
+NOT_RENDERING = {
+    "harness.machine.stopwatch",
+    "harness.plan.plugins",
+    "harness.plan.schedule",
+    "harness.records.cells",
+    "harness.records.json_record",
+    "harness.records.pictures",
+    "harness.records.snapshot",
+    "harness.training.checkpoints",
+    "scenes.files.errors",
+    "scenes.view_sets.image_stack",
+    "scenes.view_sets.pixels",
+    "scenes.view_sets.source",
+    "scenes.view_sets.transforms",
+    "scenes.view_sets.viewpoints",
+}  # fmt: skip
+
+
+ELSEWHERE = """
+import sys, torch
+from pathlib import Path
+from harness.training.checkpoints import load_checkpoint
+from tests.harness.tiny import trainer
+from tests.harness.playback.test_view_keys import camera, key
+torch.set_num_threads(1)
+one = trainer()
+load_checkpoint(one, Path(sys.argv[1]), 2)
+print(key(one))
+"""
+
+
+def test_another_process_has_the_same_key(tmp_path: Path) -> None:
+    one = trained()
+    save_checkpoint(one, tmp_path / "a.safetensors")
+    done = subprocess.run(
+        [sys.executable, "-c", ELSEWHERE, str(tmp_path / "a.safetensors")],
+        cwd=keys.ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    again = trainer()
+    load_checkpoint(again, tmp_path / "a.safetensors", 2)
+    assert done.stdout.split() == [key(one)] == [key(again)]
+
+
+def test_a_cached_method_has_these_keys() -> None:
+    one = trained()
+    for frozen in (False, True):
+        method = CachedMethod(one, ViewStore(0), 512, frozen)
+        assert method.key(camera()) == key(one)
+        assert method.key(camera(), "otherwise") == key(one, calls="otherwise")

@@ -1,0 +1,265 @@
+"""Records: there and back, whole or not at all, and never a NaN."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.records.cells import (
+    CellRecord,
+    Checkpoint,
+    Comparison,
+    LeftOut,
+    RunRecord,
+    SceneRecord,
+    ViewScore,
+    cell_path,
+    read_cell,
+    read_cells,
+    read_cells_of,
+    read_comparisons,
+    read_run,
+    write_cell,
+    write_comparisons,
+    write_run,
+)
+from harness.records.json_record import DamagedRecord, as_text, finite_or_none, load_json, write_json, write_record
+from tests.harness.cells import cell, checkpoint, diverged
+
+ROOT = Path(__file__).parents[3]
+
+
+def one_cell() -> CellRecord:
+    density = {"edges": [0.0, 0.5, 1.0], "before": [0.25, 0.75], "after": [1.0, 0.0]}
+    curve = [checkpoint(10, 1.5, None), replace(checkpoint(20, 3.0, 21.5), density=density, alpha=0.618)]
+    return cell("lego", "qnerf", 2, curve)
+
+
+def one_run() -> RunRecord:
+    scene = SceneRecord(
+        "lego", "Bricks", "lego-32px-abc", 32, 32, {"train": 2, "val": 0, "test": 1}, 2.0, 6.0,
+        [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], 40.0, None, {"variant": "scalar_rgb"},
+        [LeftOut("background model", "alpha is known", 0.5, 0.1, (0.0, 0.2)), LeftOut("medium", "there is none")],
+    )  # fmt: skip
+    return RunRecord(
+        "smoke", "python -m harness run", [scene], {"nerf": "vanilla"}, ["φ"], {"table2": {}}, [0, 1], {"rays": 1},
+        {"commit": "x"}, {"total": 3.0}, True, ["much"],
+    )  # fmt: skip
+
+
+def test_a_cell_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    for one in (one_cell(), diverged("ship", "nerf", 0)):
+        write_cell(tmp_path, one)
+        assert read_cell(cell_path(tmp_path, one.scene, one.method, one.seed)) == one
+    assert [one.scene for one in read_cells(tmp_path)] == ["lego", "ship"]
+
+
+def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) -> None:
+    rows = [
+        Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0),
+        Comparison("lego", "qnerf", "nerf", "ssim", "seconds", None, None, "inconclusive", None, 0, 3),
+        Comparison("lego", "qnerf", "nerf", "ssim", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, (-0.1, 0.3), 48),
+    ]
+    write_run(tmp_path, one_run())
+    write_comparisons(tmp_path, rows)
+    assert read_run(tmp_path) == one_run()
+    assert read_comparisons(tmp_path) == rows
+    assert read_comparisons(tmp_path / "elsewhere") == []
+
+
+def test_comparisons_of_an_earlier_version_are_named_with_the_remedy(tmp_path: Path) -> None:
+    row = {"scene": "all", "method": "qnerf", "against": "nerf", "left_aside": 0}
+    write_record(tmp_path / "records" / "comparisons.json", {"rows": [row]})
+    with pytest.raises(DamagedRecord, match=r"comparisons\.json: a comparison of another version.*run again"):
+        read_comparisons(tmp_path)
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+maybe = st.none() | finite
+text = st.text(max_size=8)
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | finite | text,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(text, inner, max_size=3),
+    max_leaves=6,
+)
+# plain dictionaries, as the type checker draws random numbers whenever a record is made
+checkpoints = st.fixed_dictionaries(
+    {
+        "step": st.integers(0), "seconds": finite, "network_evaluations": st.integers(0), "psnr": maybe,
+        "rmse_linear": maybe, "ssim": maybe, "alpha": maybe, "beta": maybe,
+        "density": st.none() | st.dictionaries(text, st.lists(finite, max_size=3), max_size=3),
+    }
+)  # fmt: skip
+cells = st.fixed_dictionaries(
+    {
+        "seed": st.integers(0, 9), "status": st.sampled_from(["done", "diverged", "error", "not_available"]),
+        "reason": st.none() | text, "steps": st.integers(0), "train_seconds": finite,
+        "scores": st.dictionaries(text, maybe, max_size=3),
+        "trace": st.dictionaries(text, st.lists(maybe, max_size=3), max_size=3),
+        "parameters": st.dictionaries(text, st.integers(), max_size=3),
+        "properties": st.dictionaries(text, maybe | text, max_size=3), "warnings": st.lists(text, max_size=2),
+        "pictures": st.none() | text, "settings": st.dictionaries(text, json_values, max_size=3),
+        "provenance": st.dictionaries(text, json_values, max_size=3),
+    }
+)  # fmt: skip
+
+
+@given(
+    facts=cells,
+    curve=st.lists(checkpoints, max_size=3),
+    views=st.lists(st.tuples(text, *[maybe] * 8), max_size=2),
+)
+@settings(deadline=None, max_examples=60)
+def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: Any) -> None:
+    one = CellRecord(
+        scene="lego",
+        method="nerf",
+        curve=[Checkpoint(**point) for point in curve],
+        views=[ViewScore(*view) for view in views],
+        **facts,
+    )
+    with tempfile.TemporaryDirectory() as out:
+        write_cell(Path(out), one)
+        assert list(read_cells(Path(out))) == [one]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_refused_and_the_old_file_stays(bad: float, tmp_path: Path) -> None:
+    write_cell(tmp_path, one_cell())
+    with pytest.raises(ValueError, match="JSON"):
+        write_cell(tmp_path, replace(one_cell(), scores={"psnr": bad}))
+    assert list(read_cells(tmp_path)) == [one_cell()]
+    assert finite_or_none(bad) is None
+
+
+def test_hidden_files_of_others_and_cells_of_no_plan_are_passed_over(tmp_path: Path) -> None:
+    write_cell(tmp_path, diverged("lego", "nerf", 0))
+    cells = tmp_path / "records" / "cells"
+    (cells / "._lego.nerf.0.json").write_bytes(b"\x00\x05\x16\x07")
+    assert list(read_cells(tmp_path)) == [diverged("lego", "nerf", 0)]
+    (cells / "notes.json").write_text("mine")
+    keys = [("lego", "nerf", 0), ("lego", "qnerf", 0)]
+    assert list(read_cells_of(tmp_path, keys)) == [diverged("lego", "nerf", 0)]
+
+
+def test_a_command_that_is_not_utf_8_can_be_recorded(tmp_path: Path) -> None:
+    command = as_text("python -m harness run --out r\udce9sum\udce9 ж")
+    write_json(tmp_path / "run.json", {"command": command})
+    assert load_json(tmp_path / "run.json") == {"command": r"python -m harness run --out r\udce9sum\udce9 ж"}
+
+
+def test_a_number_that_is_finite_is_kept() -> None:
+    assert finite_or_none(2.5) == 2.5
+    assert finite_or_none(None) is None
+
+
+def damage(out: Path, change: Any) -> Path:
+    write_cell(out, one_cell())
+    path = cell_path(out, "lego", "qnerf", 2)
+    data = json.loads(path.read_text(encoding="utf-8"))
+    del data["digest"]  # which would say that it was changed, not how
+    change(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+    return path
+
+
+def test_a_record_with_pictures_of_the_former_kind_still_opens(tmp_path: Path) -> None:
+    path = damage(tmp_path, lambda data: [data.pop("pictures"), data.update(images=[{"view": "test/r_0"}])])
+    assert read_cell(path).pictures is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data.update(schema=99), "schema 99, this version reads 1"),
+        (lambda data: data.pop("schema"), "schema None"),
+        (lambda data: data.update(colour="red"), "colour"),
+        (lambda data: data.pop("scores"), "scores"),
+        (lambda data: data["curve"][0].update(colour="red"), "colour"),
+        (lambda data: data["curve"][0].pop("step"), "step"),
+        (lambda data: data["views"].append(3), "delete it"),
+        (lambda data: data.update(views=None), "delete it"),
+    ],
+)
+def test_a_changed_record_is_refused_by_name(change: Any, said: str, tmp_path: Path) -> None:
+    path = damage(tmp_path, change)
+    with pytest.raises(DamagedRecord) as caught:
+        read_cell(path)
+    assert str(path) in str(caught.value)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "3", '{"schema": 1', "\0\0\0"])
+def test_a_truncated_record_is_refused_by_name(content: str, tmp_path: Path) -> None:
+    write_cell(tmp_path, one_cell())
+    path = cell_path(tmp_path, "lego", "qnerf", 2)
+    path.write_text(content)
+    with pytest.raises(DamagedRecord, match=r"lego\.qnerf\.2\.json"):
+        list(read_cells(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("paper", "said"),
+    [
+        ({"table2": 0.5}, "float, not dict"),
+        ({"table2": {"lego": {"nerf": 32.5}}}, "paper.table2.lego lacks nerf or qnerf"),
+        ({"table1": {"total": "many"}}, "total"),
+        ({"ledger": {}}, "dict, not list"),
+    ],
+)
+def test_a_table_of_the_paper_that_is_none_is_refused(paper: dict[str, Any], said: str, tmp_path: Path) -> None:
+    write_run(tmp_path, replace(one_run(), paper=paper))
+    with pytest.raises(DamagedRecord, match=said):
+        read_run(tmp_path)
+
+
+def test_a_damaged_run_record_is_refused(tmp_path: Path) -> None:
+    write_run(tmp_path, one_run())
+    path = tmp_path / "records" / "run.json"
+    data = json.loads(path.read_text(encoding="utf-8"))
+    del data["digest"]
+    data["scenes"][0]["colour"] = "red"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(DamagedRecord, match=r"run\.json"):
+        read_run(tmp_path)
+
+
+@pytest.mark.parametrize("killed_at", ["os.fsync", "pathlib.Path.replace"])
+def test_a_killed_write_leaves_the_old_file_whole(killed_at: str, tmp_path: Path) -> None:
+    write_cell(tmp_path, one_cell())
+    code = (
+        "import os, pathlib\n"
+        "from harness.records.json_record import write_json\n"
+        f"{killed_at} = lambda *_: os.kill(os.getpid(), 9)\n"
+        f"write_json(pathlib.Path({str(cell_path(tmp_path, 'lego', 'qnerf', 2))!r}), ['new'])\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert ran.returncode == -signal.SIGKILL, ran.stderr
+    assert list(read_cells(tmp_path)) == [one_cell()]
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_litter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.json"
+    write_json(path, ["old"])
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_json(path, ["new"])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.json"]
+    assert json.loads(path.read_text()) == ["old"]
+
+
+def test_a_record_holds_nothing_that_json_has_not() -> None:
+    json.dumps(asdict(one_cell()), allow_nan=False)

@@ -1,0 +1,106 @@
+"""One process at a time writes into an output folder, and a holder that dies leaves no lock."""
+
+import errno
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from harness.run_folder.folder_lock import LOCK_FILE, is_locked, lock_folder, locked_folder
+from scenes.files.errors import InputError
+
+
+def holder(out: Path) -> int:
+    """Another process that holds the lock until it is killed."""
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        lock_folder(out)
+        os.write(theirs, b"x")
+        time.sleep(60)
+        os._exit(0)
+    assert os.read(ours, 1) == b"x"
+    return child
+
+
+def killed(child: int) -> None:
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+
+
+def test_the_second_is_refused_and_told_who_has_it(tmp_path: Path) -> None:
+    child = holder(tmp_path)
+    try:
+        with pytest.raises(InputError, match=rf"in use by process {child} on .*; let that end"):
+            lock_folder(tmp_path)
+        assert is_locked(tmp_path)
+    finally:
+        killed(child)
+    assert not is_locked(tmp_path)
+
+
+def test_a_killed_holder_leaves_nothing_to_clear_away(tmp_path: Path) -> None:
+    killed(holder(tmp_path))
+    assert (tmp_path / LOCK_FILE).exists()
+    lock = lock_folder(tmp_path)
+    assert lock.is_held
+    lock.release()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_stays_empty_is_removed_and_one_that_was_there_stays(tmp_path: Path) -> None:
+    with locked_folder(tmp_path / "fresh"):
+        assert (tmp_path / "fresh" / LOCK_FILE).exists()
+    assert not (tmp_path / "fresh").exists()
+    with locked_folder(tmp_path):
+        pass
+    assert tmp_path.exists()
+
+
+def test_a_lock_that_was_let_go_while_it_was_being_opened_is_not_taken_for_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, opened = lock_folder(tmp_path), []
+    plain = os.open
+
+    def open_then_released(path: Path, *rest: int) -> int:
+        file = plain(path, *rest)
+        if not opened:
+            first.release()  # the file that was opened has no name any more
+        opened.append(file)
+        return file
+
+    monkeypatch.setattr("harness.run_folder.folder_lock.os.open", open_then_released)
+    lock = lock_folder(tmp_path)
+    assert len(opened) == 2
+    assert is_locked(tmp_path)
+    lock.release()
+
+
+def test_without_locks_it_is_not_held_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(*_: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with locked_folder(tmp_path) as lock:
+        assert not lock.is_held
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_a_file_elsewhere_is_not_written_through_a_link(link: Callable[[Path, Path], None], tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("mine")
+    (out := tmp_path / "out").mkdir()
+    link(out / LOCK_FILE, tmp_path / "precious")
+    with pytest.raises(InputError, match=r"\.lock: is no plain file of this folder alone; remove it"):
+        lock_folder(out)
+    assert not is_locked(out)
+    assert (tmp_path / "precious").read_text() == "mine"
+
+
+def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(InputError, match="is a file; name a folder"):
+        lock_folder(tmp_path / "file")

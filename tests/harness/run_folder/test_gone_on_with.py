@@ -1,0 +1,157 @@
+"""What a run that is gone on with says of the part before it, and keeps of it."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+from harness.execution.group import GroupTask
+from harness.execution.local_executor import Event
+from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run
+from harness.records.json_record import DamagedRecord
+from harness.run_folder.earlier_run import with_measured
+from harness.run_folder.phases import Phases
+from tests.harness.trained_runs import in_this_process
+
+TYPED = "run --profile smoke --resolution 8 --methods nerf qnerf --seeds 1 --budget-steps 2 --workers 1 --no-serving"
+
+
+Locally = Callable[[list[GroupTask], int], Iterator[Event]]
+
+
+def go_on(out: Path, ball_folder: Path, *more: str, locally: Locally = in_this_process) -> int:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.execution.run.run_locally", locally)
+        patch.setattr("harness.machine.device.available_cores", lambda: 1)
+        return main([*TYPED.split(), "--view-set", str(ball_folder), "--out", str(out), *more])
+
+
+@pytest.fixture(scope="module")
+def finished(ball_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Not to be changed."""
+    out = tmp_path_factory.mktemp("finished") / "run"
+    assert go_on(out, ball_folder) == 0
+    return out
+
+
+@pytest.fixture
+def out(finished: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(finished, tmp_path / "run"))
+
+
+def cell(out: Path, method: str) -> CellRecord:
+    return read_cell(cell_path(out, "ball", method, 0))
+
+
+def test_cells_of_other_code_are_named_and_stand_in_the_record(
+    ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = cell(out, "nerf").provenance["sources"]
+    assert new == read_run(out).provenance["sources"]
+    old = cell(out, "qnerf")
+    write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef", "commit": "0ld"}))
+    cell_path(out, "ball", "nerf", 0).unlink()
+    assert go_on(out, ball_folder, "--resume") == 0
+    said = capsys.readouterr().out
+    assert "1 of 1 finished cells were made by other code or packages (ball.qnerf.0: sources 0123456789abcdef" in said
+    (sentence,) = [one for one in read_run(out).not_tested if one.startswith("One code")]
+    assert f"sources {new} (1 cells), 0123456789abcdef (1 cells)" in sentence
+    assert cell(out, "qnerf").provenance["commit"] == "0ld", "not trained again"
+    cell_path(out, "ball", "qnerf", 0).unlink()  # what the line says to do
+    assert go_on(out, ball_folder, "--resume") == 0
+    assert "other code" not in capsys.readouterr().out
+    assert not any(one.startswith("One code") for one in read_run(out).not_tested)
+
+
+def test_a_finished_run_of_one_code_is_looked_at_by_another_in_silence(
+    ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for old in (cell(out, "nerf"), cell(out, "qnerf")):
+        write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef"}))
+    assert go_on(out, ball_folder, "--resume") == 0
+    assert "other code" not in capsys.readouterr().out
+
+
+def test_clocks_of_all_parts_are_summed(ball_folder: Path, out: Path) -> None:
+    first = read_run(out)
+    write_run(out, replace(first, phases={"render": 10.0, "train": 1000.0, "verify": 5.0, "total": 1020.0}))
+    assert go_on(out, ball_folder, "--resume") == 0
+    phases = read_run(out).phases
+    assert phases["verify"] == 5.0
+    for name, before in (("render", 10.0), ("train", 1000.0), ("total", 1020.0)):
+        assert before < phases[name] < before + 100.0
+
+
+def test_a_phase_that_is_interrupted_is_counted() -> None:
+    now = [0.0]
+    phases = Phases({"render": 1.0, "total": 7.0}, lambda: now[0])
+
+    def stopped_after(seconds: float) -> None:
+        with phases.timed("train"):
+            now[0] += seconds
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped_after(3.0)
+    assert phases.seconds() == {"render": 1.0, "train": 3.0, "total": 10.0}
+
+
+def test_notices_of_all_parts_are_kept_once(ball_folder: Path, out: Path) -> None:
+    def tells(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
+        yield from (Event(tasks[0], notice=text) for text in ("a node died", "another"))
+        yield from in_this_process(tasks, workers)
+
+    assert "notices" not in read_run(out).provenance
+    for _ in range(2):
+        cell_path(out, "ball", "nerf", 0).unlink()
+        assert go_on(out, ball_folder, "--resume", locally=tells) == 0
+    assert read_run(out).provenance["notices"] == ["a node died", "another"]
+    assert go_on(out, ball_folder, "--resume") == 0
+    assert read_run(out).provenance["notices"] == ["a node died", "another"]
+
+
+MEASURED = LeftOut(
+    "view-direction branch", "the same from all sides", 1.5, -1.0, (-1.2, -0.8), "view_direction", "model", 0.2, "dB",
+    "training", "costs more",
+)  # fmt: skip
+PLAIN = replace(MEASURED, seconds_saved=None, difference=None, interval=None, clock="", verdict="")
+
+
+def test_what_omissions_cost_is_kept_of_the_same_view_set(finished: Path) -> None:
+    run = read_run(finished)
+    (scene,) = run.scenes
+    before = replace(run, scenes=[replace(scene, left_out=[MEASURED])])
+    assert with_measured([replace(scene, left_out=[PLAIN])], before) == before.scenes
+    for other in (
+        replace(scene, left_out=[PLAIN], rendered={"digest": "another"}),
+        replace(scene, left_out=[PLAIN], near=0.5),
+        replace(scene, left_out=[replace(PLAIN, bound=0.1)]),
+        replace(scene, left_out=[replace(PLAIN, name="outside_box")]),
+    ):
+        assert with_measured([other], before) == [other]
+    assert with_measured([scene], None) == [scene]
+
+
+def test_an_omission_that_costs_more_does_so_after_resuming(ball_folder: Path, tmp_path: Path) -> None:
+    out, forced = tmp_path / "run", ("--no-need", "view_direction")
+    assert go_on(out, ball_folder, *forced) == 0
+    run = read_run(out)
+    (scene,) = run.scenes
+    measured = [replace(row, verdict="costs more", difference=-1.0, interval=(-1.2, -0.8)) for row in scene.left_out]
+    assert [row.name for row in measured] == ["view_direction"]
+    write_run(out, replace(run, scenes=[replace(scene, left_out=measured)]))
+    for _ in range(2):
+        assert go_on(out, ball_folder, *forced, "--resume") == 3
+        assert read_run(out).scenes[0].left_out == measured
+
+
+def test_a_record_that_cannot_be_read_is_made_anew(ball_folder: Path, out: Path) -> None:
+    (out / "records/run.json").write_text("{")
+    with pytest.raises(DamagedRecord):
+        read_run(out)
+    assert go_on(out, ball_folder, "--resume") == 0
+    assert read_run(out).finished

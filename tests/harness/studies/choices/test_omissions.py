@@ -1,0 +1,251 @@
+"""What is left out, forced in or out, and judged."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_of, with_needs
+from harness.plan.profiles import Plan, planned
+from harness.plan.schedule import Budget
+from harness.records.cells import LeftOut
+from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, trained_cell
+from harness.studies.choices.omissions import Omission, cell_tasks, controls_of, judged, omissions_of, verifiable
+from harness.studies.choices.verification import filled, line_of, too_costly
+from harness.verdicts.statistics import paired_difference
+from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out
+from scenes.rendering.checks import in_blocks
+from scenes.view_sets.view_set import ViewSet, read_view_set
+from tests.harness.ball import write_ball
+from tests.harness.tiny import SCORE, TRAIN, VIEWS
+
+SOLID: Needs = {
+    name: Need(name, name in ("fine_pass", "linear_quadrature", "depth_metric"), "as it is")
+    for name in PARTS
+    if name != "high_bands"
+}
+"""A Lambertian surface without a medium."""
+
+
+def known(views: ViewSet, needs: Needs) -> ViewSet:
+    """`views` as if we had rendered them."""
+    return replace(views, rendered={"needs": as_rows(needs), "left_out": left_out(needs)})
+
+
+def ball_plan(**changes: Any) -> Plan:
+    plan = planned("smoke", methods=["nerf"], seeds=1, precision="float32")
+    return replace(plan, train=TRAIN, score=SCORE, views=VIEWS, budget=Budget(6, None), scenes=("ball",), **changes)
+
+
+@pytest.mark.parametrize(("name", "acceleration"), LEFT_OUT_BY.items())
+def test_a_part_is_forced_in_by_either_option(name: str, acceleration: str) -> None:
+    by_need, by_without = planned("smoke", need=[name]), planned("smoke", without=[acceleration])
+    assert by_need == by_without
+    assert by_need.views.need == (name,)
+    assert not getattr(by_need.train.accelerations, acceleration)
+    assert by_need.settings()["views"]["need"] == (name,)
+
+
+def test_parts_are_forced_out() -> None:
+    plan = planned("full", no_need=["view_direction", "fine_pass", "empty_space"])
+    assert plan.views.no_need == ("view_direction", "fine_pass", "empty_space")
+    assert plan.train.fine_bins == 0
+    assert plan.train.grid.cells > 0
+    assert planned("reduced", need=["fine_pass"]).train.fine_bins == 64
+
+
+def test_nothing_is_forced_by_default() -> None:
+    for profile in ("smoke", "reduced", "full"):
+        assert (planned(profile).views.need, planned(profile).views.no_need) == ((), ())
+
+
+def test_depth_is_scored_where_there_is_one(ball: ViewSet) -> None:
+    stack = ball.test.rgba  # any images will do
+    deep = replace(ball, test=replace(ball.test, depth=stack))
+    fog = {**SOLID, "depth_metric": Need("depth_metric", False, "a medium has no depth")}
+    assert with_needs(known(deep, SOLID), (), ()).test.depth is stack
+    assert with_needs(known(deep, fog), (), ()).test.depth is None
+    assert with_needs(known(deep, fog), ("depth_metric",), ()).test.depth is stack
+    assert with_needs(deep, (), ()).test.depth is stack
+
+
+def test_settings_follow_the_scene(ball: ViewSet) -> None:
+    train = replace(TRAIN, fine_bins=8)
+    assert for_scene(train, ball) == train, "nothing is known, nothing is changed"
+    assert for_scene(train, known(ball, SOLID)) == train
+    fog = {
+        **SOLID,
+        "empty_space": Need("empty_space", True, "a medium fills the box"),
+        "fine_pass": Need("fine_pass", False, "smooth"),
+    }
+    assert for_scene(train, known(ball, fog)) == replace(kept(train, ("empty_space",)), fine_bins=0)
+    assert not for_scene(train, known(ball, fog)).accelerations.grid
+
+
+def test_only_what_makes_a_difference_is_tried(ball: ViewSet) -> None:
+    plan = ball_plan()
+    views = known(ball, SOLID)
+    assert verifiable(views, plan, "nerf") == ("view_direction", "outside_box", "empty_space", "behind_opaque")
+    assert verifiable(ball, plan, "nerf") == ()
+    dense = replace(plan, train=replace(TRAIN, grid=replace(TRAIN.grid, cells=0)))
+    assert "empty_space" not in verifiable(views, dense, "nerf")
+    clipped_no_more = replace(plan, train=kept(TRAIN, ("outside_box", "behind_opaque")))
+    assert verifiable(views, clipped_no_more, "nerf") == ("view_direction", "empty_space")
+
+
+def test_every_cell_has_an_arm_for_each_omission(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needs = {**SOLID, "view_direction": Need("view_direction", True, "conductor")}
+    monkeypatch.setattr("harness.execution.ground_truth.read_views", lambda *_: known(ball, needs))
+    (task,) = cell_tasks(ball_plan(), {"ball": tmp_path}, tmp_path)
+    assert task.arms == {
+        "as planned": Arm(rendered_with=("behind_opaque",)),
+        "outside_box": Arm(need=("outside_box",)),
+        "empty_space": Arm(need=("empty_space",)),
+    }
+    (task,) = cell_tasks(ball_plan(), {"ball": tmp_path}, tmp_path, controls=True)
+    assert task.arms["no view_direction"] == Arm(no_need=("view_direction",))
+    assert task.arms["no bands"] == Arm(position_bands=0)
+
+
+def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
+    """An arm that changes nothing ends with the same score; each that changes something does not."""
+    view_set = write_ball(tmp_path / "ball")
+    arms = {
+        "as planned": Arm(rendered_with=("behind_opaque", "empty_space")),
+        "again": Arm(),
+        "outside_box": Arm(need=("outside_box",)),
+        "no view_direction": Arm(no_need=("view_direction",)),
+        "no bands": Arm(position_bands=0),
+    }
+    plan = replace(ball_plan(), budget=Budget(16, None))
+    cell = trained_cell(CellTask("ball", "nerf", 0, view_set, tmp_path, plan, arms))
+    planned_, again, *others = cell.ended.values()
+    assert again.psnr == planned_.psnr
+    assert all(one.psnr is not None and one.psnr != planned_.psnr for one in others)
+    assert all(one.train_seconds > 0 and one.render_seconds > 0 for one in cell.ended.values())
+    opaque = planned_.rerendered["behind_opaque"]
+    assert opaque.largest_change <= PARTS["behind_opaque"].bound
+    assert opaque.psnr == pytest.approx(planned_.psnr, abs=1e-2)
+    assert planned_.rerendered["empty_space"].largest_change >= 0.0
+
+
+def test_rendering_once_more_leaves_the_trainer_as_it_was(ball: ViewSet) -> None:
+    from harness.studies.choices import arms
+    from tests.harness.tiny import trainer
+
+    made = trainer()
+    before = (made.settings, made.grid)
+    found = arms._rerendered(made, "empty_space", ball, 512)
+    assert (made.settings, made.grid) == before
+    assert found.largest_change == 0.0, "before anything was measured the grid leaves nothing out"
+
+
+def ended(psnr: float | None, seconds: float = 2.0, largest: float | None = None) -> Ended:
+    again = {} if largest is None else {"behind_opaque": Rerendered(psnr, 3.0, 1.0, largest)}
+    return Ended(psnr, seconds, 0.5, again)
+
+
+def cells_with(*scores: tuple[float | None, float | None], largest: float = 5e-5) -> list[CellArms]:
+    """(as planned, with the grid put back) by seed."""
+    return [
+        CellArms("lego", "nerf", seed, {"as planned": ended(a, 2.0, largest), "empty_space": ended(b, 5.0)})
+        for seed, (a, b) in enumerate(scores)
+    ]
+
+
+def test_an_omission_is_without_less_with() -> None:
+    trained, rendered = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1), (22.0, 22.13)))
+    assert trained.difference == pytest.approx(-0.11)
+    assert trained.interval is not None
+    assert trained.interval[0] < -0.11 < trained.interval[1] < 0
+    assert trained.seconds_saved == pytest.approx(3.0)
+    assert trained.train_seconds_saved == pytest.approx(3.0)
+    assert trained.verdict == "within its bound"
+    assert (rendered.name, rendered.difference, rendered.interval) == ("behind_opaque", 5e-5, None)
+    assert rendered.seconds_saved == pytest.approx(2.0)
+    assert rendered.verdict == "within its bound"
+
+
+def test_what_costs_more_is_named() -> None:
+    trained, rendered = omissions_of(cells_with((20.0, 21.0), (21.0, 22.1), (22.0, 22.9), largest=2e-4))
+    assert (trained.verdict, rendered.verdict) == ("costs more", "costs more")
+    assert too_costly([trained, rendered]) == [trained, rendered]
+    assert "lego: samples in empty space: -1" in line_of(trained)
+    assert line_of(trained).endswith("costs more (0.2 dB)")
+
+
+def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
+    one, _ = omissions_of(cells_with((None, 20.0), (20.0, 20.0)))
+    assert (one.verdict, one.diverged, one.pairs) == ("costs more", 1, 1)
+    other, _ = omissions_of(cells_with((20.0, None), (20.0, 20.0), (21.0, 21.0)))
+    assert (other.verdict, other.diverged, other.pairs) == ("within its bound", 1, 2)
+    nothing, _ = omissions_of(cells_with((None, None)))
+    assert (nothing.verdict, nothing.difference, nothing.seconds_saved) == ("inconclusive", None, None)
+
+
+@pytest.mark.parametrize(
+    ("costs", "exact", "verdict"),
+    [
+        ([0.05, 0.06, 0.04], False, "within its bound"),
+        ([-3.0, -2.0, -2.5], False, "within its bound"),
+        ([0.5, 0.6, 0.55], False, "costs more"),
+        ([-0.5, 0.9, 0.3], False, "inconclusive"),
+        ([0.3, 0.35, 0.2], False, "inconclusive"),  # the mean and the whole of 0 lie apart, the bound does not
+        ([0.9], False, "inconclusive"),
+        ([0.1], True, "within its bound"),
+        ([0.3], True, "costs more"),
+    ],
+)
+def test_verdicts(costs: list[float], exact: bool, verdict: str) -> None:
+    assert judged(paired_difference(np.array(costs)), 0.2, exact) == verdict
+
+
+def test_controls_are_turned_round() -> None:
+    """Less than 0 is what leaving out the needed part loses."""
+    arms = {"as planned": ended(25.0), "no view_direction": ended(22.0), "no bands": ended(19.0)}
+    cells = [CellArms("lego", "nerf", seed, arms) for seed in range(2)]
+    direction, bands = controls_of(cells)
+    assert (direction.name, direction.difference, direction.verdict) == ("view_direction", -3.0, "costs more")
+    assert (bands.name, bands.difference) == ("high_bands", -6.0)
+    assert "needed ones too" in bands.title
+    assert controls_of(cells_with((1.0, 1.0))) == []
+
+
+def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
+    image = np.zeros((17, 20, 3))
+    image[:8, 8:16] = 1.0
+    image[16:, :] = image[:, 16:] = 9.0
+    assert in_blocks(image)[..., 0].tolist() == [[0.0, 1.0], [0.0, 0.0]]
+    assert in_blocks(np.full((3, 5, 3), 2.0)).shape == (1, 1, 3)
+
+
+def test_what_a_method_has_not_is_not_tried_on_it(ball: ViewSet) -> None:
+    views, plan = known(ball, SOLID), ball_plan()
+    assert verifiable(views, plan, "voxels_drjit") == ("view_direction",)
+    assert verifiable(views, plan, "qnerf_listing4") == ("view_direction",)
+
+
+def test_what_was_measured_fills_what_was_left_out() -> None:
+    rows = [LeftOut("samples in empty space", "mostly", name="empty_space"), LeftOut("background model", "alpha")]
+    found: list[Omission] = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
+    told, untouched = filled(rows, found)
+    assert (told.difference, told.seconds_saved) == (found[0].difference, found[0].seconds_saved)
+    assert told.interval == found[0].interval
+    assert told.verdict == "within its bound"
+    assert untouched == rows[1]
+
+
+def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
+    from harness.execution.ground_truth import read_views
+
+    folder = write_ball(tmp_path / "ball", size=24)
+    forced = read_views(folder, replace(VIEWS, no_need=("view_direction",)), tmp_path)
+    plain = read_view_set(folder)
+    assert torch.equal(torch.from_numpy(forced.test.rgba[0]), torch.from_numpy(plain.test.rgba[0]))
+    assert needs_of(forced)["view_direction"].needed is False
+    assert needs_of(plain) == {}

@@ -1,0 +1,52 @@
+"""Every method of the catalogue conforms: being listed is being tested."""
+
+import pytest
+
+from baselines.catalog import CATALOG
+from harness.machine.device import use_threads
+from harness.studies.conformance.method_checks import FIELD_CHECKS, LEARNER_CHECKS, conformance, meaning
+from harness.studies.conformance.subject import Subject
+from tests.harness.voxels import drjit_or_skip
+
+NETWORKS = [name for name, method in CATALOG.items() if method.kind == "network"]
+UNLIKE = {method.parts and (method.parts.amplifier, method.parts.quadrature): name for name, method in CATALOG.items()}
+"""One method of each amplifier and rule, and the voxels: in training another encoding or skip is the same code, and
+`test_finished` trains and restores every method."""
+QUICK = ("two_passes",)
+
+
+@pytest.fixture(autouse=True)
+def as_in_a_run() -> None:
+    use_threads(1)
+
+
+@pytest.mark.parametrize("check", [name for name in FIELD_CHECKS if name not in QUICK])
+@pytest.mark.parametrize("method", NETWORKS)
+def test_fields_conform(method: str, check: str) -> None:
+    FIELD_CHECKS[check](Subject(method))
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+@pytest.mark.parametrize("check", [*QUICK, *LEARNER_CHECKS])
+@pytest.mark.parametrize("method", UNLIKE.values())
+def test_learners_conform(method: str, check: str) -> None:
+    if CATALOG[method].kind == "voxels_drjit":
+        drjit_or_skip()
+        if check in FIELD_CHECKS:
+            pytest.skip("no torch field")
+    {**FIELD_CHECKS, **LEARNER_CHECKS}[check](Subject(method))
+
+
+def test_every_method_has_a_title_and_every_check_a_meaning() -> None:
+    assert all(method.title.strip() for method in CATALOG.values())
+    assert all(meaning(check) for check in (*FIELD_CHECKS, *LEARNER_CHECKS))
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_what_does_not_apply_to_voxels_is_said() -> None:
+    drjit_or_skip()
+    verdicts = {one.check: one.verdict for one in conformance(Subject("voxels_drjit"))}
+    assert {name for name, verdict in verdicts.items() if verdict == "not applicable"} == set(FIELD_CHECKS)
+    assert {name for name, verdict in verdicts.items() if verdict == "held"} == set(LEARNER_CHECKS)

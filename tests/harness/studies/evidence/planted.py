@@ -1,0 +1,81 @@
+"""Cells whose scores are made from effects that are known, and a situation that hands them to a study."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.execution.progress import Quiet
+from harness.plan.profiles import Machine
+from harness.records.cells import CellRecord, SceneRecord
+from harness.studies.evidence.contrasts import Design, Term, signs
+from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
+from tests.harness.cells import cell, checkpoint
+
+STEPS = (10, 100, 500)
+Truth = dict[Term, float]
+
+
+def score(design: Design, corner: int, truth: Truth, mean: float = 24.0) -> float:
+    """Of the corner at that place: half of every effect up or down."""
+    return mean + sum(float(signs(design, term)[corner]) * size / 2 for term, size in truth.items())
+
+
+def planted(
+    design: Design,
+    truth: Truth | Callable[[str], Truth],
+    scenes: tuple[str, ...] = ("lego", "ficus", "hotdog"),
+    seeds: int = 3,
+    noise: float = 0.0,
+    seconds: Callable[[str], float] = lambda method: 10.0,
+    ripeness: Callable[[int], float] = lambda step: 1.0,
+    **changes: Any,
+) -> list[CellRecord]:
+    """Every corner on every scene with every seed. Seeds and scenes have levels of their own, which pairing removes.
+
+    `truth` may be a function of the scene, `ripeness` the share of it that is there at a step.
+    """
+    draw = np.random.default_rng(11)
+    found = []
+    for place, scene in enumerate(scenes):
+        for seed in range(seeds):
+            for corner, method in enumerate(design.methods.values()):
+                full = truth(scene) if callable(truth) else truth
+                own = float(draw.normal(0.0, noise)) if noise else 0.0
+                curve = []
+                for step in STEPS:
+                    part = {term: size * ripeness(step) for term, size in full.items()}
+                    psnr = score(design, corner, part, 20.0 + place + 0.3 * seed + np.log10(step)) + own
+                    at = seconds(method) * step / STEPS[-1]
+                    curve.append(checkpoint(step, at, psnr, ssim=0.8 + psnr / 1000))
+                scores = {"psnr": curve[-1].psnr, "ssim": curve[-1].ssim}
+                found.append(cell(scene, method, seed, curve, scores=scores, **changes))
+    return found
+
+
+@dataclass(frozen=True)
+class Planted(EvidenceContext):
+    """Hands out cells instead of training them."""
+
+    cells: dict[str, list[CellRecord]] = field(default_factory=dict)
+    pixels: dict[str, int] = field(default_factory=dict)
+
+    def trained(self, name: str) -> StudyRun:
+        cells = self.cells[name]
+        px = self.pixels.get(name, 100)
+        scenes = [
+            SceneRecord(scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, [[0, 0, 0], [1, 1, 1]], None, None, {}, [])
+            for scene in dict.fromkeys(one.scene for one in cells)
+        ]
+        return StudyRun(self.out, self.plan(name), scenes, cells)
+
+
+def situation(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
+    machine = Machine("cpu", 1, 1)
+    return Planted(folder, folder, folder, machine, True, False, Quiet(), cells, pixels or {})
+
+
+def sentences(found: Iterator[Any]) -> list[str]:
+    return [one for one in found if isinstance(one, str)]

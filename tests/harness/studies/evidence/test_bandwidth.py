@@ -1,0 +1,215 @@
+"""The study of reach and base, on cells of which it is known which of the two it was."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from baselines.catalog import CATALOG
+from baselines.composition import LADDERS as BASES
+from baselines.composition import encoding_bands
+from harness.records.cells import CellRecord
+from harness.records.charts import Series, Table
+from harness.records.evidence_record import Effect
+from harness.studies.evidence.bandwidth import BASE, DECISIVE, LADDER_DESIGN, REACH, answer, bandwidth
+from harness.studies.evidence.contrasts import Design, Term, contrast_effects
+from harness.studies.evidence.evidence_context import LADDERS, TRAININGS, Finding
+from tests.harness.cells import diverged
+from tests.harness.studies.evidence.planted import STEPS, Truth, planted, sentences, situation
+
+SCENES = ("chair", "lego")
+PIXELS = {"bandwidth_100": 100, "bandwidth_200": 200, "bandwidth_300": 300}
+NOTHING: Truth = {}
+
+
+def cells_of(truth: Truth, base165: float = 0.0, noise: float = 0.01, ripe: bool = True) -> list[CellRecord]:
+    """The four of the design, and 1.65^k so much above nerf_phi_encoding."""
+    share = (lambda step: 1.0) if ripe else (lambda step: STEPS[0] / step)
+    cells = planted(LADDER_DESIGN, truth, scenes=SCENES, noise=noise, ripeness=share)
+    others = []
+    for one in cells:
+        if one.method == "nerf_phi_encoding":
+            curve = [replace(point, psnr=(point.psnr or 0) + base165) for point in one.curve]
+            scores = {"psnr": curve[-1].psnr, "ssim": curve[-1].ssim}
+            others.append(replace(one, method="nerf_base165", curve=curve, scores=scores))
+    return cells + others
+
+
+def study(folder: Path, by_training: dict[str, list[CellRecord]]) -> list[Finding]:
+    return list(bandwidth(situation(folder, by_training, PIXELS)))
+
+
+def shrinking(term: Term) -> dict[str, list[CellRecord]]:
+    """One factor alone, worth 0.9 dB at 100 px, 0.3 at 200 and -0.3 at 300."""
+    sizes = zip(PIXELS, (0.9, 0.3, -0.3), strict=True)
+    return {name: cells_of({term: size}) for name, size in sizes}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Finding]:
+    return study(tmp_path_factory.mktemp("bandwidth"), shrinking((REACH,)))
+
+
+def effect(found: list[Finding], name: str, against: str = "", scene: str = "lego", budget: str = "steps") -> Effect:
+    rows = [
+        one
+        for one in found
+        if isinstance(one, Effect)
+        and (one.name, one.against, one.scene, one.budget, one.metric) == (name, against, scene, budget, "psnr")
+    ]
+    assert len(rows) == 1, (name, against)
+    return rows[0]
+
+
+def test_the_two_factors_are_what_they_are_called() -> None:
+    """By highest frequency: a short reach is 64 to 76, a long one 512 to 521; the base is 2 or φ."""
+    for (short, golden), method in LADDER_DESIGN.methods.items():
+        parts = CATALOG[method].parts
+        assert parts is not None
+        ladder, bands = BASES[parts.encoding], encoding_bands(parts.encoding, 10)
+        highest = ladder.base ** (bands - 1)
+        assert 60 < highest < 80 if short else 500 < highest < 530
+        assert ladder.base == pytest.approx(1.618 if golden else 2.0, abs=1e-3)
+    assert set(LADDER_DESIGN.methods.values()) | {"nerf_base165"} == set(LADDERS)
+    assert all(TRAININGS[name].methods == LADDERS for name in PIXELS)
+
+
+def test_reach_is_found_where_reach_was_planted(found: list[Finding]) -> None:
+    for px, size, said in ((100, 0.9, "better"), (200, 0.3, "better"), (300, -0.3, "worse")):
+        for scene in SCENES:
+            reach, base = (effect(found, f"{factor} at {px} px", scene=scene) for factor in (REACH, BASE))
+            assert (reach.verdict, base.verdict) == (said, "equivalent")
+            assert reach.difference == pytest.approx(size, abs=0.05)
+            assert effect(found, f"{REACH} × {BASE} at {px} px", scene=scene).verdict == "equivalent"
+
+
+def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(found: list[Finding]) -> None:
+    for method, size in (("nerf_matched", 0.9), ("nerf_phi_encoding", 0.9), ("nerf_base165", 0.9), ("nerf_phi_far", 0)):
+        assert effect(found, f"{method} at 100 px", "nerf").difference == pytest.approx(size, abs=0.05)
+        assert effect(found, f"{method} at 300 px", "nerf", "all", "seconds").difference is not None
+    for method, against in DECISIVE:
+        assert effect(found, f"{method} at 200 px", against).verdict == "equivalent"
+
+
+def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Finding]) -> None:
+    moved = effect(found, f"{REACH}, from 100 to 300 px")
+    assert moved.difference == pytest.approx(-1.2, abs=0.05)
+    assert moved.interval is not None
+    assert moved.interval[1] < 0
+    assert effect(found, f"{BASE}, from 100 to 300 px").verdict == "equivalent"
+    said = [one for one in sentences(iter(found)) if "from 100 to 300 px: the effect moves by" in one]
+    assert len(said) == 2
+    assert "−1.2" in said[0]
+    assert "below 0" in said[0]
+
+
+def test_it_is_said_how_the_effect_moves_with_training_time(tmp_path: Path) -> None:
+    late = cells_of({(REACH,): 2.0}, ripe=False)
+    found = study(tmp_path, dict.fromkeys(PIXELS, late))
+    one = effect(found, f"{REACH} at 200 px, from step 100 to 500")
+    assert one.difference == pytest.approx(2.0 * (10 / 500 - 10 / 100), abs=0.01)
+    lines = {(one.panel, one.name): one for one in found if isinstance(one, Series)}
+    drawn = lines["Reach and base along training, lego at 200 px", REACH]
+    assert (drawn.x, drawn.y) == ([10.0, 100.0, 500.0], pytest.approx([2.0, 0.2, 0.04], abs=0.02))
+
+
+def test_lines_over_resolution_and_training_a_panel_a_scene(found: list[Finding]) -> None:
+    lines = {(one.panel, one.name): one for one in found if isinstance(one, Series)}
+    assert len(lines) == len(SCENES) * (1 + len(PIXELS)) * (4 + 2)
+    drawn = lines["Difference from NeRF over resolution, chair", "nerf_phi_encoding"]
+    assert drawn.x == [100.0, 200.0, 300.0]
+    assert drawn.y == pytest.approx([0.9, 0.3, -0.3], abs=0.05)
+    assert drawn.low is not None
+    assert all(low is not None and y is not None and low <= y for low, y in zip(drawn.low, drawn.y, strict=True))
+    assert not drawn.log_y
+
+
+def test_ladders_are_told_in_figures(found: list[Finding]) -> None:
+    tables = [one for one in found if isinstance(one, Table)]
+    assert [one.id for one in tables] == ["ladders_100", "ladders_200", "ladders_300"]
+    rows = {str(row[0]): row[1:4] for row in tables[0].rows}
+    assert rows == {
+        "nerf": ["2", "10", "512"],
+        "nerf_matched": ["2", "7", "64"],
+        "nerf_phi_encoding": ["1.618", "10", "76.01"],
+        "nerf_phi_far": ["1.618", "14", "521"],
+        "nerf_base165": ["1.65", "10", "90.65"],
+    }
+
+
+def test_resolutions_and_scenes_of_a_factor_are_one_family(found: list[Finding]) -> None:
+    """One verdict of six makes the answer."""
+    for factor in (REACH, BASE):
+        for px in PIXELS.values():
+            assert effect(found, f"{factor} at {px} px").family == len(PIXELS) * len(SCENES)
+            assert effect(found, f"{factor} at {px} px", scene="all").family == len(PIXELS)
+
+
+@pytest.mark.parametrize(("size", "said"), [(0.9, "raises PSNR in "), (-0.9, "lowers PSNR in ")])
+def test_the_answer_names_the_sign(size: float, said: str) -> None:
+    assert said_of({(REACH,): size}).startswith(f"It is bandwidth: a shorter reach {said}")
+    assert f"φ for 2 at the same reach {said}" in said_of({(BASE,): size})
+
+
+# which of the two it is
+
+HERE = "at 100 px"
+
+
+def said_of(truth: Truth, noise: float = 0.005, design: Design = LADDER_DESIGN) -> str:
+    return answer(contrast_effects(design, planted(design, truth, scenes=SCENES, noise=noise), HERE))
+
+
+@pytest.mark.parametrize(
+    ("truth", "noise", "start"),
+    [
+        ({(REACH,): 0.9}, 0.005, "It is bandwidth: "),
+        ({(REACH,): 0.9, (BASE,): 0.5}, 0.005, "Both: "),
+        ({(BASE,): 0.5}, 0.005, "The base: "),
+        ({(REACH,): 3.0, (BASE,): 0.15}, 0.1, "Bandwidth, as far as it can be told: "),
+        ({}, 1.0, "Not settled: "),
+    ],
+)
+def test_the_answer_follows_what_was_planted(truth: Truth, noise: float, start: str) -> None:
+    assert said_of(truth, noise).startswith(start)
+
+
+def test_too_small_to_matter_is_no_finding() -> None:
+    """Neither differs by what anybody cares for: that is not the same as not settled."""
+    said = said_of({(REACH,): 0.05, (BASE,): 0.05})
+    assert said.startswith("Neither: ")
+
+
+def test_the_answer_counts_and_gives_the_range(found: list[Finding]) -> None:
+    first = sentences(iter(found))[0]
+    ways = r"raises PSNR in 4 of 6 cases \(\+0\.\d+ dB to \+0\.\d+ dB\) and lowers PSNR in 2 of 6 cases \(−0\.3\d dB"
+    assert re.match(rf"It is bandwidth: a shorter reach {ways}", first)
+    assert first.endswith("the 6 cases of a factor are looked at together.")
+
+
+def test_one_case_of_many_is_said_to_be_one_with_its_size(found: list[Finding]) -> None:
+    effects = [one for one in found if isinstance(one, Effect) and (one.metric, one.budget) == ("psnr", "steps")]
+    here = [one for one in effects if "from step" not in one.name]
+    case = next(one for one in here if one.name.startswith(f"{REACH} at") and one.scene != "all")
+    nothing = [replace(one, verdict="inconclusive") for one in here if one is not case]
+    said = answer([replace(case, verdict="better", difference=0.8), *nothing])
+    assert "a shorter reach raises PSNR in 1 of 6 cases (+0.80 dB); at the same reach no difference" in said
+
+
+def test_rays_a_pixel_come_from_the_plan(found: list[Finding]) -> None:
+    """500 steps of the plan's rays over 60 views of 100 px."""
+    said = next(one for one in sentences(iter(found)) if one.startswith("Rays of training"))
+    plan = situation(Path(), {}).plan("bandwidth_100")
+    assert f"{500 * plan.train.rays / (plan.views.train * 100 * 100):.2g} at 100 px" in said
+
+
+def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> None:
+    cells = cells_of({(REACH,): 0.9})
+    place = next(i for i, one in enumerate(cells) if (one.scene, one.method) == ("lego", "nerf_phi_far"))
+    cells[place] = diverged("lego", "nerf_phi_far", cells[place].seed)
+    found = study(tmp_path, {**shrinking((REACH,)), "bandwidth_300": cells})
+    one = effect(found, f"{BASE} at 300 px")
+    assert one.unpaired == 1
+    assert sentences(iter(found))[0].startswith("It is bandwidth: ")
+    assert any("At 300 px these have no score" in said and "step 7: loss" in said for said in sentences(iter(found)))

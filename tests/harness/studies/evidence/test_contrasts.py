@@ -1,0 +1,220 @@
+"""Contrasts of full factorial designs: planted effects come back, and none is found where none was planted."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from harness.records.evidence_record import Effect
+from harness.studies.evidence.contrasts import (
+    Design,
+    common_steps,
+    contrast,
+    contrast_effects,
+    contrast_tables,
+    duel,
+    line,
+    scores_together,
+    signs,
+)
+from harness.verdicts.comparisons import differences, keyed
+from tests.harness.cells import cell, checkpoint, diverged
+from tests.harness.studies.evidence.planted import STEPS, planted, score
+
+FACTORS = ("a", "b", "c")
+DESIGN = Design(
+    FACTORS,
+    {corner: "m" + "".join(name for name, on in zip(FACTORS, corner, strict=True) if on)
+     for corner in product((False, True), repeat=3)},
+)  # fmt: skip
+PLANTED = {("a",): 0.9, ("b",): -3.0, ("c",): 0.05, ("a", "b"): 0.4, ("b", "c"): -0.2, ("a", "b", "c"): 0.1}
+ZERO = dict.fromkeys(DESIGN.terms(), 0.0)
+
+
+def cube(values: list[float]) -> np.ndarray:
+    """Scores with axes a, b, c."""
+    return np.array(values).reshape(2, 2, 2)
+
+
+def test_terms_are_main_effects_then_interactions() -> None:
+    assert DESIGN.terms() == [("a",), ("b",), ("c",), ("a", "b"), ("a", "c"), ("b", "c"), ("a", "b", "c")]
+
+
+def test_the_design_matrix_is_orthogonal_and_balanced() -> None:
+    matrix = np.array([np.ones(8), *(signs(DESIGN, term) for term in DESIGN.terms())])
+    assert np.array_equal(matrix @ matrix.T, 8 * np.eye(8))
+    assert set(np.unique(matrix)) == {-1.0, 1.0}
+
+
+def test_contrasts_are_the_textbook_s_differences_of_means() -> None:
+    values = np.random.default_rng(3).normal(size=8)
+    y = cube(list(values))
+    assert contrast(values, DESIGN, ("b",)) == pytest.approx(y[:, 1].mean() - y[:, 0].mean())
+    a_with_c, a_without_c = (y[1, :, c].mean() - y[0, :, c].mean() for c in (1, 0))
+    assert contrast(values, DESIGN, ("a", "c")) == pytest.approx((a_with_c - a_without_c) / 2)
+
+    def ab(c: int) -> float:
+        return float((y[1, 1, c] - y[0, 1, c]) - (y[1, 0, c] - y[0, 0, c])) / 2
+
+    assert contrast(values, DESIGN, ("a", "b", "c")) == pytest.approx((ab(1) - ab(0)) / 2)
+
+
+def test_everything_less_nothing_is_the_sum_of_the_terms_of_odd_size() -> None:
+    values = np.random.default_rng(4).normal(size=8)
+    odd = sum(float(contrast(values, DESIGN, term)) for term in DESIGN.terms() if len(term) % 2)
+    assert values[-1] - values[0] == pytest.approx(odd)
+
+
+def test_planted_effects_come_back_and_nothing_else() -> None:
+    values = np.array([score(DESIGN, corner, PLANTED) for corner in range(8)])
+    for term in DESIGN.terms():
+        assert contrast(values, DESIGN, term) == pytest.approx(PLANTED.get(term, 0.0), abs=1e-12)
+
+
+def test_what_only_adds_up_has_no_interaction() -> None:
+    values = np.array([2.0 * a - 5.0 * b + 0.1 * c for a, b, c in product((0, 1), repeat=3)])
+    for term, size in {("a",): 2.0, ("b",): -5.0, ("c",): 0.1}.items():
+        assert contrast(values, DESIGN, term) == pytest.approx(size)
+    assert all(abs(contrast(values, DESIGN, term)) < 1e-12 for term in DESIGN.terms() if len(term) > 1)
+
+
+def test_a_table_of_seeds_gives_a_contrast_a_seed_and_a_hole_stays_one() -> None:
+    table = np.zeros((3, 8))
+    table[0, 7] = 4.0
+    table[2, 5] = np.nan
+    found = contrast(table, DESIGN, ("a",))
+    assert found[:2].tolist() == [1.0, 0.0]
+    assert np.isnan(found[2])
+
+
+def test_one_factor_is_the_difference_that_a_run_compares() -> None:
+    cells = planted(DESIGN, PLANTED, noise=0.3, seconds=lambda method: 10.0 + 3 * len(method))
+    by_key, scenes, seeds = keyed(cells)
+    for budget in ("steps", "seconds"):
+        ours = contrast_tables(duel("ma", "m"), ("ma",), cells, "psnr", budget)
+        theirs = differences(by_key, scenes, seeds, "ma", "m", "psnr", budget)
+        assert all(np.allclose(ours[scene], theirs[scene]) for scene in scenes)
+
+
+def found_by_name(effects: list[Effect], scene: str, budget: str = "steps", metric: str = "psnr") -> dict[str, Effect]:
+    return {one.name: one for one in effects if (one.scene, one.budget, one.metric) == (scene, budget, metric)}
+
+
+def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
+    effects = contrast_effects(DESIGN, planted(DESIGN, PLANTED), "(here)")
+    assert len(effects) == 7 * 2 * 2 * 4
+    for scene in ("all", "lego", "ficus", "hotdog"):
+        for term in DESIGN.terms():
+            one = found_by_name(effects, scene)[f"{' × '.join(term)} (here)"]
+            assert one.difference == pytest.approx(PLANTED.get(term, 0.0), abs=1e-9)
+            assert (one.against, one.unpaired, one.pairs) == ("", 0, 9 if scene == "all" else 3)
+
+
+def test_families_are_one_for_a_part_and_all_four_interactions_together() -> None:
+    effects = contrast_effects(DESIGN, planted(DESIGN, PLANTED), "")
+    assert {one.family for one in effects if (one.metric, one.scene, one.note) == ("psnr", "all", "")} == {1}
+    assert {one.family for one in effects if (one.metric, one.scene, one.note) == ("psnr", "lego", "")} == {3}
+    assert {one.family for one in effects if (one.metric, one.scene, one.note) == ("psnr", "all", "interaction")} == {4}
+    assert {one.family for one in effects if (one.metric, one.scene, one.note) == ("ssim", "ficus", "interaction")} == {
+        4 * 3
+    }
+
+
+def test_intervals_hold_what_was_planted_as_often_as_they_say() -> None:
+    """Scenes differ in the effect; the mean over scenes is what is asked."""
+    draw = np.random.default_rng(5)
+    held = 0
+    for _ in range(120):
+        by_scene = {f"s{i}": draw.normal(0.5, 0.3) for i in range(4)}
+        table = {scene: size + draw.normal(0.0, 0.1, 3) for scene, size in by_scene.items()}
+        cells = [
+            cell(scene, method, seed, [checkpoint(10, 1.0, 20.0 + (float(values[seed]) if method == "on" else 0.0))])
+            for scene, values in table.items()
+            for seed in range(3)
+            for method in ("off", "on")
+        ]
+        one = contrast_effects(duel("on", "off"), cells, "", ("psnr",), ("steps",))[0]
+        assert one.interval is not None
+        held += one.interval[0] < 0.5 < one.interval[1]
+    assert held >= 107, "95 % of 120 is 114; fewer than 107 come in one of 500"
+
+
+def test_noise_alone_is_called_an_effect_seldom() -> None:
+    effects = contrast_effects(DESIGN, planted(DESIGN, ZERO, noise=0.2), "", ("psnr",), ("steps",))
+    called = [one for one in effects if one.verdict in ("better", "worse")]
+    assert len(effects) == 28
+    assert len(called) <= 4
+
+
+def test_a_diverged_cell_is_counted_in_every_contrast_and_the_others_are_judged() -> None:
+    cells = planted(DESIGN, PLANTED, noise=0.01)
+    place = next(i for i, one in enumerate(cells) if (one.scene, one.method, one.seed) == ("ficus", "mbc", 1))
+    cells[place] = diverged("ficus", "mbc", 1)
+    effects = contrast_effects(DESIGN, cells, "")
+    for scene, aside, pairs in (("all", 1, 8), ("ficus", 1, 2), ("lego", 0, 3)):
+        for one in found_by_name(effects, scene).values():
+            assert (one.unpaired, one.pairs) == (aside, pairs)
+        assert found_by_name(effects, scene)["b"].verdict == "worse"
+
+
+def test_at_equal_time_all_corners_are_read_when_the_quickest_ended() -> None:
+    def cost(method: str) -> float:
+        return 10.0 * 10 ** method.count("a")
+
+    cells = planted(DESIGN, ZERO, scenes=("lego",), seeds=2, seconds=cost)
+    one = found_by_name(contrast_effects(DESIGN, cells, ""), "lego", "seconds")
+    # ten times as slow: at the time of the quickest a tenth of the steps are done, 1 dB less than at the end
+    assert STEPS[-1] / 10 > STEPS[0]
+    assert one["a"].difference == pytest.approx(-1.0)
+    assert one["b"].difference == pytest.approx(0.0, abs=1e-9)
+    assert found_by_name(contrast_effects(DESIGN, cells, ""), "lego")["a"].difference == pytest.approx(0.0, abs=1e-9)
+
+
+def test_scores_together_of_what_is_missing_failed_or_unscored() -> None:
+    good = cell("lego", "x", 0, [checkpoint(10, 1.0, 20.0), checkpoint(100, 10.0, 22.0)])
+    late = cell("lego", "y", 0, [checkpoint(100, 90.0, 23.0)])
+    assert np.array_equal(
+        scores_together([good, None, diverged("lego", "y", 0)], "psnr", "steps"), [22.0, np.nan, np.nan], equal_nan=True
+    )
+    assert np.isnan(scores_together([None, None], "psnr", "steps")).all()
+    assert scores_together([good, late], "psnr", "seconds")[0] == 22.0
+    assert np.isnan(scores_together([good, late], "psnr", "seconds")[1]), "not scored so early"
+    assert np.isnan(scores_together([good], "delta_e", "steps"))[0]
+    shorter = replace(good, steps=10, scores={"psnr": 20.0})
+    assert scores_together([good, shorter], "psnr", "steps").tolist() == [20.0, 20.0]
+
+
+def test_what_a_cell_scored_before_it_diverged_does_not_count() -> None:
+    """Else the survivors of a step would be compared with those that were to fall."""
+    good = cell("lego", "x", 0, [checkpoint(10, 1.0, 20.0), checkpoint(100, 10.0, 22.0)])
+    fallen = replace(good, method="y", status="diverged", steps=150, train_seconds=15.0, scores={})
+    for budget, step in (("steps", None), ("seconds", None), ("steps", 10)):
+        found = scores_together([good, fallen], "psnr", budget, step)
+        assert np.isnan(found[1])
+        assert found[0] == (20.0 if step else 22.0)
+
+
+def test_along_training_the_effect_is_that_of_each_checkpoint() -> None:
+    share = {10: 0.0, 100: 0.5, 500: 1.0}
+    cells = planted(DESIGN, PLANTED, ripeness=share.__getitem__)
+    assert common_steps(cells) == list(STEPS)
+    tables = {float(at): contrast_tables(DESIGN, ("b",), cells, "psnr", "steps", at) for at in STEPS}
+    drawn = line(tables, "psnr", panel="p", name="b", x_label="step", y_label="dB")
+    assert drawn.x == [10.0, 100.0, 500.0]
+    assert drawn.y == pytest.approx([0.0, -1.5, -3.0])
+    assert drawn.low == pytest.approx(drawn.y)
+    assert drawn.high == pytest.approx(drawn.y)
+
+
+def test_checkpoints_that_not_all_have_are_not_common() -> None:
+    one = cell("lego", "x", 0, [checkpoint(10, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
+    other = cell("lego", "y", 0, [checkpoint(20, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
+    assert common_steps([one, other, diverged("lego", "z", 0)]) == [50]
+    assert common_steps([diverged("lego", "z", 0)]) == []
+
+
+def test_a_line_has_a_gap_where_there_is_nothing() -> None:
+    drawn = line({1.0: {"lego": np.array([np.nan])}, 2.0: {"lego": np.array([1.0])}}, "psnr",
+                 panel="p", name="n", x_label="x", y_label="y")  # fmt: skip
+    assert (drawn.y, drawn.low, drawn.high) == ([None, 1.0], [None, None], [None, None])

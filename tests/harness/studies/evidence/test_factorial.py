@@ -1,0 +1,216 @@
+"""The study of the three parts, on cells whose effects are known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from baselines.catalog import CATALOG
+from baselines.methods.ablations import PARTS_OF_QNERF
+from baselines.methods.nerf import NERF
+from harness.records.cells import CellRecord
+from harness.records.charts import Series, Table
+from harness.records.evidence_record import (
+    Effect,
+    EvidenceRecord,
+    StudyInfo,
+    StudyRecord,
+    read_evidence,
+    write_evidence,
+)
+from harness.studies.evidence.contrasts import Term
+from harness.studies.evidence.evidence_context import READINGS, TRAININGS, Finding
+from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs, spread
+from tests.harness.cells import diverged
+from tests.harness.studies.evidence.planted import planted, sentences, situation
+
+TRUTH: dict[str, dict[Term, float]] = {
+    "Listing 2": {("φ encoding",): 0.6, ("amplifier",): -4.0, ("φ skip",): 0.02, ("φ encoding", "amplifier"): -0.5},
+    "Eq. 4": {("φ encoding",): 1.1, ("amplifier",): 0.03, ("φ skip",): 0.02},
+}
+"""Without an amplifier both designs have the same cells: φ encoding is worth 0.6 + 0.5 = 1.1 dB there in both."""
+
+
+def cells_of(noise: float = 0.02) -> list[CellRecord]:
+    """Of all twelve methods; those without an amplifier from the second design."""
+    found = {}
+    for reading, truth in TRUTH.items():
+        # so that the corner of nothing is at the same height in both designs
+        level = sum(size * (-1) ** len(term) for term, size in truth.items()) / 2
+        for one in planted(design_of(reading), truth, noise=noise):
+            up = [replace(point, psnr=(point.psnr or 0) - level) for point in one.curve]
+            found[one.scene, one.method, one.seed] = replace(
+                one,
+                curve=up,
+                scores={"psnr": up[-1].psnr, "ssim": up[-1].ssim},
+                properties={"largest_density": 1.0 if reading == "Listing 2" else 50.0, "opacity_unit_slab": 0.632},
+            )
+    return list(found.values())
+
+
+def study(folder: Path, cells: list[CellRecord]) -> list[Finding]:
+    return list(factorial(situation(folder, {"factorial": cells})))
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Finding]:
+    return study(tmp_path_factory.mktemp("factorial"), cells_of())
+
+
+def effect(found: list[Finding], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
+    """The only one of that name, on PSNR at equal steps unless something else is wanted."""
+    facts = {"metric": "psnr", "budget": "steps", **wanted, "name": name, "against": against, "scene": scene}
+    rows = [
+        one
+        for one in found
+        if isinstance(one, Effect) and all(getattr(one, key) == value for key, value in facts.items())
+    ]
+    assert len(rows) == 1, facts
+    return rows[0]
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_a_corner_holds_exactly_the_parts_that_are_on(reading: str) -> None:
+    design = design_of(reading)
+    assert len(set(design.methods.values())) == len(design.methods) == 8
+    whole = CATALOG[READINGS[reading][1]].parts
+    assert whole is not None
+    for corner, method in design.methods.items():
+        on = {PARTS_OF_QNERF[name] for name, there in zip(PARTS.values(), corner, strict=True) if there}
+        assert CATALOG[method].parts == replace(NERF, **{name: getattr(whole, name) for name in on}), method
+
+
+def test_every_corner_is_trained_and_nothing_else() -> None:
+    wanted = {method for reading in READINGS for method in design_of(reading).methods.values()}
+    assert wanted == set(TRAININGS["factorial"].methods)
+    assert len(TRAININGS["factorial"].methods) == 12
+
+
+def test_rows_of_table_4_in_the_order_of_the_paper() -> None:
+    assert cumulative("Listing 2") == ["nerf", "nerf_phi_encoding", "nerf_phi_encoding_amplifier", "qnerf"]
+    assert cumulative("Eq. 4") == ["nerf", "nerf_phi_encoding", "nerf_phi_encoding_equation4", "qnerf_theorem"]
+    assert len(set(pairs())) == len(pairs())
+    assert {("qnerf", "nerf_phi_encoding_amplifier"), ("qnerf", "nerf"), ("nerf_phi_skip", "nerf")} <= set(pairs())
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_what_was_planted_is_found_on_every_scene(found: list[Finding], reading: str) -> None:
+    for scene in ("all", "lego", "ficus", "hotdog"):
+        for term in design_of(reading).terms():
+            one = effect(found, f"{' × '.join(term)} ({reading})", scene=scene)
+            assert one.difference == pytest.approx(TRUTH[reading].get(term, 0.0), abs=0.03)
+    assert effect(found, f"φ encoding ({reading})").verdict == "better"
+    assert effect(found, f"φ skip ({reading})").verdict == "equivalent"
+
+
+def test_the_reading_decides_about_the_amplifier(found: list[Finding]) -> None:
+    assert effect(found, "amplifier (Listing 2)").verdict == "worse"
+    assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
+    assert effect(found, "φ encoding × amplifier (Listing 2)").verdict == "worse"
+    assert effect(found, "φ encoding × amplifier (Eq. 4)").verdict == "equivalent"
+
+
+def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(found: list[Finding]) -> None:
+    """φ encoding alone 0.6 + 0.5; the amplifier on top of it −4 − 0.5; everything the sum of the odd terms."""
+    for scene in ("lego", "all"):
+        assert effect(found, "nerf_phi_encoding", "nerf", scene).difference == pytest.approx(1.1, abs=0.05)
+        above = effect(found, "nerf_phi_encoding_amplifier", "nerf_phi_encoding", scene)
+        assert above.difference == pytest.approx(-4.5, abs=0.05)
+        assert effect(found, "qnerf", "nerf", scene).difference == pytest.approx(-3.38, abs=0.05)
+        assert effect(found, "qnerf", "nerf_phi_encoding_amplifier", scene, metric="ssim").difference is not None
+        assert effect(found, "qnerf_theorem", "nerf", scene, budget="seconds").difference == pytest.approx(
+            1.15, abs=0.1
+        )
+
+
+def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
+    first, *others = sentences(iter(found))
+    assert first.startswith("What each part changes at equal steps over all scenes: with the amplifier of Listing 2 ")
+    assert "φ encoding +0.6" in first
+    assert "what the φ encoding changes need not be φ's doing" in first
+    assert "amplifier −4.0" in first
+    assert "dB (worse)" in first
+    assert first.index("amplifier of Eq. 4") > first.index("amplifier of Listing 2")
+    assert "φ encoding +1.1" in first[first.index("Eq. 4") :]
+    assert any(one.startswith("At equal steps over all scenes (Eq. 4): φ encoding +1.1") for one in others)
+    assert any("reads" in one and "33.20 dB" in one and "φ skip" in one for one in others)
+    assert any("otherwise together than alone (Listing 2): φ encoding × amplifier −0.5" in one for one in others)
+    assert any(one.startswith("No interaction is told from 0 over all scenes (Eq. 4)") for one in others)
+    assert any("density of 1 per half of the box" in one and "63.2 %" in one for one in others)
+    assert not any("no score" in one for one in others)
+
+
+def test_table_4_stands_beside_what_is_printed(found: list[Finding]) -> None:
+    tables = {one.id: one for one in found if isinstance(one, Table)}
+    rows = tables["table4_Listing 2"].rows
+    assert [row[1] for row in rows] == cumulative("Listing 2")
+    assert [row[3] for row in rows] == ["32.5", "33.2", "33.8", "34.0"]
+    assert str(rows[2][4]).startswith("−4.")
+    assert [row[7] for row in rows] == ["0.961", "0.967", "0.972", "0.974"]
+    assert [row[5] for row in rows] == ["", "+0.70 dB", "+0.60 dB", "+0.20 dB"]
+    assert all(len(row) == len(tables["table4_Listing 2"].columns) for row in rows)
+    assert len(tables["combinations"].rows) == 12
+    lego = tables["combinations"].columns.index("lego: PSNR, dB")
+    assert tables["combinations"].rows[0][lego] == rows[0][2]
+
+
+def test_lines_follow_the_main_effects_along_training(found: list[Finding]) -> None:
+    lines = {(one.panel, one.name): one for one in found if isinstance(one, Series)}
+    assert len(lines) == 2 * 3
+    one = lines["Main effects over all scenes, amplifier of Listing 2", "amplifier"]
+    assert one.x == [10.0, 100.0, 500.0]
+    assert one.y == pytest.approx([-4.0] * 3, abs=0.05)
+    assert one.low is not None
+    assert one.high is not None
+    assert all(low < -3.9 < high + 0.3 for low, high in zip(one.low, one.high, strict=True) if low and high)
+
+
+def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> None:
+    cells = [
+        diverged("lego", "qnerf", 1) if (one.scene, one.method, one.seed) == ("lego", "qnerf", 1) else one
+        for one in cells_of()
+    ]
+    found = study(tmp_path, cells)
+    assert effect(found, "qnerf", "nerf").unpaired == 1
+    assert effect(found, "amplifier (Listing 2)").verdict == "worse"
+    assert effect(found, "amplifier (Listing 2)", scene="hotdog").verdict == "worse"
+    assert effect(found, "φ encoding (Eq. 4)").verdict == "better"
+    assert any("qnerf on lego, seed 1 (not finite at step 7: loss)" in one for one in sentences(iter(found)))
+    rows = next(one for one in found if isinstance(one, Table)).rows
+    assert "(2 of 3 seeds)" in str(rows[3][2])
+
+
+def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Path) -> None:
+    cells = [diverged(one.scene, one.method, one.seed) if "amplifier" in one.method else one for one in cells_of()]
+    found = study(tmp_path, cells)
+    one = effect(found, "amplifier (Listing 2)")
+    assert (one.difference, one.verdict, one.unpaired) == (None, "inconclusive", 9)
+    assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
+    record = StudyRecord(
+        StudyInfo("factorial", "t", "q?", "m"),
+        findings=sentences(iter(found)),
+        effects=[one for one in found if isinstance(one, Effect)],
+        series=[one for one in found if isinstance(one, Series)],
+        tables=[one for one in found if isinstance(one, Table)],
+    )
+    write_evidence(tmp_path / "evidence.json", EvidenceRecord({}, {}, [record]))
+    assert read_evidence(tmp_path / "evidence.json").studies == [record]
+
+
+@pytest.mark.parametrize(
+    ("scores", "said"),
+    [
+        ([24.0, 24.2], "24.10 ± 0.14"),
+        ([0.9, 0.902], "0.901 ± 0.001"),
+        ([24.0, None], "24.00 (1 of 2 seeds)"),
+        ([None, None], "no seed ended well"),
+        ([], "no seed ended well"),
+    ],
+)
+def test_scores_of_seeds_in_words(scores: list[float | None], said: str) -> None:
+    assert spread(scores) == said
+
+
+def test_a_reading_that_nobody_knows() -> None:
+    with pytest.raises(KeyError):
+        design_of("Listing 5")

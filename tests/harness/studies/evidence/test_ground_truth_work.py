@@ -1,0 +1,133 @@
+"""Slopes and samples from errors whose law is known."""
+
+import math
+from typing import Any
+
+import pytest
+
+from harness.plan.profiles import PROFILES
+from harness.records.charts import Table
+from harness.records.evidence_record import Check
+from harness.studies.evidence.ground_truth_work import TEST_SPP, Noise, charts, noise_of, room, sentences, tabled
+
+SPP = [1, 4, 16, 64, 256]
+FLOOR = {"lego": 1e-4, "mic": 2e-4}
+
+
+def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str, Any]]:
+    """Mean square error 0.01 · spp^−power, a millisecond a sample beside the overhead; three renders ± 10 %."""
+    return [
+        {
+            "scene": scene,
+            "spp": spp,
+            "seconds": [overhead + 1e-3 * spp, overhead + 1e-3 * spp, 9.0],
+            "mse": {
+                "display": [0.01 * spp**-power * one for one in (0.9, 1.0, 1.1)],
+                "linear": [0.04 * spp**-power * one for one in (0.9, 1.0, 1.1)],
+            },
+        }
+        for spp in SPP
+    ]
+
+
+def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
+    one = noise_of("lego", rows("lego"))
+    assert one.slope_of_samples() == pytest.approx(-0.5)
+    assert one.slope_of_seconds() == pytest.approx(-0.5)
+    assert one.rmse[0] == pytest.approx(0.2)
+    assert one.mse[0] == pytest.approx(0.01)
+
+
+def test_overhead_is_not_taken_for_speed() -> None:
+    """1 s of overhead: only 256 samples would take longer than 1.2 s, and one point has no slope."""
+    assert noise_of("lego", rows("lego", overhead=1.0)).slope_of_seconds() is None
+    some = noise_of("lego", rows("lego", overhead=0.01)).slope_of_seconds()
+    assert some is not None
+    assert -0.75 < some <= -0.5
+
+
+def test_the_samples_for_a_ceiling_lie_on_the_line() -> None:
+    one = noise_of("lego", rows("lego"))
+    assert one.spp_for(1e-2 / 100) == pytest.approx(100.0)
+    assert noise_of("lego", rows("lego", power=0.0)).spp_for(1e-4) is None
+    assert Noise("lego", [4], [1.0], [0.1], [0.01]).spp_for(1e-4) is None
+
+
+def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
+    printed = rows("lego")
+    printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
+    one = noise_of("lego", printed)
+    assert (one.rmse[-1], one.mse[-1]) == (None, None)
+    assert one.slope_of_samples() == pytest.approx(-0.5)
+    drawn = list(charts([one], FLOOR))
+    assert all(len(line.x) == len(line.y) for line in drawn)
+    assert tabled([one], FLOOR).rows[0][-1] is None
+
+
+@pytest.mark.parametrize(("power", "holds"), [(1.0, True), (1.5, True), (0.6, False), (0.0, False)])
+def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> None:
+    found = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
+    (check,) = (one for one in sentences(found, "") if isinstance(one, Check))
+    assert check.holds == holds
+    assert check.figure == pytest.approx(max(-0.5, -power / 2))
+
+
+def test_without_any_clear_error_nothing_is_claimed() -> None:
+    said = list(sentences([Noise("lego", [1, 4], [0.1, 0.2], [None, None], [None, None])], "how"))
+    assert isinstance(said[0], str)
+    assert said[0].startswith("No slope")
+    assert isinstance(said[1], Check)
+    assert not said[1].holds
+
+
+def test_a_scene_without_a_slope_is_named() -> None:
+    unclear = Noise("mic", [1, 4], [0.1, 0.2], [None, None], [None, None])
+    said, _, check = sentences([noise_of("lego", rows("lego")), unclear], "how")
+    assert isinstance(said, str)
+    assert said.endswith("; no slope of mic.")
+    assert isinstance(check, Check)
+    assert check.why.endswith("no slope of mic")
+
+
+def test_test_views_have_as_many_samples_as_is_said() -> None:
+    assert PROFILES["reduced"].views.spp_test == TEST_SPP
+
+
+def test_room_above_scores() -> None:
+    """20 dB of score: 21 dB are 10^2.1 / 100 = 1.26 samples away, at 0.01 / spp."""
+    found = [noise_of("lego", rows("lego"))]
+    sentence, table = room(found, {"lego": 20.0})
+    assert isinstance(table, Table)
+    assert table.rows[0] == pytest.approx(["lego", 20.0, 10**0.1, 10**0.3])
+    assert isinstance(sentence, str)
+    assert "limited by the method" in sentence
+    far, _ = room(found, {"lego": 45.0})
+    assert isinstance(far, str)
+    assert "where test views have 64" in far
+    (unknown,) = room(found, {})
+    assert isinstance(unknown, str)
+    assert unknown.startswith("No trained cell")
+
+
+def test_a_scene_without_a_figure_is_named_and_is_no_maximum() -> None:
+    flat = noise_of("mic", rows("mic", power=0.0))
+    for found in ([noise_of("lego", rows("lego")), flat], [flat, noise_of("lego", rows("lego"))]):
+        said, unknown, table = room(found, dict.fromkeys(FLOOR, 20.0))
+        assert isinstance(said, str)
+        assert "at most 1.3 samples a pixel are needed on 1 of 2 scenes and for 3 dB 2;" in said
+        assert isinstance(unknown, str)
+        assert "the scores of mic need is not known" in unknown
+        assert isinstance(table, Table)
+        assert len(table.rows) == 2
+    alone = [one for one in room([flat], {"mic": 20.0}) if isinstance(one, str)]
+    assert len(alone) == 1, "nothing is claimed"
+    assert "mic need is not known" in alone[0]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_an_error_that_is_not_finite_is_refused(bad: float) -> None:
+    """It would pass for one below the reference's."""
+    printed = rows("lego")
+    printed[2]["mse"]["linear"][1] = bad
+    with pytest.raises(ValueError, match="lego with 16 samples a pixel: an error is not finite"):
+        noise_of("lego", printed)

@@ -1,0 +1,211 @@
+"""Rendering of fields in closed form by every rule and sampler, and what is said of errors and times that are given."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+from torch import Tensor
+
+from baselines.contract import Box, Rays
+from baselines.numerics.quadrature import QUADRATURES
+from baselines.occupancy import OccupancyGrid
+from harness.execution.progress import Quiet
+from harness.plan.profiles import PROFILES, Machine
+from harness.records.charts import Table
+from harness.records.evidence_record import Check
+from harness.studies.evidence import rendering_work as study
+from harness.studies.evidence.evidence_context import EvidenceContext
+from harness.studies.evidence.rendering_work import (
+    SAMPLERS,
+    EmptyOutside,
+    Frame,
+    Line,
+    Sampler,
+    TrainedField,
+    fastest,
+    measured_lines,
+    restored,
+    sentences,
+    tabled,
+)
+from harness.training.lockstep import trained_alone
+from harness.training.trainer import Trainer
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.tiny import BUDGET, CPU, TRAIN
+
+BOX = Box(-torch.ones(3), torch.ones(3))
+PEAK, SPREAD = 3.0, 0.3
+BOX_SAMPLER = next(one for one in SAMPLERS if one.name == "box")
+OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
+
+
+class Blob:
+    """σ = 3 exp(−|x|² / 2·0.3²), colour ½ everywhere: a ray through the middle has depth 3·0.3·√(2π), nearly all of it
+    within the box."""
+
+    pointwise = True
+
+    def encode_directions(self, d: Tensor) -> Tensor:
+        return d
+
+    def density(self, x: Tensor) -> Tensor:
+        return PEAK * torch.exp(-x.square().sum(dim=-1) / (2 * SPREAD**2))
+
+    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density(x), self.density(x)
+
+    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density(x), torch.full_like(x, 0.5)
+
+
+class Fog(Blob):
+    """σ = 1 everywhere, outside of the box as well."""
+
+    def density(self, x: Tensor) -> Tensor:
+        return torch.ones_like(x[..., 0])
+
+
+def axial(offsets: tuple[float, ...] = (0.0, 0.2, 0.5)) -> Rays:
+    """Along −z from z = 4, beside the axis by `offsets`."""
+    origins = torch.tensor([[one, 0.0, 4.0] for one in offsets])
+    return Rays(origins, torch.tensor([[0.0, 0.0, -1.0]]).expand(len(offsets), 3).contiguous(), 2.0, 6.0)
+
+
+def frame(field: Blob, rays: Rays | None = None) -> Frame:
+    return Frame(EmptyOutside(field, BOX), rays or axial(), BOX, OccupancyGrid(8, BOX, 0.01), torch.ones(3), 2)
+
+
+def blob_opacity(offset: Tensor) -> Tensor:
+    within = math.erf(1.0 / (math.sqrt(2) * SPREAD))
+    depth = PEAK * torch.exp(-(offset**2) / (2 * SPREAD**2)) * SPREAD * math.sqrt(2 * math.pi) * within
+    return 1.0 - torch.exp(-depth)
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS, ids=lambda one: one.name)
+@pytest.mark.parametrize("rule", OURS)
+def test_every_rule_and_sampler_tends_to_the_closed_form(rule: str, sampler: Sampler) -> None:
+    colour, opacity, _ = frame(Blob()).rendered(rule, sampler, 512)
+    expected = blob_opacity(torch.tensor([0.0, 0.2, 0.5]))
+    bar = 2e-2 if sampler.random or sampler.two_passes else 5e-3
+    assert opacity == pytest.approx(expected, abs=bar)
+    assert colour[:, 0] == pytest.approx(1.0 - 0.5 * expected, abs=bar)
+
+
+@pytest.mark.parametrize("name", ["near to far", "box"])
+def test_nothing_outside_of_the_box_is_seen(name: str) -> None:
+    """Two units of fog of density 1, though the field goes on; a ray beside the box sees none."""
+    sampler = next(one for one in SAMPLERS if one.name == name)
+    _, opacity, _ = frame(Fog(), axial((0.0, 0.9, 1.5))).rendered("midpoint", sampler, 256)
+    assert opacity == pytest.approx(torch.tensor([1 - math.exp(-2), 1 - math.exp(-2), 0.0]), abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "rule", "evaluations"),
+    [
+        ("near to far", "midpoint", 64), ("box", "midpoint", 64), ("box, random", "left", 64),
+        ("box, coarse and fine", "midpoint", 16 + 48), ("box", "linear", 65), ("box", "trapezoid", 65),
+    ],
+)  # fmt: skip
+def test_what_is_counted_is_what_was_asked_for(name: str, rule: str, evaluations: int) -> None:
+    sampler = next(one for one in SAMPLERS if one.name == name)
+    assert frame(Blob()).rendered(rule, sampler, 64)[2] == 3 * evaluations
+
+
+def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
+    """A clock whose calls take 1, 4, 9 … seconds: the two counts of two lines are timed in turns."""
+    ticks = iter(range(10**6))
+    now = 0.0
+
+    def clock() -> float:
+        nonlocal now
+        tick = next(ticks)
+        now += ((tick + 1) / 2) ** 2 if tick % 2 else 0.0
+        return now
+
+    shown = frame(Blob())
+    colour, opacity, _ = shown.rendered("midpoint", BOX_SAMPLER, 256)
+    reference = {"colour": colour + 0.25, "opacity": opacity}
+    lines = measured_lines(shown, ("midpoint", "left"), (BOX_SAMPLER,), (128, 256), reference, 3, clock=clock)
+    assert [(line.rule, line.sampler, line.samples) for line in lines] == [
+        ("midpoint", "box", [128, 256]), ("left", "box", [128, 256]),
+    ]  # fmt: skip
+    # of calls 1 to 12, each count has three: 1 5 9, 2 6 10, 3 7 11, 4 8 12
+    assert [line.seconds for line in lines] == [[25.0, 36.0], [49.0, 64.0]]
+    assert lines[0].error["colour"][1] == pytest.approx(0.25)
+    assert lines[0].error["opacity"] == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert lines[0].evaluations == [3 * 128, 3 * 256]
+
+
+def test_orders_are_fitted_clear_of_the_reference() -> None:
+    counts = [4, 8, 16, 32, 64, 128, 256, 512]
+    line = Line("midpoint", "box", counts, {"colour": [n**-2.0 for n in counts], "opacity": [1e-6] * 8})
+    assert line.order("colour", 0.0) == pytest.approx(2.0)
+    line.error["colour"][-2:] = [1e-5, 1e-5]
+    assert line.order("colour", 1e-5) == pytest.approx(2.0)
+    assert line.order("opacity", 1e-6) is None
+
+
+def a_line(rule: str, sampler: str, errors: list[float], seconds: list[float], work: list[int]) -> Line:
+    return Line(rule, sampler, [4, 8, 16], {"colour": errors, "opacity": errors}, work, seconds)
+
+
+LINES = [
+    a_line("midpoint", "box", [2e-2, 9e-3, 2e-3], [1.0, 2.0, 3.0], [40, 80, 160]),
+    a_line("linear", "box", [5e-2, 2e-2, 9e-4], [1.0, 2.0, 2.5], [41, 81, 161]),
+    a_line("midpoint", "box, grid", [2e-2, 1.5e-2, 1.2e-2], [0.5, 0.6, 0.7], [20, 40, 80]),
+    a_line("listing4", "box", [0.5, 0.4, 0.4], [0.1, 0.2, 0.3], [40, 80, 160]),
+]
+
+
+def test_the_first_to_reach_an_error() -> None:
+    assert fastest(LINES, 2e-2) is LINES[2]
+    assert fastest(LINES, 1e-2) is LINES[0]
+    assert fastest(LINES, 2e-3) is LINES[1]
+    assert fastest(LINES, 1e-2, by="evaluations") is LINES[0]
+    assert fastest(LINES, 2e-3, by="evaluations") is LINES[0]
+    assert fastest(LINES, 1e-4) is None
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("place", [0, 2])
+def test_an_error_that_is_not_finite_is_no_least_one(bad: float, place: int) -> None:
+    """`min` gives NaN where it comes first and hides it elsewhere."""
+    errors = [0.5, 0.4, 0.4]
+    errors[place] = bad
+    lines = [*LINES[:3], a_line("listing4", "box", errors, [0.1, 0.2, 0.3], [40, 80, 160])]
+    with pytest.raises(ValueError, match=r"listing4 \(box\): an error is not finite"):
+        list(sentences(lines, "4 × 5 rays", 20))
+    with pytest.raises(ValueError, match=r"listing4 \(box\): an error is not finite"):
+        tabled(lines, {"colour": 1e-5, "opacity": 2e-5}, 20)
+
+
+def test_a_checkpoint_renders_as_what_was_saved(ball: ViewSet, tmp_path: Path) -> None:
+    plan = replace(PROFILES["smoke"], train=TRAIN, budget=BUDGET)
+    trained = trained_alone("nerf", ball, "ball/0", TRAIN, BUDGET, CPU)
+    assert isinstance(trained, Trainer)
+    assert trained.grid is not None
+    tensors = {name: value.contiguous() for name, value in trained.fields.state_dict().items()}
+    save_file({**tensors, "occupied": trained.grid.occupied}, tmp_path / "one.safetensors")
+    again = restored(tmp_path / "one.safetensors", plan, ball, "ball/1", "nerf", CPU)
+    rays = axial()
+    assert torch.equal(again.render(rays, 64).colour, trained.render(rays, 64).colour)
+    assert again.grid is not None
+    assert torch.equal(again.grid.occupied, trained.grid.occupied)
+
+
+def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trained = trained_alone("nerf", ball, "ball/0", TRAIN, BUDGET, CPU)
+    assert isinstance(trained, Trainer)
+    monkeypatch.setattr(study, "trained_field", lambda *asked: TrainedField(trained, ball, "a test"))
+    situation = EvidenceContext(tmp_path, tmp_path, tmp_path, Machine("cpu", 1, 1), False, True, Quiet())
+    found = list(study.rendering_work(situation))
+    assert isinstance(found[0], str)
+    assert "8 × 8 rays of a test view of lego (nerf, a test)" in found[0]
+    (check,) = (one for one in found if isinstance(one, Check))
+    assert check.figure is not None
+    assert 0.0 < check.figure < 1e-3
+    (table,) = (one for one in found if isinstance(one, Table))
+    assert len(table.rows) == len(QUADRATURES) * len(SAMPLERS)

@@ -1,0 +1,193 @@
+"""The study of the repaired Q-NeRF, on cells whose differences are known."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.numerics.encoding import PHI
+from harness.records.cells import CellRecord
+from harness.records.charts import Table
+from harness.records.evidence_record import Check, Effect
+from harness.studies.choices.repair_search import read_search
+from harness.studies.evidence import repaired as study_module
+from harness.studies.evidence.contrasts import told
+from harness.studies.evidence.evidence_context import HELD_OUT, TRAININGS, Finding
+from harness.studies.evidence.repaired import CONTROLS, MARGIN, METRICS, REPAIRED, equal_time, repaired
+from harness.verdicts import paper
+from tests.harness.cells import cell, checkpoint, diverged
+from tests.harness.studies.evidence.planted import sentences, situation
+
+SEEDS = (0, 1, 2)
+LEVELS = {"nerf": 24.0, "nerf_matched": 24.5, "nerf_phi_encoding_phi_skip": 24.6}
+
+
+def cells_of(gain: float, slowness: float = 1.0, noise: float = 0.02, **facts: float) -> list[CellRecord]:
+    """qnerf_repaired is `gain` dB above nerf at equal steps, and a step of it takes `slowness` times as long."""
+    draw = np.random.default_rng(4)
+    found = []
+    for place, scene in enumerate(HELD_OUT):
+        for seed in SEEDS:
+            for method, level in (LEVELS | {REPAIRED: LEVELS["nerf"] + gain}).items():
+                psnr = level + place + 0.2 * seed + draw.normal(0.0, noise)
+                slow = slowness if method == REPAIRED else 1.0
+                alpha = 1.5 / PHI if method == REPAIRED else None
+                curve = [
+                    replace(
+                        checkpoint(step, slow * step / 50, value, ssim=0.01 * value, rmse_linear=1 / value),
+                        depth_rmse=2 / value,
+                        alpha=alpha,
+                    )
+                    for step, value in ((60, psnr - 3.0), (600, psnr))
+                ]
+                scores = {name: getattr(curve[-1], name) for name in METRICS}
+                properties = {"chunk_max_difference": 1e-7, "opacity_unit_slab": 1.0, **facts}
+                found.append(cell(scene, method, seed, curve, scores=scores, properties=properties))
+    return found
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Callable[[list[CellRecord]], list[Finding]]:
+    return lambda cells: list(repaired(situation(tmp_path, {"repaired": cells})))
+
+
+Study = Callable[[list[CellRecord]], list[Finding]]
+
+
+def effect(found: list[Finding], against: str, budget: str, metric: str = "psnr") -> Effect:
+    (one,) = [
+        one
+        for one in found
+        if isinstance(one, Effect)
+        and (one.against, one.budget, one.metric, one.scene) == (against, budget, metric, "all")
+    ]
+    return one
+
+
+def checks(found: list[Finding]) -> dict[str, Check]:
+    return {one.what.split(" ")[0] + " " + one.what.split(" ")[1]: one for one in found if isinstance(one, Check)}
+
+
+def table(found: list[Finding], name: str) -> Table:
+    return next(one for one in found if isinstance(one, Table) and one.id == name)
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"), [(1.6, "is reached"), (0.3, "is not reached"), (1.2, "is not settled"), (-0.5, "is not reached")]
+)
+def test_the_first_sentence_says_whether_the_paper_s_margin_is_reached(study: Study, gain: float, said: str) -> None:
+    found = study(cells_of(gain))
+    first, second = sentences(iter(found))[:2]
+    assert first.startswith("At equal steps the repaired Q-NeRF changes NeRF's PSNR by")
+    assert second.startswith("At equal time ")
+    assert first.rstrip(".").endswith(said)
+    one = effect(found, "nerf", "steps")
+    assert one.difference == pytest.approx(gain, abs=0.05)
+    assert f"{gain:+.1f}".replace("-", "−")[:2] in first or abs((one.difference or 0.0) - gain) < 0.05
+
+
+def test_equal_time_charges_for_slowness(study: Study) -> None:
+    """Twice as long a step: at the time of the quicker one it is log10(2) of 3 dB a decade behind."""
+    found = study(cells_of(1.6, slowness=2.0))
+    loss = (effect(found, "nerf", "steps").difference or 0.0) - (effect(found, "nerf", "seconds").difference or 0.0)
+    assert loss == pytest.approx(3.0 * np.log10(2.0), abs=1e-6)
+
+
+def test_it_is_said_how_far_the_slower_one_has_come_at_equal_time(study: Study) -> None:
+    for slowness, said in (
+        (2.0, f"{REPAIRED}, the slower one, is met after 50 %"),
+        (0.8, "nerf, the slower one, is met after 80 %"),
+    ):
+        (one,) = [one for one in sentences(iter(study(cells_of(1.0, slowness)))) if "Equal time is read off" in one]
+        assert said in one
+        assert "equal processor seconds instead" in one
+    lost = [diverged(one.scene, one.method, one.seed) for one in cells_of(1.0)]
+    assert "is not known: no pair ended" in equal_time(lost, "seconds")
+
+
+def test_what_was_changed_in_the_search_is_said(study: Study) -> None:
+    assert set(read_search().history) <= set(sentences(iter(study(cells_of(1.0)))))
+
+
+def test_the_controls_tell_bandwidth_and_the_amplifier_apart(study: Study) -> None:
+    found = study(cells_of(0.55))
+    assert effect(found, "nerf_matched", "steps").difference == pytest.approx(0.05, abs=0.03)
+    assert effect(found, "nerf_phi_encoding_phi_skip", "steps").difference == pytest.approx(-0.05, abs=0.03)
+    for first, budget in zip(sentences(iter(found))[:2], ("steps", "seconds"), strict=True):
+        parts = {"nerf": "NeRF's PSNR", "nerf_matched": "beyond bandwidth)"}
+        for against, words in (parts | {"nerf_phi_encoding_phi_skip": "what Eq. 4 does)"}).items():
+            assert f"{words} by {told(effect(found, against, budget))}" in first
+
+
+def test_every_control_metric_and_budget_is_there_over_all_scenes_and_by_scene(study: Study) -> None:
+    found = [one for one in study(cells_of(0.5)) if isinstance(one, Effect)]
+    assert len(found) == len(CONTROLS) * len(METRICS) * 2 * (len(HELD_OUT) + 1)
+    assert {one.scene for one in found} == {"all", *HELD_OUT}
+    assert set(TRAININGS["repaired"].methods) == {REPAIRED, *CONTROLS}
+
+
+def test_a_cell_that_diverged_is_named_and_the_others_are_judged(study: Study) -> None:
+    cells = [
+        diverged(one.scene, one.method, one.seed)
+        if (one.scene, one.method, one.seed) == (HELD_OUT[0], REPAIRED, 1)
+        else one
+        for one in cells_of(1.9)
+    ]
+    found = study(cells)
+    said = sentences(iter(found))
+    assert "1 of 18 pairs without a score" in said[0]
+    assert any("1 cells have no score" in one and HELD_OUT[0] in one for one in said)
+    assert (effect(found, "nerf", "steps").unpaired, effect(found, "nerf", "steps").verdict) == (1, "better")
+    assert table(found, "contrast_learnt").rows[0][2] is None
+
+
+def test_checks_hold_on_sound_cells_and_fail_one_by_one(study: Study) -> None:
+    assert all(one.holds for one in study(cells_of(0.5)) if isinstance(one, Check))
+    for facts, broken in (
+        ({"chunk_max_difference": 3e-6}, "largest difference"),
+        ({"opacity_unit_slab": 0.9}, "opacity of"),
+    ):
+        failed = {name for name, one in checks(study(cells_of(0.5, **facts))).items() if not one.holds}
+        assert failed == {broken}
+
+
+def test_a_check_without_a_figure_fails(study: Study) -> None:
+    cells = [replace(one, properties={}) for one in cells_of(0.5)]
+    failed = {name for name, one in checks(study(cells)).items() if not one.holds}
+    assert failed == {"largest difference", "opacity of"}
+
+
+def test_a_choice_that_is_not_the_search_s_is_found(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = read_search()
+    other = next(one.method for one in found.standings if one.method != found.chosen)
+    rows = [replace(row, scene=HELD_OUT[0], seed=0) for row in found.rows]
+    monkeypatch.setattr(study_module, "read_search", lambda: replace(found, rows=rows, chosen=other))
+    failed = {name: one for name, one in checks(study(cells_of(0.5))).items() if not one.holds}
+    assert set(failed) == {"methods that", "scenes and"}
+    assert failed["scenes and"].figure == 2.0
+
+
+def test_the_table_of_the_search_holds_what_was_measured(study: Study) -> None:
+    found, rows = read_search(), table(study(cells_of(0.5)), "repair_search").rows
+    by_method = {str(row[0]): row for row in rows}
+    assert set(by_method) == {row.method for row in found.rows}
+    assert by_method[found.chosen][4] == "chosen"
+    assert by_method["nerf"][4] == "reference"
+    for method, row in by_method.items():
+        mine = [one.psnr_val for one in found.rows if one.method == method]
+        assert list(row[5:]) == mine
+        assert row[1] == pytest.approx(np.mean([one for one in mine if one is not None]))
+
+
+def test_the_contrast_is_one_where_the_amplifier_does_nothing(study: Study) -> None:
+    learnt = table(study(cells_of(0.5)), "contrast_learnt")
+    assert [row[0] for row in learnt.rows] == sorted(HELD_OUT)
+    assert all(value == pytest.approx(1.5) for row in learnt.rows for value in row[1:])
+
+
+def test_the_margin_is_the_paper_s() -> None:
+    (claim,) = [one for one in paper.ABSTRACT if one.id == "abstract-psnr-range"]
+    assert isinstance(claim.printed, tuple)
+    assert min(claim.printed) == MARGIN

@@ -1,0 +1,279 @@
+"""What is trained again and what is not, and what is said of cells of another commit; nothing is trained here."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.execution import run as execution_run
+from harness.execution.progress import Quiet
+from harness.machine import provenance
+from harness.plan.profiles import Machine, Plan
+from harness.records.cells import (
+    RunRecord,
+    Status,
+    cell_path,
+    read_cells,
+    read_run,
+    records_folder,
+    write_cell,
+    write_run,
+)
+from harness.records.evidence_record import EVIDENCE_FILE, EvidenceRecord, StudyRecord, read_evidence, write_evidence
+from harness.records.json_record import DamagedRecord
+from harness.run_folder.integrity import DAMAGED
+from harness.studies.evidence import evidence_run as study_runner
+from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
+from harness.studies.evidence.evidence_run import STUDIES, Study
+from tests.harness.cells import cell, checkpoint
+
+TRAINING = "no_encoding"
+HERE = "0123456789ab"
+
+
+def a_run(plan: Plan, finished: bool = True) -> RunRecord:
+    settings = json.loads(json.dumps(plan.settings()))
+    return RunRecord("reduced", "", [], {}, [], {}, list(plan.seeds), settings, {}, {}, finished, [])
+
+
+@pytest.fixture
+def situation(tmp_path: Path) -> EvidenceContext:
+    """With every cell of the training there, trained at `HERE`."""
+    here = EvidenceContext(tmp_path, tmp_path, tmp_path, Machine("cpu", 1, 1), True, True, Quiet())
+    plan = here.plan(TRAINING)
+    write_run(folder_of(tmp_path, TRAINING), a_run(plan))
+    for scene, method, seed in plan.cells():
+        trained_at(here, scene, method, seed, HERE)
+    return here
+
+
+def trained_at(
+    situation: EvidenceContext, scene: str, method: str, seed: int, commit: str, status: Status = "done"
+) -> None:
+    one = cell(scene, method, seed, [checkpoint(4, 1.0, 20.0)], status=status, provenance={"commit": commit})
+    write_cell(folder_of(situation.out, TRAINING), one)
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The folders that were run, in which every failed cell then ended well."""
+    asked: list[Path] = []
+
+    def run(plan: Plan, folder: Path, *others: object) -> int:
+        asked.append(folder)
+        for one in list(read_cells(folder)):
+            write_cell(folder, replace(one, status="done"))
+        for key in plan.cells():
+            if not cell_path(folder, *key).exists():
+                write_cell(folder, cell(*key, [checkpoint(4, 1.0, 20.0)], provenance={"commit": HERE}))
+        write_run(folder, a_run(plan))
+        return 0
+
+    monkeypatch.setattr(execution_run, "run", run)
+    return asked
+
+
+def test_what_is_whole_is_not_run_again(situation: EvidenceContext, runs: list[Path]) -> None:
+    trained_at(situation, "lego", "nerf", 0, HERE, "diverged")
+    assert len(situation.trained(TRAINING).cells) == len(situation.plan(TRAINING).cells())
+    assert runs == [], "divergence is a result"
+
+
+@pytest.mark.parametrize("status", ["error", "not_available"])
+def test_a_finished_run_with_a_failed_cell_is_run_again(
+    situation: EvidenceContext, runs: list[Path], status: Status
+) -> None:
+    trained_at(situation, "lego", "nerf", 0, HERE, status)
+    assert {one.status for one in situation.trained(TRAINING).cells} == {"done"}
+    assert runs == [folder_of(situation.out, TRAINING)]
+
+
+def test_an_unfinished_run_is_gone_on_with(situation: EvidenceContext, runs: list[Path]) -> None:
+    write_run(folder_of(situation.out, TRAINING), a_run(situation.plan(TRAINING), finished=False))
+    situation.trained(TRAINING)
+    assert len(runs) == 1
+
+
+def test_a_damaged_cell_is_an_error_and_is_trained_again_once_it_is_deleted(
+    situation: EvidenceContext, runs: list[Path]
+) -> None:
+    path = cell_path(folder_of(situation.out, TRAINING), "lego", "nerf", 0)
+    path.write_text("{")
+    with pytest.raises(DamagedRecord, match="delete it and run again"):
+        situation.trained(TRAINING)
+    path.unlink()
+    situation.trained(TRAINING)
+    assert len(runs) == 1
+
+
+NAMES = ["positive_controls", "factorial"]
+"""Studies; the first rests on the training."""
+
+
+class Told(Quiet):
+    """Keeps what is said."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def line(self, text: str) -> None:
+        self.lines.append(text)
+
+
+@pytest.fixture
+def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[list[str], str]]:
+    """Goes on where both studies were whole, with those that are asked for, to the end or `stopped` once a study has
+    its training; gives those that were done again, and what was said."""
+    assert TRAINING in STUDIES[NAMES[0]].trainings
+    interest = {name: one.smallest_of_interest for name, one in study_runner.METRICS.items()}
+    settings = {"quick": True, "device": "cpu", "smallest_of_interest": interest}
+    studies = [StudyRecord(STUDIES[name].info, "as it was") for name in NAMES]
+    write_evidence(situation.out / EVIDENCE_FILE, EvidenceRecord({}, settings, studies, finished=True))
+    monkeypatch.setattr(study_runner, "multiplies_bfloat16", lambda device: True)
+
+    def go_on(asked: list[str] = NAMES, stopped: bool = False) -> tuple[list[str], str]:
+        done: list[str] = []
+        told = Told()
+
+        def measured(study: Study, here: EvidenceContext) -> StudyRecord:
+            done.append(study.info.id)
+            for name in set(study.trainings) & {TRAINING}:
+                here.trained(name)
+            if stopped:
+                raise KeyboardInterrupt
+            return StudyRecord(study.info, "as it was")
+
+        monkeypatch.setattr(study_runner, "measured", measured)
+        machine = Machine("cpu", 1, 1)
+        study_runner.run(asked, situation.out, situation.view_sets, machine, quick=True, resume=True, show=told)
+        return done, "\n".join(told.lines)
+
+    return go_on
+
+
+Resumed = Callable[..., tuple[list[str], str]]
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_resuming_does_the_studies_again_whose_trainings_hold_failed_cells(
+    situation: EvidenceContext, resumed: Resumed, runs: list[Path], failed: bool
+) -> None:
+    if failed:
+        trained_at(situation, "lego", "nerf", 0, HERE, "error")
+    assert resumed()[0] == (NAMES[:1] if failed else [])
+    assert len(runs) == failed
+
+
+def test_figures_of_other_cells_do_not_outlive_a_stop_before_they_are_measured_again(
+    situation: EvidenceContext, resumed: Resumed, runs: list[Path]
+) -> None:
+    trained_at(situation, "lego", "nerf", 0, HERE, "error")
+    with pytest.raises(KeyboardInterrupt, match="1 of 2 studies are kept"):
+        resumed(stopped=True)
+    assert len(runs) == 1, "the training is whole by now"
+    record = read_evidence(situation.out / EVIDENCE_FILE)
+    assert ([one.info.id for one in record.studies], record.finished) == (NAMES[1:], False)
+    assert resumed()[0] == NAMES[:1]
+    assert [one.info.id for one in read_evidence(situation.out / EVIDENCE_FILE).studies] == NAMES
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training_is_gone_on_with(
+    situation: EvidenceContext, resumed: Resumed, runs: list[Path], monkeypatch: pytest.MonkeyPatch, shared: bool
+) -> None:
+    if shared:
+        monkeypatch.setitem(STUDIES, NAMES[1], replace(STUDIES[NAMES[1]], trainings=(TRAINING,)))
+    trained_at(situation, "lego", "nerf", 0, HERE, "error")
+    done, said = resumed(NAMES[1:])
+    assert (done, len(runs)) == (NAMES[1:], 1) if shared else ([], 0)
+    assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be gone on with" in said) == shared
+    kept = [one.info.id for one in read_evidence(situation.out / EVIDENCE_FILE).studies]
+    assert kept == (NAMES[1:] if shared else NAMES)
+
+
+@pytest.mark.parametrize("how", ["a byte", "emptied", "missing"])
+def test_studies_whose_record_is_lost_are_done_again_from_trainings_that_are_whole(
+    situation: EvidenceContext, resumed: Resumed, runs: list[Path], how: str
+) -> None:
+    file = situation.out / EVIDENCE_FILE
+    before = file.read_bytes()
+    spoilt = before.replace(b"as it was", b"as it wes") if how == "a byte" else b""
+    file.unlink() if how == "missing" else file.write_bytes(spoilt)
+    done, said = resumed()
+    assert done == NAMES
+    assert f"{EVIDENCE_FILE}: {'missing' if how == 'missing' else ''}" in said
+    assert "everything in it is measured again" in said
+    assert runs == [], "nothing is trained again"
+    record = read_evidence(file)
+    assert [(one.info.id, one.scale) for one in record.studies] == [(name, "as it was") for name in NAMES]
+    if how != "missing":
+        assert (situation.out / DAMAGED / f"{EVIDENCE_FILE}.1").read_bytes() == spoilt
+
+
+@pytest.mark.parametrize("how", ["a byte", "missing"])
+@pytest.mark.parametrize("file", ["cells/lego.nerf.0.json", "run.json"])
+def test_a_damaged_file_of_a_training_is_named_and_just_that_is_made_again(
+    situation: EvidenceContext, resumed: Resumed, runs: list[Path], file: str, how: str
+) -> None:
+    folder = folder_of(situation.out, TRAINING)
+    path = records_folder(folder) / file
+    before = {one.name: one.stat().st_mtime_ns for one in path.parent.glob("*.json") if one != path}
+    spoilt = path.read_bytes().replace(b'"schema"', b'"schima"')
+    path.unlink() if how == "missing" else path.write_bytes(spoilt)
+    done, said = resumed()
+    assert done == NAMES[:1], "the study that rests on it"
+    assert runs == [folder]
+    assert {one.status for one in read_cells(folder)} == {"done"}
+    if how == "a byte":
+        assert f"{TRAINING}: records/{file}: " in said
+        assert (folder / DAMAGED / f"records.{file.replace('/', '.')}.1").read_bytes() == spoilt
+    if file != "run.json":
+        return
+    assert before == {one.name: one.stat().st_mtime_ns for one in path.parent.glob("*.json") if one != path}
+
+
+def test_a_training_of_another_plan_is_moved_aside_and_not_lost(situation: EvidenceContext, runs: list[Path]) -> None:
+    folder = folder_of(situation.out, TRAINING)
+    run = read_run(folder)
+    write_run(folder, replace(run, settings={**run.settings, "profile": "other"}))
+    situation.trained(TRAINING)
+    assert runs == [folder]
+    aside = situation.out / DAMAGED / f"studies.{TRAINING}.1"
+    assert read_run(aside).settings["profile"] == "other"
+    assert cell_path(aside, "lego", "nerf", 0).exists()
+
+
+# where the code may have changed
+
+
+@pytest.fixture
+def at_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance, "commit", lambda: HERE)
+
+
+@pytest.mark.usefixtures("at_commit")
+def test_nothing_is_said_of_cells_of_the_same_commit(situation: EvidenceContext) -> None:
+    assert "commit" not in situation.scale(TRAINING)
+    assert "commit" not in situation.scale("repaired"), "not trained yet"
+
+
+@pytest.mark.usefixtures("at_commit")
+@pytest.mark.parametrize("other", ["ba9876543210", f"{HERE}-dirty"])
+def test_cells_of_another_commit_are_counted(situation: EvidenceContext, runs: list[Path], other: str) -> None:
+    trained_at(situation, "lego", "nerf", 0, other)
+    cells = len(situation.plan(TRAINING).cells())
+    said = situation.scale(TRAINING)
+    assert f"{TRAINING}: " in said
+    assert f"{cells - 1} cells at commit {HERE}" in said
+    assert f"1 cells at commit {other}" in said
+    assert f"Not all was trained at commit {HERE}" in said
+    situation.trained(TRAINING)
+    assert runs == [], "they are used all the same"
+
+
+@pytest.mark.usefixtures("at_commit")
+def test_cells_that_are_not_of_the_plan_are_not_counted(situation: EvidenceContext) -> None:
+    trained_at(situation, "lego", "voxels", 0, "ba9876543210")
+    assert "commit" not in situation.scale(TRAINING)

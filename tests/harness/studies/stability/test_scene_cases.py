@@ -1,0 +1,277 @@
+"""What the cases about scenes judge by: noise, closed forms, gaps, refusals. Nothing here is rendered or trained."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.numerics.quadrature import QUADRATURES
+from harness.plan.profiles import planned
+from harness.records.cells import CellRecord, RunRecord, records_folder
+from harness.records.pictures import Render, cell_pictures, half, write_renders
+from harness.studies.stability.whole_scenes import scene_truth
+from harness.studies.stability.whole_scenes.light_cases import (
+    _fog_by_quadrature,
+    _grazing_chord,
+    covered_share,
+    mean_of_ramp,
+    virtual_depth,
+    z_of_thin_wires,
+)
+from harness.studies.stability.whole_scenes.scene_cases import (
+    RAW,
+    _silhouette,
+    above_the_copy,
+    best_constant_depth,
+    depth_rows,
+    psnr_apart,
+    refused,
+)
+from harness.studies.stability.whole_scenes.scene_truth import (
+    PROFILE,
+    SCENES,
+    SceneRun,
+    Views,
+    closed_form,
+    colour_variance,
+    depth_error,
+    each_method,
+    explained_share,
+    mse_over_tests,
+    scores_table,
+    textbook_scores,
+    unexplained,
+    worst_z,
+    z_score,
+)
+from scenes.catalog.entries import STRESS
+from scenes.catalog.stress.wires import RESOLUTION
+from scenes.modelling.normalise import Similarity
+from scenes.modelling.truth import Seen, pixel_means
+from scenes.view_sets.viewpoints import FOV_X_RADIANS
+from tests.harness.cells import cell, checkpoint
+
+
+def left_behind(out: Path, *cells: CellRecord, methods: tuple[str, ...] = ("nerf",)) -> SceneRun:
+    run = RunRecord(PROFILE, "", [], dict.fromkeys(methods, ""), [], {}, [0], {}, {}, {}, True, [])
+    return SceneRun(out, out, run, {(one.scene, one.method): [one] for one in cells})
+
+
+def noisy_views(bias: float = 0.0, noise: float = 0.05, seed: int = 0) -> Views:
+    """Two views of 40 × 40 whose truth is known and whose noise is what they say it is."""
+    generator = np.random.default_rng(seed)
+    truth = generator.uniform(0.2, 0.8, (2, 40, 40, 4))
+    halves = [truth + bias + noise * math.sqrt(2) * generator.standard_normal(truth.shape) for _ in range(2)]
+    variance = (halves[0] - halves[1]) ** 2 / 4
+    depth = np.ones(truth.shape[:3])
+    return Views(("a", "b"), (halves[0] + halves[1]) / 2, variance, truth, depth, depth)
+
+
+def test_noise_alone_is_within_the_bars_and_a_bias_is_not() -> None:
+    scores = [worst_z(noisy_views(seed=seed)) for seed in range(20)]
+    assert max(scores) < 4.0
+    assert 0.8 < np.mean(scores) < 2.5, "the largest of four normal numbers"
+    assert unexplained(noisy_views()) == pytest.approx(1.0, abs=0.1)
+    # a tenth of the noise of a pixel: invisible in it, and four standard errors of the mean of 3200
+    assert worst_z(noisy_views(bias=0.007)) > 4.0
+    assert unexplained(noisy_views(bias=0.05)) > 1.5
+
+
+def test_without_noise_nothing_may_differ() -> None:
+    assert z_score(0.25, 0.25, 0.0) == 0.0
+    assert z_score(0.25, 0.26, 0.0) == math.inf
+    assert z_score(1.0, 0.0, 0.25) == 2.0
+    assert unexplained(noisy_views(noise=0.0)) == 0.0
+    assert worst_z(noisy_views(noise=0.0, bias=0.01)) == math.inf
+
+
+def test_depth_is_compared_where_a_pixel_is_covered() -> None:
+    views = noisy_views()
+    assert math.isnan(depth_error(views)), "no pixel is covered from border to border"
+    ones = np.ones_like(views.truth)
+    depth = views.depth.copy()
+    depth[1, 3, 3] = 1.5
+    assert depth_error(Views(views.names, ones, views.variance, ones, depth, views.true_depth)) == pytest.approx(0.5)
+    assert views.of("b").names == ("b",)
+    assert np.array_equal(views.of("b").truth[0], views.truth[1])
+
+
+def test_explained_share_is_one_minus_error_over_variance() -> None:
+    pixels = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    assert colour_variance(pixels) == 0.25
+    assert explained_share(0.0, 0.25) == 1.0
+    assert explained_share(0.25, 0.25) == 0.0, "one flat colour"
+    views = [cell("a", "nerf", 0, [checkpoint(1, 1.0, 20.0)])][0]
+    assert mse_over_tests(views) == pytest.approx(0.01)
+
+
+def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
+    flat = np.ones((8, 8, 3))
+    assert textbook_scores(flat, flat)["psnr"] == math.inf
+    assert math.isnan(textbook_scores(flat, flat)["ssim"])
+    picture = np.random.default_rng(0).uniform(size=(8, 8, 3))
+    assert textbook_scores(picture, picture)["ssim"] == pytest.approx(1.0)
+    assert textbook_scores(picture, picture + 0.1)["psnr"] == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "warnings", "statuses"),
+    [
+        ("wires", ["empty collapse: x"], {"not_applicable"}),
+        ("empty", ["empty collapse: x"], {"pass"}),
+        ("wires", ["gap: x"], {"pass"}),
+    ],
+)
+def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], statuses: set[str], tmp_path: Path) -> None:
+    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
+    (one,) = each_method("S4", found, scene, lambda _: 0.5, 0.9, "error")
+    assert {one.status} == statuses
+    assert one.figure == 0.5, "recorded all the same"
+    assert ("learnt nothing in" in one.why) == (one.status == "not_applicable")
+    (row,) = scores_table("S4", "title", found, [scene], 10).rows
+    assert ("learnt nothing" in str(row[-1])) == (one.status == "not_applicable")
+
+
+def pictured(out: Path, grey: np.ndarray) -> str:
+    """A kept view of just that grey in colour, opacity and depth."""
+    flat = half(grey)
+    path = cell_pictures("any", "any", 0)
+    write_renders(records_folder(out) / path, [Render("test/r_0", 1, half(np.stack([grey] * 3, -1)), flat, flat)])
+    return path
+
+
+def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
+    pictures = pictured(tmp_path, np.zeros((8, 8)))
+    one = cell("glass_air", "qnerf", 0, [], pictures=pictures, warnings=["empty collapse: x"])
+    found = left_behind(tmp_path, one, methods=("qnerf",))
+    (said,) = each_method("S5", found, "glass_air", lambda _: -70.0, 0.3, "share", sense="at_least")
+    assert said.status == "fail"
+
+
+def test_a_figure_that_misses_its_bar_still_fails(tmp_path: Path) -> None:
+    found = left_behind(tmp_path, cell("wires", "nerf", 0, [checkpoint(1, 1.0, 20.0)]))
+    (one,) = each_method("S4", found, "wires", lambda _: 0.99, 0.9, "error")
+    assert one.broke
+
+
+def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
+    ones = np.ones((1, 4, 4, 4))
+    depth = np.repeat([[8.0, 9.0]], 8).reshape(1, 4, 4)
+    views = Views(("a",), ones, ones, ones, depth, depth)
+    assert best_constant_depth(views) == pytest.approx(0.5)
+    found = left_behind(
+        tmp_path,
+        cell("inside", "nerf", 0, [], scores={"depth_rmse": 2.4}),
+        cell("inside", "qnerf", 0, [], scores={"depth_rmse": 0.4}),
+        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"]),
+        methods=("nerf", "qnerf", "voxels_drjit"),
+    )
+    said = {row[1]: row[4] for row in depth_rows(found, "inside", views)}
+    assert said == {
+        "nerf": "worse than the constant", "qnerf": "better than the constant", "voxels_drjit": "learnt nothing",
+    }  # fmt: skip
+
+
+def test_above_the_copy() -> None:
+    assert above_the_copy(cell("wall", "nerf", 0, [], scores={"psnr": 15.8, "psnr_floor": 13.6})) == pytest.approx(2.2)
+    assert above_the_copy(cell("wall", "nerf", 0, [], scores={"psnr": None, "psnr_floor": 13.6})) is None
+
+
+def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
+    """Opaque inside and outside alike is 0, the silhouette alone is 1."""
+    truth = np.zeros((1, 8, 8, 4))
+    truth[0, 4:] = 1.0
+    views = Views(("test/r_0",), truth, truth, truth, truth[..., 0], truth[..., 0])
+    for opacity, figure in ((np.ones((8, 8)), 0.0), (truth[0, ..., 0], 1.0)):
+        one = cell("white", "nerf", 0, [], pictures=pictured(tmp_path, opacity))
+        assert _silhouette(left_behind(tmp_path, one), views, one) == pytest.approx(figure)
+
+
+def test_the_mean_of_a_ramp_in_fog() -> None:
+    assert mean_of_ramp(np.array([1e-6]))[0] == pytest.approx(5e-7, rel=1e-5)
+    assert mean_of_ramp(np.array([0.00999999]))[0] == pytest.approx(mean_of_ramp(np.array([0.01]))[0], rel=1e-5)
+    s = (np.arange(100000) + 0.5) / 100000
+    assert mean_of_ramp(np.array([5.0]))[0] == pytest.approx(float((5 * np.exp(-5 * s) * s).mean()), rel=1e-6)
+
+
+def test_the_closed_form_of_a_pixel_is_free_of_bias(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Edges that lie alike in every pixel: even grids are all off alike, random points by their noise alone."""
+    size, fov = 24, FOV_X_RADIANS
+    wide = 2 * math.tan(fov / 2) / size
+
+    def stripes(o: np.ndarray, d: np.ndarray) -> Seen:
+        light = (d[:, 0] / -d[:, 2] / wide % 1.0 < 0.53).astype(float)
+        return Seen(np.repeat(light[:, None], 3, axis=1), np.ones(len(d)), np.ones(len(d)))
+
+    def pull(seed: int) -> float:
+        mean, variance, _ = closed_form(stripes, np.eye(4), size, size, seed)
+        return z_score(float(mean[..., 0].mean()), 0.53, float(variance[..., 0].sum()) / size**4)
+
+    assert max(abs(pull(seed)) for seed in range(6)) < 4.0
+
+    def even(*arguments: object) -> tuple[np.ndarray, np.ndarray]:
+        return pixel_means(*arguments[:5])  # type: ignore[arg-type]
+
+    monkeypatch.setattr(scene_truth, "pixel_means", even)
+    assert abs(pull(0)) > 4.0
+
+
+def test_the_stress_scenes_are_made_for_the_profile_that_renders_them() -> None:
+    views = planned(PROFILE, precision="float32").views
+    assert views.resolution == RESOLUTION
+
+
+@pytest.mark.slow
+def test_wires_that_pixel_centres_miss_are_rendered_in_proportion() -> None:
+    z, hits = z_of_thin_wires(1e-2, 48)
+    assert abs(z) < 4.0
+    assert hits > 100
+
+
+def test_raw_scales_are_refused_and_the_unit_is_not() -> None:
+    assert all(refused(change) for change in RAW.values())
+    assert not refused(Similarity(1.0, (0.0, 0.0, 0.0)))
+
+
+def test_scores_apart() -> None:
+    one, two = (cell("tiny", "nerf", 0, [checkpoint(1, 1.0, psnr)]) for psnr in (20.0, 21.5))
+    assert psnr_apart(one, two) == 1.5
+    assert psnr_apart(one, None) is None
+
+
+def test_every_stress_scene_has_its_case() -> None:
+    named = [scene for scenes in SCENES.values() for scene in scenes]
+    assert sorted(named) == sorted(STRESS)
+    assert PROFILE == "stress"
+
+
+@pytest.mark.parametrize(("scene", "tau"), [("fog_dense", 50.0), ("fog_thin", 1e-3)])
+def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str, tau: float) -> None:
+    found = list(_fog_by_quadrature(scene, tau))
+    assert [(one.status, one.whose) for one in found] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
+
+
+def test_the_colour_in_dense_fog_tells_a_rule_of_lower_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of even density the opacity is exact for both."""
+    monkeypatch.setitem(QUADRATURES, "midpoint", QUADRATURES["left"])
+    opacity, colour, *_ = _fog_by_quadrature("fog_dense", 50.0)
+    assert (opacity.status, colour.status) == ("pass", "fail")
+
+
+def test_a_grazing_ray_is_cut_exactly_and_samples_are_not() -> None:
+    ours, usual = _grazing_chord()
+    assert ours.status == "pass"
+    assert usual.status == "fail"
+    assert usual.figure is not None
+    assert usual.figure > 0.05
+
+
+def test_covered_share_is_in_proportion_to_width() -> None:
+    """By area from thick wires, and by so many rays that they find the thin ones."""
+    assert covered_share(0.1, 40, 0) == pytest.approx(covered_share(0.1, 40, 15), rel=0.05)
+    assert covered_share(1e-4, 12, 1) == 0.0, "rays through pixel centres miss them all"
+
+
+def test_the_image_in_the_mirror_lies_behind_it() -> None:
+    assert 0.1 < virtual_depth() < 2.0

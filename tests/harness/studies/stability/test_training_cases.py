@@ -1,0 +1,277 @@
+"""Cases about encoding, amplifier, calls and optimiser: their measures against closed forms, and all of them tried."""
+
+import importlib
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.numerics.checks import BadDensity
+from baselines.numerics.encoding import PHI
+from harness.execution.progress import Quiet
+from harness.records.charts import Series, Table
+from harness.records.stability_record import Outcome, Picture
+from harness.studies.stability.cases import CASES
+from harness.studies.stability.fields import amplifier_cases, optimiser_cases, small_training, unit_cases
+from harness.studies.stability.rays import encoding_cases
+from harness.studies.stability.stability_context import METHODS, Finding, StabilityContext
+
+SLOW = [pytest.param(case, marks=pytest.mark.slow) for case in ("E3", "A2", "C2")]
+MINE = ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", *SLOW]
+
+
+@pytest.fixture(scope="module")
+def situation(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
+    """Drawn views and tiny networks: nothing is rendered by Mitsuba, no figure means anything."""
+    out: Path = tmp_path_factory.mktemp("stability")
+    (out / "scratch").mkdir()
+    return StabilityContext(METHODS, out, out / "view_sets", out / "scratch", 1, True, Quiet())
+
+
+def findings(situation: StabilityContext, case: str) -> list[Finding]:
+    module, _, name = CASES[case].measure.partition(":")
+    return list(getattr(importlib.import_module(module), name)(situation))
+
+
+@pytest.mark.parametrize("case", MINE)
+def test_every_case_says_something_of_every_subject(case: str, situation: StabilityContext) -> None:
+    small_training.trained.cache_clear()  # a case must not need another one before it
+    found = findings(situation, case)
+    outcomes = [one for one in found if isinstance(one, Outcome)]
+    assert outcomes
+    assert {one.case for one in outcomes} == {case}
+    assert len({one.subject for one in outcomes}) == len(outcomes), "a cell of the matrix is one outcome"
+    for one in outcomes:
+        assert one.why if one.figure is None else one.what
+    for one in found:
+        if isinstance(one, Series):
+            assert len(one.x) == len(one.y)
+            assert all(map(math.isfinite, one.y))
+        if isinstance(one, Table):
+            assert {len(row) for row in one.rows} == {len(one.columns)}
+        if isinstance(one, Picture):
+            assert (situation.out / one.path).stat().st_size > 100
+
+
+@pytest.mark.parametrize("case", ["A2", "O3", "C2"])
+def test_a_method_without_these_parts_is_not_applicable_and_says_why(case: str, situation: StabilityContext) -> None:
+    alone = replace(situation, methods=("voxels_drjit",))
+    found = [one for one in findings(alone, case) if isinstance(one, Outcome) and one.subject == "voxels_drjit"]
+    assert [one.status for one in found] == ["not_applicable"]
+    assert "grid of values" in found[0].why
+
+
+# encodings
+
+
+def test_the_recurrence_of_phi_is_said_to_be_less_exact_than_the_printed_sine(situation: StabilityContext) -> None:
+    found = {one.subject: one for one in encoding_cases.top_frequency(situation) if isinstance(one, Outcome)}
+    ours, printed = found["φ^k, L = 10"], found["φ^k, L = 10, as printed"]
+    assert (printed.bar or 0.0) < (ours.bar or 0.0)
+    assert f"{printed.figure:.2g}" in ours.why
+    assert "sine" not in found["φ^k, L = 14"].why
+
+
+def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
+    """Figures of a table computed elsewhere."""
+
+    def at(base: float, bands: int, d: float) -> float:
+        return float(encoding_cases.kernel(base, bands, torch.tensor([d]))[0])
+
+    first, second, one = encoding_cases.DISTANCES
+    assert (first, second, one) == (pytest.approx(1.4472, abs=1e-4), pytest.approx(0.8944, abs=1e-4), 1.0)
+    assert [at(PHI, 10, first), at(PHI, 14, first)] == pytest.approx([0.80, 0.86], abs=0.006)
+    assert [at(PHI, 10, second), at(PHI, 14, second)] == pytest.approx([0.60, 0.72], abs=0.006)
+    assert [at(2.0, 10, 1.0), at(2.0, 10, 0.5), at(2.0, 10, 2.0)] == pytest.approx([0.8, 0.7, 1.0], abs=1e-9)
+    assert max(at(1.65, bands, d) for bands in (10, 14) for d in encoding_cases.DISTANCES) < 0.3
+    assert at(PHI, 10, 0.0) == 1.0
+
+
+def test_a_grating_on_a_ladder_or_on_two_of_its_members_is_found() -> None:
+    near = encoding_cases.nearest_member
+    assert max(near(64.0), near(PHI**9), near(1.65**8), near(128.0 + 32.0), near(256.0 - 16.0)) < 1e-12
+    assert min(map(near, encoding_cases.GRATINGS)) >= 0.01
+    assert max(encoding_cases.GRATINGS) > encoding_cases.POINTS / 2
+
+
+def test_a_network_learns_what_it_sees_and_one_network_does_not_see_another() -> None:
+    x = torch.linspace(-1.0, 1.0, 60)
+    wave = torch.sin(math.pi * 2.0 * x)
+    both = encoding_cases.fitted(2.0, 4, x, torch.stack([wave, -0.5 * wave]), x, 150)
+    assert float((both - torch.stack([wave, -0.5 * wave])).abs().max()) < 0.1
+    other = encoding_cases.fitted(2.0, 4, x, torch.stack([wave, 3.0 * wave]), x, 150)
+    torch.testing.assert_close(both[0], other[0], rtol=0.0, atol=1e-3)
+
+
+def test_a_ghost_is_looked_at_across_its_gap_and_its_share_is_that_of_the_burst() -> None:
+    gap = encoding_cases.ghost(PHI, 14, encoding_cases.DISTANCES[0], quick=True)
+    assert float(gap.offset.abs().max()) == pytest.approx(3.0 * encoding_cases.BURST, rel=1e-4)
+    torch.testing.assert_close(gap.burst, encoding_cases.burst(gap.offset, 0.0), rtol=0.0, atol=1e-3)
+    assert gap.share == pytest.approx(float(gap.predicted @ gap.burst / (gap.burst @ gap.burst)), rel=1e-3, abs=1e-6)
+    assert len(gap.predicted) == len(gap.offset)
+
+
+def test_true_waves_are_those_of_float64_where_that_is_enough() -> None:
+    x = torch.linspace(-1.0, 1.0, 9)
+    expected = torch.stack([torch.sin(8.0 * math.pi * x.double()), torch.cos(8.0 * math.pi * x.double())], dim=-1)
+    torch.testing.assert_close(encoding_cases.true_waves(x, 2.0, 3), expected, rtol=0.0, atol=1e-13)
+
+
+def test_an_error_of_a_position_that_is_none_is_no_number() -> None:
+    features = torch.zeros(1, 21)
+    assert all(math.isnan(encoding_cases.largest_error(features, x, 2.0)) for x in (math.nan, math.inf))
+    assert encoding_cases.largest_error(features, 0.0, 2.0) == 1.0, "a cosine of 0 instead of 1"
+
+
+# amplifier
+
+
+def test_listing_2_is_opaque_in_the_unit_of_the_box_and_63_percent_per_scene_unit(situation: StabilityContext) -> None:
+    assert amplifier_cases.largest_density("listing2") == 1.0
+    assert amplifier_cases.largest_density("none") > 1e3
+    assert amplifier_cases.largest_density("equation4") > 1e3
+    found = {one.subject: one for one in amplifier_cases.slab(situation) if isinstance(one, Outcome)}
+    printed = found["listing2, 1 per scene unit"]
+    assert printed.figure == pytest.approx(1.0 - math.exp(-0.1))
+    assert "8.7 dB at scale 1" in printed.why
+    assert printed.status == "fail"
+    assert {found[name].status for name in ("none", "listing2", "equation4")} == {"pass"}
+
+
+def test_the_threshold_of_listing_2_is_a_step_of_beta_minus_1_halves() -> None:
+    assert amplifier_cases.jump_at_threshold(1.0) < 1e-6
+    assert amplifier_cases.jump_at_threshold(1.5) == pytest.approx(0.25, abs=1e-6)
+    assert amplifier_cases.jump_at_threshold(2.0) == pytest.approx(0.5, abs=1e-6)
+
+
+def test_what_a_clamp_holds_is_what_has_no_gradient() -> None:
+    amplifier = amplifier_cases.amplifier_with("equation4", alpha=2.0)
+    raw = torch.linspace(-6.0, 6.0, 50).requires_grad_()
+    before, after = amplifier.before_and_after(raw)
+    dead = small_training.at_an_end(before, after, math.inf)
+    assert 0 < int(dead.sum()) < 50
+    slopes = [torch.autograd.grad(after[i], before, retain_graph=True)[0].abs().sum() for i in range(50)]
+    assert [float(slope) == 0.0 for slope in slopes] == dead.tolist()
+
+
+def test_an_infinite_alpha_is_seen() -> None:
+    spread = torch.linspace(-1.0, 1.0, 9)
+    assert amplifier_cases.looked_at("equation4", 1.0, spread)[0]
+    assert not amplifier_cases.looked_at("equation4", math.inf, spread)[0]
+    assert amplifier_cases.looked_at("equation4", -1.0, spread)[2]
+    assert not amplifier_cases.looked_at("equation4", 1.0, spread)[2]
+
+
+def test_only_the_spoilt_ray_is_lost_and_a_wrong_number_is_seen(
+    situation: StabilityContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rays = small_training.setup(situation).test.all_rays(0)
+    bad = len(rays) // 2
+    trainer = small_training.new_trainer(situation, "nerf")
+    assert torch.nonzero(amplifier_cases.rays_lost(trainer, rays, bad))[:, 0].tolist() == [bad]
+    assert amplifier_cases.rays_lost(small_training.new_trainer(situation, "qnerf"), rays, bad).all()
+    assert set(amplifier_cases.misnamed(trainer, rays, bad).values()) == {""}
+    monkeypatch.setattr(BadDensity, "among", lambda self, rays: BadDensity(self.ray + 1, self.sample, self.value))
+    assert amplifier_cases.misnamed(trainer, rays, bad)["a NaN sample"].startswith("density of sample 0 of ray")
+
+
+def test_a_nan_that_is_hidden_fails(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    none = torch.zeros(16 * 16, dtype=torch.bool)
+    monkeypatch.setattr(amplifier_cases, "rays_lost", lambda trainer, rays, bad: none[: len(rays)])
+    found = {one.subject: one for one in amplifier_cases.one_nan(situation) if isinstance(one, Outcome)}
+    assert found["nerf"].broke
+    assert "hidden" in found["nerf"].why
+
+
+def test_without_a_trainer_the_harness_has_nothing_to_pass(situation: StabilityContext, tmp_path: Path) -> None:
+    alone = replace(situation, methods=("voxels_drjit",), scratch=tmp_path)
+    found = {one.subject: one.status for one in amplifier_cases.one_nan(alone) if isinstance(one, Outcome)}
+    assert found == {"voxels_drjit": "not_applicable", "harness": "not_applicable"}
+
+
+def test_unchecked_positions_are_judged_where_they_are_finite(situation: StabilityContext) -> None:
+    found = {one.subject: one for one in encoding_cases.positions(situation) if isinstance(one, Outcome)}
+    for ladder in ("2^k", "φ^k"):
+        assert 0.03 < (found[f"{ladder}, unchecked"].figure or 0.0) <= 2.0
+        assert "inf, nan" in found[f"{ladder}, unchecked"].why
+
+
+# calls
+
+
+@pytest.mark.parametrize("reading", ["listing2", "equation4"])
+def test_an_amplifier_with_its_mean_held_is_the_same_one_for_that_mean(reading: str) -> None:
+    source, raw = AMPLIFIERS[reading](), torch.linspace(-5.0, 5.0, 40)
+    with torch.no_grad():
+        source.alpha.fill_(0.9)  # type: ignore[operator]
+        before, after = source.before_and_after(raw)
+        held = unit_cases.MeanHeld(source, before.mean())
+        torch.testing.assert_close(held.before_and_after(raw)[1], after)
+        assert torch.equal(held.before_and_after(raw[:7])[1], held.before_and_after(raw)[1][:7])
+        assert not torch.allclose(source.before_and_after(raw[:7])[1], after[:7])
+
+
+def test_a_mean_of_the_call_is_seen_in_pixels_and_a_held_one_is_none(situation: StabilityContext) -> None:
+    trainer = small_training.trained(situation, "qnerf_theorem").trainer
+    with torch.no_grad():
+        trainer.coarse.density_head.weight *= 20.0
+        trainer.coarse.amplifier.alpha.fill_(0.9)  # type: ignore[operator]
+    try:
+        ways = unit_cases.differences(situation, trainer)
+        cured = unit_cases.differences(situation, unit_cases.with_mean_held(trainer), with_reload=False)
+    finally:
+        small_training.trained.cache_clear()
+    assert tuple(ways) == unit_cases.WAYS
+    assert min(ways["calls of 16"], ways["padded"]) > 1e-3
+    assert ways["training mode"] == ways["reloaded"] == 0.0
+    assert max(cured.values()) < 1e-5
+
+
+# optimiser and half precision
+
+
+def test_smoothing_and_recovery_in_made_up_losses() -> None:
+    assert optimiser_cases.smoothed([1.0, 3.0]) == [1.0, 2.0]
+    assert optimiser_cases.smoothed([0.0] * 30 + [20.0] * 20)[-1] == pytest.approx(20.0)
+    base = [1.0] * 300
+    assert optimiser_cases.steps_until_back(base, base, 50) == 0
+    once = [1.0] * 50 + [100.0] + [1.0] * 249
+    assert optimiser_cases.steps_until_back(once, base, 50) == optimiser_cases.SMOOTHED
+    assert optimiser_cases.steps_until_back([1.0] * 50 + [2.0] * 250, base, 50) is None
+
+
+def test_half_precision_weights_stand_still_or_break_as_arithmetic_says() -> None:
+    assert optimiser_cases._moved(torch.float32, 1e-4)[0] == pytest.approx(0.05, rel=1e-3)
+    assert optimiser_cases._moved(torch.bfloat16, 1e-4) == (0.0, 0.0)
+    assert optimiser_cases._moved(torch.float16, 0.0)[0] == "the weight is nan"
+    assert optimiser_cases._moved(torch.float16, 1e-5)[0] == "the weight is -inf"
+
+
+def test_a_spike_of_one_changes_nothing_and_a_large_one_without_clipping_does(situation: StabilityContext) -> None:
+    base = small_training.trained(situation, "nerf").losses
+    assert optimiser_cases._spiked(situation, "nerf", 3, 1.0, "as here").losses == base
+    spiked = optimiser_cases._spiked(situation, "nerf", 3, 1e9, "not clipped")
+    assert spiked.losses[:4] == base[:4]
+    assert spiked.losses[5:] != base[5:]
+    assert all(before == after for before, after in spiked.norms)
+    clipped = optimiser_cases._spiked(situation, "nerf", 3, 1e9, "as here").norms
+    assert len(clipped) == len(base)
+    assert clipped[3][0] == pytest.approx(spiked.norms[3][0])
+    assert clipped[3][1] < 10.0 * clipped[2][0] < 1e-6 * clipped[3][0]
+
+
+@pytest.mark.parametrize("method", ["nerf", "qnerf"])
+def test_layers_are_those_of_the_field(method: str, situation: StabilityContext) -> None:
+    field = small_training.trained(situation, method).trainer.field
+    x = field.box.from_unit(torch.rand(50, 3, generator=torch.Generator().manual_seed(3)))
+    position = encoding_cases.encode(field.box.normalised(x), field.base, field.position_bands)
+    with torch.no_grad():
+        raw = amplifier_cases.layers(field, position, torch.float32)[-1][:, 0]
+        sigma = field.density_unit * field.amplifier.before_and_after(raw)[1]
+        torch.testing.assert_close(sigma, field.density(x), rtol=1e-4, atol=1e-3)
+        exact = amplifier_cases.layers(field, position, torch.float64)
+        again = amplifier_cases.layers(field, position, torch.float64, fed=exact)
+    assert all(torch.equal(one, two) for one, two in zip(exact, again, strict=True))

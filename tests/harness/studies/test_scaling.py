@@ -1,0 +1,72 @@
+"""The paper's table on paper: counted by hand, and the page of the repository is the one that is printed now."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.plan.profiles import PROFILES
+from harness.plan.schedule import Budget
+from harness.records.speed_record import SpeedRecord, read_speed
+from harness.studies.full_setting import measured_rate, page, paper_table, render_seconds, value_of, wall_hours, work_of
+from scenes.files.errors import InputError
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+@pytest.fixture(scope="module")
+def speed() -> SpeedRecord:
+    return read_speed(DOCS / "speed.json")
+
+
+def test_the_work_of_a_cell_is_what_a_hand_counts() -> None:
+    work = work_of(paper_table())
+    # encoded position 63, direction 27; 8 × 256 with the position again after the fourth layer; heads 1 and 128-128-3
+    three = 256 * 256 * 7 + 256 + 256 * 128 + 128 * 128 + 128 * 3
+    two = 63 * 256 * 2
+    a_point = 2 * (3 * three + 2 * two)
+    a_ray = 2 * 2 * 27 * 128
+    step = 1024 * (64 + 192) * a_point + 1024 * a_ray
+    assert work.training == pytest.approx(200_000 * step, rel=1e-12)
+    assert work.scoring == pytest.approx((12 * 200 + 4) * 800**2 * step / 1024 / 3, rel=1e-12)
+    assert (work.cells, work.groups) == (320, 40)
+    assert work.megasamples == 8 * 400 * 256 * 0.64
+    assert work.decoded == 300 * 800 * 800 * 4 * 4
+
+
+def test_what_is_counted_explains_what_was_measured(speed: SpeedRecord) -> None:
+    """Rendering a view of 100 × 100 at 64 samples a ray, by operations and training's rate, against the clock."""
+    plan = paper_table(replace(PROFILES["full"], train=replace(PROFILES["full"].train, fine_bins=0)))
+    plan = replace(
+        plan,
+        views=replace(plan.views, resolution=100, test=1),
+        score=replace(plan.score, checkpoints=1, train_views=0),
+    )
+    assert work_of(plan).scoring / measured_rate(speed) == pytest.approx(
+        value_of(speed, "rendering.paper.seconds"), rel=0.2
+    )
+
+
+def test_the_bag_is_no_finer_than_a_group() -> None:
+    work = work_of(paper_table())
+    assert [wall_hours(work, 1.0, places, 8) for places in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
+    assert [wall_hours(work, 1.0, places, 8, split=True) for places in (1, 8, 64, 320)] == [320, 40, 5, 1]
+
+
+def test_the_fastest_variant_that_works_renders(speed: SpeedRecord) -> None:
+    assert render_seconds(speed) == (value_of(speed, "render.lego.llvm_ad_rgb.seconds"),
+                                     value_of(speed, "render.hotdog.llvm_ad_rgb.seconds"))  # fmt: skip
+    scalar = replace(speed, measurements=[one for one in speed.measurements if "llvm" not in one.id])
+    assert render_seconds(scalar)[0] == value_of(speed, "render.lego.scalar_rgb.seconds")
+    with pytest.raises(InputError, match="no seconds of rendering"):
+        render_seconds(replace(speed, measurements=[]))
+    with pytest.raises(InputError, match=r"no matrix\.paper\.rate"):
+        page(replace(speed, measurements=[]))
+    with pytest.raises(InputError, match="for steps"):
+        work_of(replace(paper_table(), budget=Budget(None, 60.0)))
+
+
+def test_the_page_of_the_repository_is_printed_again(speed: SpeedRecord) -> None:
+    assert page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
+        "python -m harness scaling > docs/scaling.md"
+    )

@@ -1,0 +1,217 @@
+"""Checkpoints: what comes back is what was saved, a digest of every bit, and nothing else is taken for one."""
+
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from harness.training.checkpoints import (
+    OCCUPIED,
+    checkpoint_path,
+    load_checkpoint,
+    save_checkpoint,
+    tensors_of,
+    weights_digest,
+)
+from harness.training.learner import Learner
+from scenes.files.errors import InputError
+from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+from tests.harness.training.test_voxel_trainer import train as train_voxels
+from tests.harness.training.test_voxel_trainer import voxels
+from tests.harness.voxels import drjit_or_skip
+
+STEPS = 12
+"""Past the first refresh of the grid."""
+
+
+def trained(method: str, **changes: Any) -> Any:
+    one = trainer(method, replace(TRAIN, **changes))
+    for step in range(STEPS):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+CASES: dict[str, Callable[[], Any]] = {
+    "nerf": lambda: trained("nerf"),
+    "qnerf": lambda: trained("qnerf"),
+    "running mean": lambda: trained("qnerf_running_mean"),
+    "fine pass": lambda: trained("nerf", fine_bins=8),
+    "no grid": lambda: trained("nerf", grid=replace(TRAIN.grid, cells=0)),
+}
+
+
+def fresh(like: Any) -> Any:
+    return type(like)(like.method, like.box, like.settings, like.budget, "another seed", like.device)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_loaded_is_what_was_saved(case: str, tmp_path: Path) -> None:
+    before = CASES[case]()
+    path = checkpoint_path(tmp_path, "ball", before.method, 0)
+    save_checkpoint(before, path)
+    assert [file.name for file in path.parent.iterdir()] == [f"ball.{before.method}.0.safetensors"]
+    after = fresh(before)
+    assert weights_digest(after) != weights_digest(before)
+    load_checkpoint(after, path, before.step)
+    ours, theirs = tensors_of(after), tensors_of(before)
+    assert list(ours) == list(theirs)
+    for name in ours:
+        assert torch.equal(ours[name], theirs[name])
+    assert weights_digest(after) == weights_digest(before)
+    assert after.step == STEPS
+    rays, _ = rays_and_colours(seed=99)
+    assert torch.equal(after.render(rays, 50).colour, before.render(rays, 50).colour)
+
+
+def test_voxels_come_back_at_their_fineness(tmp_path: Path) -> None:
+    drjit_or_skip()
+    before = train_voxels(voxels(), STEPS)
+    save_checkpoint(before, tmp_path / "voxels.safetensors")
+    after = voxels(seed=1)
+    assert weights_digest(after) != weights_digest(before)
+    load_checkpoint(after, tmp_path / "voxels.safetensors", STEPS)
+    assert weights_digest(after) == weights_digest(before)
+    rays, _ = rays_and_colours(seed=99)
+    assert torch.equal(after.render(rays, 50).colour, before.render(rays, 50).colour)
+
+
+# digest
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_digest_changes_with_one_bit_of_every_tensor(case: str) -> None:
+    one = CASES[case]()
+    before = weights_digest(one)
+    assert len(before) == 64
+    assert before == weights_digest(one)
+    seen = {before}
+    tensors = {name: value.detach() for name, value in tensors_of(one).items()}
+    assert (OCCUPIED in tensors) == (one.grid is not None)
+    for value in tensors.values():
+        bits = value.view(-1).view(torch.uint8)
+        last = bits[-1].item()
+        bits[-1] = last ^ 1
+        seen.add(weights_digest(one))
+        bits[-1] = last
+        assert weights_digest(one) == before
+    assert len(seen) == 1 + len(tensors)
+
+
+class Holds:
+    """A learner as far as a digest asks for one."""
+
+    def __init__(self, tensors: dict[str, torch.Tensor]) -> None:
+        self.tensors = tensors
+        self.grid = None
+
+    @property
+    def fields(self) -> "Holds":
+        return self
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        return self.tensors
+
+
+def digest(**tensors: torch.Tensor) -> str:
+    learner: Any = Holds(tensors)
+    return weights_digest(learner)
+
+
+def test_the_digest_is_of_names_types_shapes_and_bits_not_of_their_order() -> None:
+    a, b = torch.arange(6.0), torch.ones(2, dtype=torch.bool)
+    told = digest(a=a, b=b)
+    assert digest(b=b, a=a) == told
+    assert digest(a=torch.stack([a, a], dim=1)[:, 0], b=b) == told, "however it lies in memory"
+    others = [
+        digest(a=a.reshape(2, 3), b=b),
+        digest(a=a.double(), b=b),
+        digest(a=a.view(torch.int32), b=b),
+        digest(a=a, c=b),
+        digest(a=b, b=a),
+        digest(a=a),
+        digest(a=-0.0 * a, b=b),
+        digest(a=0.0 * a, b=b),
+        digest(a=a, b=b, c=torch.zeros(0)),
+    ]
+    assert len({told, *others}) == 1 + len(others)
+
+
+# what is refused
+
+
+def damaged(change: Callable[[dict[str, torch.Tensor]], object]) -> Callable[[Path], None]:
+    def spoil(path: Path) -> None:
+        tensors = load_file(path)
+        change(tensors)
+        save_file(tensors, path)
+
+    return spoil
+
+
+def first_weight(tensors: dict[str, torch.Tensor]) -> str:
+    return next(name for name in tensors if name != OCCUPIED)
+
+
+SPOILT: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (lambda path: path.unlink(), "this checkpoint is missing"),
+    "a folder": (lambda path: (path.unlink(), path.mkdir()), "this checkpoint is missing"),
+    "empty": (lambda path: path.write_bytes(b""), "not a checkpoint of nerf"),
+    "cut off": (lambda path: path.write_bytes(path.read_bytes()[:-1]), "not a checkpoint of nerf"),
+    "longer": (lambda path: path.write_bytes(path.read_bytes() + b"\0"), "not a checkpoint of nerf"),
+    "a pickle": (lambda path: path.write_bytes(pickle.dumps({"a": 1})), "not a checkpoint of nerf"),
+    "a tensor less": (damaged(lambda found: found.pop(first_weight(found))), "not a checkpoint of nerf"),
+    "a tensor more": (damaged(lambda found: found.update(more=torch.ones(1))), "not a checkpoint of nerf"),
+    "another shape": (damaged(lambda found: found.update({first_weight(found): torch.ones(3)})), "size mismatch"),
+    "not finite": (damaged(lambda found: found[first_weight(found)].fill_(float("nan"))), "not finite"),
+    "no mask": (damaged(lambda found: found.pop(OCCUPIED)), "occupancy grid"),
+    "another mask": (damaged(lambda found: found.update({OCCUPIED: torch.ones(4, 4, 4, dtype=torch.bool)})), "grid of"),
+    "a mask of floats": (damaged(lambda found: found.update({OCCUPIED: found[OCCUPIED].float()})), "float32"),
+}
+
+
+@pytest.fixture(scope="module")
+def nerf() -> Learner:
+    """Not to be changed."""
+    return CASES["nerf"]()
+
+
+@pytest.mark.parametrize("wrong", SPOILT)
+def test_what_is_no_checkpoint_of_this_method_is_refused(wrong: str, nerf: Learner, tmp_path: Path) -> None:
+    spoil, said = SPOILT[wrong]
+    path = tmp_path / "one.safetensors"
+    save_checkpoint(nerf, path)
+    spoil(path)
+    after = fresh(nerf)
+    with pytest.raises(InputError, match=said) as caught:
+        load_checkpoint(after, path, STEPS)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_methods_checkpoint_is_refused(nerf: Learner, tmp_path: Path) -> None:
+    save_checkpoint(nerf, tmp_path / "one.safetensors")
+    for other in ("qnerf", "nerf_no_direction"):
+        with pytest.raises(InputError, match=f"not a checkpoint of {other}"):
+            load_checkpoint(trainer(other), tmp_path / "one.safetensors", STEPS)
+
+
+def test_a_failed_write_leaves_the_old_checkpoint(
+    nerf: Learner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "one.safetensors"
+    save_checkpoint(nerf, path)
+    whole = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match=r"No space.*one\.safetensors"):
+        save_checkpoint(nerf, path)
+    assert path.read_bytes() == whole
+    assert [file.name for file in tmp_path.iterdir()] == ["one.safetensors"]

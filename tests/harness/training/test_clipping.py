@@ -1,0 +1,85 @@
+"""How much of a gradient passes: at most a fixed norm and a multiple of the usual one, which no spike can poison."""
+
+import math
+
+import pytest
+
+from harness.training.learner import SPIKE, Clipping
+
+
+def fed(norms: list[float], bound: float = 1.0, ratio: float = 4.0) -> Clipping:
+    one = Clipping(bound, ratio)
+    for norm in norms:
+        one.scale(norm)
+    return one
+
+
+@pytest.mark.parametrize("norm", [1e-30, 1e-6, 1.0, 1e6, 1e30])
+@pytest.mark.parametrize("excess", [0.1, 1.0, 2.0, 1e6])
+def test_what_is_allowed_passes_and_more_is_scaled_to_it(norm: float, excess: float) -> None:
+    one = fed([norm], bound=math.inf)
+    assert one.allowed == 4.0 * norm
+    offered = excess * one.allowed
+    assert one.scale(offered) * offered == pytest.approx(min(offered, 4.0 * norm), rel=1e-12)
+    assert one.clipped_steps == (excess > 1.0)
+
+
+def test_the_fixed_bound_holds_before_and_besides_the_usual_norm() -> None:
+    one = fed([])
+    assert (one.allowed, one.usual_norm) == (1.0, None)
+    assert one.scale(0.0) == 1.0
+    assert one.usual_norm is None
+    assert one.scale(0.5) == 1.0
+    assert (one.allowed, one.usual_norm) == (1.0, 0.5)
+    assert one.scale(4.0) == 0.25
+
+
+def test_a_step_without_any_gradient_says_nothing_of_the_next() -> None:
+    one = fed([1e-3])
+    assert one.scale(0.0) == 1.0
+    assert (one.usual_norm, one.clipped_steps) == (1e-3, 0)
+
+
+@pytest.mark.parametrize("height", [400.0, 1e3, 1e9, 1e300])
+def test_a_spike_costs_a_bounded_rise_that_is_forgotten(height: float) -> None:
+    quiet = 1e-3
+    one = fed([quiet] * 50)
+    assert one.scale(height * quiet) * height * quiet == pytest.approx(4.0 * quiet)
+    risen = one.usual_norm
+    assert risen is not None
+    assert risen / quiet == pytest.approx(1.0 + (SPIKE * 4.0 - 1.0) / 20.0)
+    assert risen / quiet == pytest.approx(2.95)
+    for _ in range(60):
+        assert one.scale(quiet) == 1.0
+    assert one.usual_norm is not None
+    assert one.usual_norm / quiet < 1.1, "1.95 · 0.95^n falls below 0.1 after 58 steps"
+    assert one.clipped_steps == 1
+
+
+def test_a_spike_as_the_very_first_gradient_is_forgotten_as_well() -> None:
+    one = fed([1e9])
+    assert one.usual_norm == SPIKE
+    for _ in range(300):
+        one.scale(1e-3)
+    assert one.usual_norm is not None
+    assert one.usual_norm < 1.01e-3
+
+
+def test_a_lasting_rise_is_followed_within_a_few_steps() -> None:
+    one = fed([1e-3] * 50)
+    shares = [one.scale(0.8) for _ in range(12)]
+    assert shares == sorted(shares)
+    assert shares[0] == pytest.approx(0.004 / 0.8)
+    assert shares[-1] == 1.0
+    assert one.clipped_steps == shares.index(1.0) < 12
+
+
+@pytest.mark.parametrize("height", [30.0, 100.0, 300.0])
+def test_rare_batches_that_come_again_keep_their_weight(height: float) -> None:
+    """One in ten has a far larger norm. Its share of the mean is a tenth of it, of which four times pass."""
+    quiet = 1e-3
+    rounds = [*[quiet] * 9, height * quiet]
+    one = fed(rounds * 20, bound=math.inf)
+    for norm in rounds[:-1]:
+        assert one.scale(norm) == 1.0
+    assert one.scale(height * quiet) > 0.3

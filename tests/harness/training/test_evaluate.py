@@ -1,0 +1,104 @@
+"""Scores of whole splits, the floor, histograms and properties."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from harness.records.cells import ViewScore
+from harness.training import evaluate
+from harness.training.trainer import Diverged
+from scenes.view_sets.image_stack import ImageStack
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.tiny import CPU, trainer
+
+
+def view_of(rgba: np.ndarray, error: float = 0.0) -> evaluate.View:
+    """The truth itself, or as far off as `error`; its depth is 4."""
+    return evaluate.View(over_white(rgba) + error, rgba[..., 3], np.full(rgba.shape[:2], 4.0))
+
+
+def test_quick_scores_average_over_views_and_keep_identical_images_from_being_infinite(ball: ViewSet) -> None:
+    errors = [0.1, 0.01, 0.001]
+    images = [view_of(rgba, error) for rgba, error in zip(ball.test.rgba, errors, strict=True)]
+    assert evaluate.quick_scores(images, ball.test)["psnr"] == pytest.approx((20 + 40 + 60) / 3, abs=1e-3)
+    same = evaluate.quick_scores([view_of(rgba) for rgba in ball.test.rgba], ball.test)
+    assert (same["psnr"], same["rmse_linear"]) == (evaluate.LARGEST_PSNR, 0.0)
+    assert same["ssim"] == pytest.approx(1.0)
+
+
+def test_a_view_gets_every_score_that_its_truth_allows(ball: ViewSet) -> None:
+    image = view_of(ball.test.rgba[1], 0.1)
+    plain = evaluate.view_scores(image, ball.test, 1)
+    assert plain.view == "test/r_1"
+    assert plain.psnr == pytest.approx(20.0, abs=1e-3)
+    assert plain.opacity_iou == 1.0
+    assert (plain.depth_rmse, plain.psnr_ceiling) == (None, None)
+    depth = np.full(ball.test.rgba.shape[:3], 3.5, dtype=np.float32)
+    rich = replace(ball.test, depth=ImageStack.of(depth), noise_mse=np.array([1e-2, 1e-4, 1e-6]))
+    whole = evaluate.view_scores(image, rich, 1)
+    assert whole.depth_rmse == pytest.approx(0.5)
+    assert whole.psnr_ceiling == pytest.approx(40.0)
+
+
+def test_means_leave_out_the_views_that_lack_a_score() -> None:
+    rows = [ViewScore("a", 20.0, 0.5, 0.1, 1.0, 0.1, 0.3, None, None)]
+    rows.append(ViewScore("b", None, 0.7, 0.3, 3.0, 0.2, None, None, 40.0))
+    means = evaluate.mean_scores(rows)
+    assert means == pytest.approx(
+        {"psnr": 20.0, "ssim": 0.6, "flip": 0.2, "delta_e": 2.0, "rmse_linear": 0.15, "depth_rmse": 0.3,
+         "opacity_iou": None, "psnr_ceiling": 40.0}
+    )  # fmt: skip
+
+
+def test_the_floor_answers_each_test_view_with_the_nearest_training_view(ball: ViewSet) -> None:
+    best = []
+    for pose, rgba in zip(ball.test.camera_to_world, ball.test.rgba, strict=True):
+        distances = [math.dist(pose[:3, 3], other[:3, 3]) for other in ball.train.camera_to_world]
+        nearest = ball.train.rgba[distances.index(min(distances))]
+        best.append(-10 * math.log10(np.mean((over_white(nearest).astype(float) - over_white(rgba)) ** 2)))
+    assert evaluate.floor_psnr(ball) == pytest.approx(sum(best) / 3, abs=1e-4)
+
+
+def test_a_histogram_is_of_the_density_over_the_whole_box() -> None:
+    for method, last_edge in (("nerf", 1e3), ("qnerf", 25.0), ("qnerf_printed", trainer().box.half_extent)):
+        histogram = evaluate.density_histogram(trainer(method), points=6)
+        assert histogram["edges"][-1] == pytest.approx(last_edge)
+        assert len(histogram["edges"]) == len(histogram["before"]) + 1
+        for kind in ("before", "after"):
+            assert sum(histogram[kind]) == pytest.approx(1.0)
+
+
+def test_a_density_that_is_not_finite_is_a_divergence() -> None:
+    one = trainer()
+    with torch.no_grad():
+        one.coarse.density_head.bias[:] = math.nan
+    with pytest.raises(Diverged, match="density after the amplifier"):
+        evaluate.density_histogram(one, points=4)
+
+
+def test_chunks_change_the_listed_method_and_no_other(ball: ViewSet) -> None:
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    trainers = {method: trainer(method) for method in ("nerf", "qnerf")}
+    # at its first value 1/φ the amplifier is the identity, whatever the mean is
+    torch.nn.init.constant_(trainers["qnerf"].field.amplifier.get_parameter("alpha"), 1.0)
+    found = {method: evaluate.measured_properties(one, cameras) for method, one in trainers.items()}
+    differences = {method: float(one["chunk_max_difference"] or 0) for method, one in found.items()}
+    assert differences["nerf"] < 1e-5
+    assert differences["qnerf"] > 10 * differences["nerf"]
+    largest = float(found["qnerf"]["largest_density"] or 0)
+    assert 1 < largest <= 25
+    assert found["qnerf"]["opacity_unit_slab"] == pytest.approx(1 - math.exp(-largest))
+    assert found["nerf"]["occupied_share"] == 1.0
+
+
+def test_pixels_rendered_in_mixed_order_come_back_to_their_places(ball: ViewSet) -> None:
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    one = trainer()
+    view = evaluate.render_view(one, cameras, 1, 100)
+    straight = one.render(cameras.all_rays(1), 10_000)
+    for name, shape in (("colour", (24, 24, 3)), ("opacity", (24, 24)), ("depth", (24, 24))):
+        np.testing.assert_allclose(getattr(view, name), getattr(straight, name).reshape(shape), atol=2e-5)

@@ -1,0 +1,79 @@
+"""Operations of a network: counted from its shapes, by hand, and by what torch really does."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+from baselines.catalog import CATALOG
+from baselines.contract import EVERY_ACCELERATION, NetworkSize
+from baselines.field import NetworkField
+from harness.studies.speed.matrix_rate import products, step_flops
+from harness.training.cell_training import FORWARD_AND_BACKWARD, flops_per_evaluation, training_flops
+from tests.baselines.small_fields import BOX, EIGHT, SMALL, field_of, some_points
+
+POINTS = 24
+
+
+def really_done(method: str, size: NetworkSize) -> int:
+    """By torch, a point, forward, every point on a ray of its own and the network built from single operations."""
+    parts = CATALOG[method].parts
+    assert parts is not None
+    field = NetworkField(parts, size, BOX, "float32", 0, accelerations=replace(EVERY_ACCELERATION, fused=False))
+    x, _, _ = some_points(POINTS)
+    d = torch.nn.functional.normalize(x, dim=-1)
+    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+        field.density_and_colour(x, field.encode_directions(d), torch.arange(POINTS))
+    total, rest = divmod(counter.get_total_flops(), POINTS)
+    assert rest == 0
+    return int(total)
+
+
+@pytest.mark.parametrize(
+    "method", ["nerf", "nerf_matched", "qnerf", "nerf_phi_far", "nerf_no_encoding", "nerf_no_direction"]
+)
+@pytest.mark.parametrize("size", [SMALL, EIGHT])
+def test_counted_from_shapes_is_what_torch_does(method: str, size: NetworkSize) -> None:
+    assert flops_per_evaluation(field_of(method, size)) == really_done(method, size)
+
+
+def test_the_paper_s_network_by_hand() -> None:
+    density = 63 * 256 + 6 * 256 * 256 + (256 + 63) * 256
+    colour = (256 + 27) * 128 + 128 * 128 + 128 * 3
+    assert flops_per_evaluation(field_of("nerf", NetworkSize())) == 2 * (density + 256 + colour)
+
+
+def test_without_view_direction_its_columns_are_not_counted() -> None:
+    size = NetworkSize()
+    seeing, blind = (flops_per_evaluation(field_of("nerf", size, view_dependent=on)) for on in (True, False))
+    assert seeing is not None
+    assert blind is not None
+    assert seeing - blind == 2 * 27 * 128
+
+
+def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:
+    """Nobody asks for a gradient of what is encoded, and direction's product is taken once a ray."""
+    size, points, rays = NetworkSize(), 1000, 10
+    counted = training_flops(points, flops_per_evaluation(field_of("nerf", size)) or 0)
+    for_encoded = sum(2 * one.inputs * one.outputs * points for one in products(size) if not one.gradient)
+    for_directions = 2 * 2 * 27 * 128 * (points - rays)
+    needed = step_flops(size, points, rays)
+    assert counted == needed + for_encoded + for_directions
+    assert 1.0 < counted / needed < 1.1
+    assert FORWARD_AND_BACKWARD == 3
+
+
+class SomeVoxels:
+    def __init__(self, coefficients: int) -> None:
+        self.coefficients = coefficients
+
+
+def test_voxels_are_interpolated_between_eight_and_weighted_by_direction() -> None:
+    assert flops_per_evaluation(SomeVoxels(1)) == 8 * 2 * 4
+    assert flops_per_evaluation(SomeVoxels(4)) == 8 * 2 * 13 + 2 * 3 * 4
+
+
+def test_what_is_neither_has_no_count() -> None:
+    assert flops_per_evaluation(object()) is None
+    assert flops_per_evaluation(torch.nn.ReLU()) is None

@@ -1,0 +1,44 @@
+"""What the harness asks of a method, and what becomes of one that this machine cannot train."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.plan.schedule import Budget
+from harness.records.cells import cell_path, read_cell, write_cell
+from harness.training import lockstep
+from harness.training.cell_training import GroupSettings
+from harness.training.lockstep import train_group
+from harness.training.make_learner import NotAvailable, learner_for
+from harness.training.trainer import Trainer
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN, box
+
+
+def test_a_network_is_trained_by_the_trainer() -> None:
+    one = learner_for("qnerf", box(), TRAIN, BUDGET, 0, CPU)
+    assert isinstance(one, Trainer)
+    assert one.method == "qnerf"
+
+
+def test_a_method_that_cannot_run_here_costs_nobody_else_anything(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing_one(method: str, *others: Any) -> Any:
+        if method == "nerf_matched":
+            raise NotAvailable("needs a library that is not here")
+        return learner_for(method, *others)
+
+    monkeypatch.setattr(lockstep, "learner_for", missing_one)
+    settings = GroupSettings(("nerf", "nerf_matched"), TRAIN, replace(SCORE, checkpoints=1), Budget(2, None))
+    shares: list[float] = []
+    cells = {one.method: one for one in train_group(ball, "ball", 0, settings, CPU, tmp_path, {}, shares.append)}
+    assert (cells["nerf"].status, cells["nerf"].steps) == ("done", 2)
+    assert shares[-1] == 1.0
+    lacking = cells["nerf_matched"]
+    assert (lacking.status, lacking.reason) == ("not_available", "needs a library that is not here")
+    assert (lacking.steps, lacking.scores, lacking.curve) == (0, {}, [])
+    write_cell(tmp_path, lacking)
+    assert read_cell(cell_path(tmp_path, "ball", "nerf_matched", 0)) == lacking

@@ -1,0 +1,310 @@
+"""All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from harness.machine.stopwatch import Stopwatch
+from harness.plan.schedule import Budget
+from harness.records.cells import CellRecord, cell_path, read_cell, write_cell
+from harness.records.pictures import read_renders
+from harness.training import evaluate
+from harness.training.batches import Batches
+from harness.training.cell_training import GroupSettings, warnings_of
+from harness.training.lockstep import needs_view_direction, train_group, trained_alone
+from harness.training.metrics import psnr
+from harness.training.trainer import TRACED, Trainer
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN
+
+THREE = ("nerf", "nerf_matched", "qnerf")
+
+
+def group(
+    ball: ViewSet, out: Path, methods: tuple[str, ...] = THREE, seed: int = 0, progress: Any = None, **changes: Any
+) -> dict[str, CellRecord]:
+    settings = replace(GroupSettings(methods, TRAIN, SCORE, BUDGET), **changes)
+    cells = train_group(ball, "ball", seed, settings, CPU, out, {"here": 1}, progress or (lambda share: None))
+    return {cell.method: cell for cell in cells}
+
+
+@pytest.fixture(scope="module")
+def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, CellRecord], list[float]]:
+    out = tmp_path_factory.mktemp("trained")
+    shares: list[float] = []
+    return out, group(ball, out, progress=shares.append), shares
+
+
+def without_time(cell: CellRecord) -> CellRecord:
+    """What must be equal to the bit; no clock ever runs twice alike."""
+    curve = [replace(point, seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, curve=curve, provenance={})
+
+
+def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[float]]) -> None:
+    out, cells, _ = trained
+    assert set(cells) == set(THREE)
+    for method, cell in cells.items():
+        assert (cell.scene, cell.method, cell.seed, cell.status, cell.reason) == ("ball", method, 0, "done", None)
+        assert cell.steps == 24
+        assert len(cell.curve) == SCORE.checkpoints
+        assert [point.step for point in cell.curve] == [6, 12, 24]
+        assert cell.curve[-1].seconds == cell.train_seconds > 0
+        assert [a.seconds < b.seconds for a, b in zip(cell.curve, cell.curve[1:], strict=False)] == [True, True]
+        assert set(cell.trace) == set(TRACED)
+        assert [view.view for view in cell.views] == ["test/r_0", "test/r_1", "test/r_2"]
+        assert cell.scores["psnr"] == pytest.approx(sum(view.psnr or 0 for view in cell.views) / 3)
+        assert cell.scores["psnr"] == pytest.approx(cell.curve[-1].psnr)
+        named = {"psnr", "ssim", "flip", "delta_e", "rmse_linear", "opacity_iou", "psnr_train", "psnr_floor"}
+        assert {name for name in named if cell.scores[name] is None} == set()
+        # a foreign view set carries no geometry and no variance
+        assert (cell.scores["depth_rmse"], cell.scores["psnr_ceiling"]) == (None, None)
+        assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
+        assert cell.settings["train"]["rays"] == cell.properties["rays_per_step"] == TRAIN.rays
+        flops, weights = cell.properties["flops_per_evaluation"], cell.parameters["total"]
+        assert isinstance(flops, int)
+        assert 1.5 * weights < flops < 2 * weights, "two operations a weight, none for a bias"
+        assert cell.provenance == {"here": 1, "in_lockstep": list(THREE)}
+        write_cell(out, cell)
+        assert read_cell(cell_path(out, "ball", method, 0)).scores == cell.scores
+
+
+def test_histograms_are_shares_before_and_after_the_amplifier(trained: tuple[Any, dict[str, CellRecord], Any]) -> None:
+    for method, cell in trained[1].items():
+        for point in cell.curve:
+            assert point.density is not None
+            assert len(point.density["edges"]) == len(point.density["before"]) + 1
+            assert sum(point.density["before"]) == pytest.approx(1.0)
+            assert sum(point.density["after"]) == pytest.approx(1.0)
+            assert (point.alpha is None) == (method != "qnerf")
+            if method != "qnerf":
+                assert point.density["before"] == point.density["after"]
+
+
+def test_pictures_and_weights_are_kept(trained: tuple[Path, dict[str, CellRecord], Any], ball: ViewSet) -> None:
+    out, cells, _ = trained
+    for method, cell in cells.items():
+        assert cell.pictures == f"pictures/ball.{method}.0.safetensors"
+        renders = read_renders(out / "records" / cell.pictures)
+        assert [(one.view, one.step) for one in renders] == [("test/r_1", point.step) for point in cell.curve]
+        assert all(one.colour.shape == (24, 24, 3) for one in renders)
+        scored = next(row.psnr for row in cell.views if row.view == "test/r_1")
+        truth = over_white(ball.test.rgba[1])
+        assert psnr(renders[-1].colour.astype(np.float64), truth) == pytest.approx(scored, abs=0.01)
+        tensors = load_file(out / "checkpoints" / f"ball.{method}.0.safetensors")
+        assert tensors["occupied"].shape == (8**3,)
+        learnt = [value for name, value in tensors.items() if name != "occupied" and "amplifier.mean" not in name]
+        counted = sum(value.numel() for value in learnt)
+        assert counted == cell.parameters["total"]
+
+
+def test_progress_rises_to_the_end(trained: tuple[Any, Any, list[float]]) -> None:
+    shares = trained[2]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert len(shares) == 24
+
+
+def test_alone_or_in_lockstep_a_method_gets_the_same_bits(
+    trained: tuple[Any, dict[str, CellRecord], Any], ball: ViewSet, tmp_path: Path
+) -> None:
+    alone = group(ball, tmp_path, ("qnerf",))["qnerf"]
+    assert without_time(alone) == without_time(trained[1]["qnerf"])
+
+
+def test_all_methods_get_the_same_batches_and_take_turns(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: dict[str, list[torch.Tensor]] = {method: [] for method in THREE}
+    order: list[str] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen[self.method].append(torch.cat([rays.origins, rays.directions, colours], dim=-1))
+        order.append(self.method)
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    group(ball, tmp_path, budget=Budget(6, None))
+    assert len(seen["nerf"]) == 6
+    for method in THREE[1:]:
+        assert all(torch.equal(a, b) for a, b in zip(seen["nerf"], seen[method], strict=True))
+    for a, b in zip(seen["nerf"], seen["nerf"][1:], strict=False):
+        assert not torch.equal(a, b)
+    rounds = [order[start : start + 3] for start in range(0, 18, 3)]
+    assert all(set(one) == set(THREE) for one in rounds)
+    assert [one[0] for one in rounds] == [*THREE, *THREE], "who goes first changes"
+
+
+@pytest.mark.parametrize("attention", ["none", "gradients"])
+def test_all_methods_get_the_rays_that_the_settings_choose(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attention: Any
+) -> None:
+    cameras = evaluate.cameras_of(ball, ball.train, CPU)
+    expected = Batches(cameras, ball.train.rgba, attention).batch("ball/0", 1, TRAIN.rays)
+    seen: list[tuple[int, torch.Tensor, torch.Tensor]] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen.append((self.step, rays.directions, colours))
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    train = replace(TRAIN, ray_attention=attention)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(3, None), train=train)
+    assert {cell.settings["train"]["ray_attention"] for cell in cells.values()} == {attention}
+    trained_alone("nerf", ball, "ball/0", train, Budget(3, None), CPU)
+    second = [(directions, colours) for step, directions, colours in seen if step == 1]
+    assert len(second) == 3
+    for directions, colours in second:
+        assert torch.equal(directions, expected[0].directions)
+        assert torch.equal(colours, expected[1])
+
+
+def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
+    cameras = evaluate.cameras_of(ball, ball.train, CPU)
+    some = Batches(cameras, ball.train.rgba)
+    assert not torch.equal(some.batch(0, 0, 8)[0].directions, some.batch(1, 0, 8)[0].directions)
+
+
+@pytest.mark.parametrize(("limit", "share"), [(1e-12, 1.0), (1e9, 0.0)])
+def test_the_record_says_how_many_of_the_steps_were_clipped(
+    ball: ViewSet, tmp_path: Path, limit: float, share: float
+) -> None:
+    settings = replace(TRAIN, clip_norm=limit, clip_ratio=1e9)
+    cell = group(ball, tmp_path, ("nerf",), train=settings, budget=Budget(3, None))["nerf"]
+    assert cell.properties["clipped_share"] == share
+
+
+def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[torch.Tensor, torch.Tensor]] = []
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen.append((colours, self.coarse.density_net[0].weight.detach().clone()))
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
+    settings = GroupSettings(("nerf",), TRAIN, replace(SCORE, checkpoints=1), Budget(1, None))
+    for scene in ("lego", "mic"):
+        list(train_group(ball, scene, 0, settings, CPU, tmp_path, {}, lambda share: None))
+    (first_colours, first_weights), (second_colours, second_weights) = seen
+    assert not torch.equal(first_colours, second_colours)
+    assert not torch.equal(first_weights, second_weights)
+
+
+def test_only_training_is_on_the_clock(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+
+    def clock() -> float:
+        now[0] += 0.5  # each reading
+        return now[0]
+
+    def slowed(name: str) -> None:
+        original = getattr(evaluate, name)
+
+        def slow(*arguments: Any) -> Any:
+            now[0] += 1000.0
+            return original(*arguments)
+
+        monkeypatch.setattr(evaluate, name, slow)
+
+    monkeypatch.setattr("harness.training.trainer.Stopwatch", lambda device: Stopwatch(device, clock))
+    for name in ("render_split", "quick_scores", "density_histogram", "train_psnr", "measured_properties"):
+        slowed(name)
+    original = Trainer.warm_up
+
+    def warm_up(self: Trainer, *batch: Any) -> None:
+        now[0] += 1000.0
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "warm_up", warm_up)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"))
+    for cell in cells.values():
+        assert cell.train_seconds == 24 * 0.5
+        assert [point.seconds for point in cell.curve] == [3.0, 6.0, 12.0]
+
+
+def test_a_budget_of_seconds_ends_each_method_by_its_own_clock(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spent: dict[int, float] = {}
+
+    def stopwatch(device: torch.device) -> Stopwatch:
+        number = len(spent)
+        spent[number] = 0.0
+
+        def clock() -> float:
+            spent[number] += 1.0 + number  # the second method is half as fast
+            return spent[number]
+
+        return Stopwatch(device, clock)
+
+    monkeypatch.setattr("harness.training.trainer.Stopwatch", stopwatch)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(None, 20.0))
+    assert {method: (cell.steps, cell.train_seconds) for method, cell in cells.items()} == {
+        "nerf": (20, 20.0), "qnerf": (10, 20.0),
+    }  # fmt: skip
+
+
+def test_methods_learn(ball: ViewSet, tmp_path: Path) -> None:
+    train = replace(TRAIN, rays=256, grid=replace(TRAIN.grid, first_step=40, every=10))
+    score = replace(SCORE, checkpoints=2, earliest=0.02)
+    cells = group(ball, tmp_path, ("nerf", "qnerf_theorem"), train=train, score=score, budget=Budget(150, None))
+    for cell in cells.values():
+        first, last = cell.curve[0].psnr, cell.curve[-1].psnr
+        assert first is not None
+        assert last is not None
+        assert last > first + 4.0
+        assert last > 17.0
+        assert (cell.scores["opacity_iou"] or 0) > 0.6
+        assert not any("collapse" in warning or "grid" in warning for warning in cell.warnings)
+
+
+@pytest.mark.parametrize(
+    ("scores", "opacity", "emptied", "said"),
+    [
+        ({"psnr": 22.0, "psnr_floor": 15.0, "psnr_train": 24.0}, 0.4, False, []),
+        ({"psnr": 22.0}, 0.01, False, ["empty collapse"]),
+        ({"psnr": 22.0}, 0.4, True, ["occupancy grid"]),
+        ({"psnr": 14.0, "psnr_floor": 15.0}, 0.4, False, ["below the floor"]),
+        ({"psnr": 20.0, "psnr_train": 27.0}, 0.4, False, ["billboard"]),
+        ({"psnr": 8.0, "psnr_train": 22.0}, 0.4, False, ["billboard: training views 22.00 dB, test views 8.00 dB"]),
+        ({"psnr": 18.0, "psnr_train": 22.0}, 0.4, False, ["gap: training views 22.00 dB, test views 18.00 dB"]),
+        ({"psnr": 22.0, "psnr_train": 18.0}, 0.4, False, []),
+        ({"psnr": 14.0, "psnr_floor": 13.0, "psnr_train": 21.0}, 0.4, False, ["gap"]),
+        ({"psnr": 12.0, "psnr_floor": 13.0, "psnr_train": 21.0}, 0.4, False, ["below the floor", "billboard"]),
+        ({"psnr": 10.0, "psnr_floor": 15.0, "psnr_train": 30.0}, 0.0, True,
+         ["empty collapse", "occupancy grid", "below the floor", "billboard"]),
+        ({"psnr": 29.01, "psnr_ceiling": 30.0}, 0.4, False,
+         ["reference-limited: 29.01 dB, an image without noise would have 30.00 dB"]),
+        ({"psnr": 30.2, "psnr_ceiling": 30.0}, 0.4, False, ["reference-limited"]),
+        ({"psnr": 28.99, "psnr_ceiling": 30.0}, 0.4, False, []),
+        ({"psnr": 29.9, "psnr_ceiling": None}, 0.4, False, []),
+        ({}, None, False, []),
+        ({"psnr": None, "psnr_floor": None, "psnr_train": None}, 0.4, False, []),
+    ],
+)  # fmt: skip
+def test_states_that_a_reader_must_know(
+    scores: dict[str, float | None], opacity: float | None, emptied: bool, said: list[str]
+) -> None:
+    warnings = warnings_of(scores, opacity, emptied)
+    assert len(warnings) == len(said)
+    assert all(part in warning for part, warning in zip(said, warnings, strict=True))
+
+
+def test_the_direction_is_left_out_where_the_scene_says_so(ball: ViewSet, tmp_path: Path) -> None:
+    assert needs_view_direction(ball)
+    same_from_all_sides = replace(ball, rendered={"left_out": [{"what": "view-direction branch"}]})
+    assert not needs_view_direction(same_from_all_sides)
+    score = replace(SCORE, checkpoints=1)
+    with_direction = group(ball, tmp_path / "a", ("nerf",), budget=Budget(2, None), score=score)["nerf"]
+    without = group(same_from_all_sides, tmp_path / "b", ("nerf",), budget=Budget(2, None), score=score)["nerf"]
+    # 3 coordinates and 2 bands of sine and cosine, into 16 units
+    assert with_direction.parameters["colour_net"] - without.parameters["colour_net"] == 15 * 16

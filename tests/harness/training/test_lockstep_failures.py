@@ -1,0 +1,144 @@
+"""A method of a group that fails or diverges, before training, in it or in scoring: the others get the same bits."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from harness.records.cells import CellRecord, write_cell
+from harness.records.pictures import read_renders
+from harness.training import evaluate, lockstep
+from harness.training.trainer import Trainer
+from scenes.files.errors import InputError
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.training.test_lockstep import group, without_time
+
+
+@pytest.fixture(scope="module")
+def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> dict[str, CellRecord]:
+    return group(ball, tmp_path_factory.mktemp("trained"))
+
+
+@pytest.fixture
+def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = Trainer.train_on
+
+    def spoilt(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        if self.method == "qnerf" and self.step == 9:
+            with torch.no_grad():
+                self.coarse.density_head.weight[0, 0] = math.nan
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spoilt)
+
+
+@pytest.mark.usefixtures("spoil_qnerf_at_step_9")
+def test_a_method_that_diverges_does_not_stop_or_change_the_others(
+    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path
+) -> None:
+    shares: list[float] = []
+    cells = group(ball, tmp_path, progress=shares.append)
+    broken = cells["qnerf"]
+    assert (broken.status, broken.steps, broken.scores, broken.views) == ("diverged", 9, {}, [])
+    assert broken.reason == "not finite at step 9: weight of coarse.density_head.weight"
+    assert [point.step for point in broken.curve] == [6], "what was scored before stays"
+    kept = read_renders(tmp_path / "records" / str(broken.pictures))
+    assert [one.step for one in kept] == [6], "and so do its pictures"
+    assert set(broken.properties) == {"flops_per_evaluation", "rays_per_step"}, "known before the first step"
+    write_cell(tmp_path, broken)
+    for method in ("nerf", "nerf_matched"):
+        assert without_time(cells[method]) == without_time(trained[method])
+    assert shares[-1] == 1.0
+
+
+def test_an_error_of_ours_costs_its_own_cell_alone(
+    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Trainer.train_on
+
+    def broken(self: Trainer, *batch: Any) -> None:
+        if self.method == "nerf" and self.step == 7:
+            raise RuntimeError("a bug")
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "train_on", broken)
+    cells = group(ball, tmp_path)
+    assert (cells["nerf"].status, cells["nerf"].reason) == ("error", "RuntimeError at step 7: a bug")
+    for method in ("nerf_matched", "qnerf"):
+        assert without_time(cells[method]) == without_time(trained[method])
+
+
+def test_a_pixel_that_is_not_finite_at_a_checkpoint_is_a_divergence(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = evaluate.render_split
+
+    def spoilt(trainer: Trainer, *others: Any) -> Any:
+        if trainer.method == "nerf_matched":
+            with torch.no_grad():
+                trainer.coarse.colour_net[0].bias[0] = math.inf
+                trainer.coarse.colour_net[1].weight[:] = 0.0  # 0 × ∞ in the next layer
+        return original(trainer, *others)
+
+    monkeypatch.setattr(lockstep.evaluate, "render_split", spoilt)
+    cells = group(ball, tmp_path)
+    assert {method: cell.status for method, cell in cells.items()} == {
+        "nerf": "done", "nerf_matched": "diverged", "qnerf": "done",
+    }  # fmt: skip
+    assert cells["nerf_matched"].reason == "not finite at step 6: rendered colour of ray 0"
+
+
+@pytest.mark.parametrize("part", ["__init__", "warm_up"])
+def test_an_error_before_the_first_step_costs_its_own_cell_alone(
+    part: str,
+    trained: dict[str, CellRecord],
+    ball: ViewSet,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    original = getattr(Trainer, part)
+
+    def broken(self: Trainer, *arguments: Any) -> None:
+        original(self, *arguments)
+        if self.method == "nerf_matched":
+            raise torch.OutOfMemoryError("no room")
+
+    monkeypatch.setattr(Trainer, part, broken)
+    shares: list[float] = []
+    cells = group(ball, tmp_path, progress=shares.append)
+    failed = cells["nerf_matched"]
+    assert (failed.status, failed.reason) == ("error", "OutOfMemoryError before the first step: no room")
+    assert (failed.steps, failed.train_seconds, failed.scores) == (0, 0.0, {})
+    write_cell(tmp_path, failed)
+    for method in ("nerf", "qnerf"):
+        assert without_time(cells[method]) == without_time(trained[method])
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_what_is_not_finite_in_the_warm_up_is_a_divergence(
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = Trainer.warm_up
+
+    def spoilt(self: Trainer, *batch: Any) -> None:
+        if self.method == "nerf":
+            with torch.no_grad():
+                self.coarse.density_head.weight[0, 0] = math.nan
+        original(self, *batch)
+
+    monkeypatch.setattr(Trainer, "warm_up", spoilt)
+    cells = group(ball, tmp_path, ("nerf", "qnerf"))
+    assert (cells["nerf"].status, cells["qnerf"].status) == ("diverged", "done")
+    assert cells["nerf"].reason == "not finite at step 0: weight of coarse.density_head.weight"
+
+
+def test_a_mistake_of_the_user_ends_the_group(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def mistaken(*arguments: Any) -> None:
+        raise InputError("--network: too deep")
+
+    monkeypatch.setattr(lockstep, "learner_for", mistaken)
+    with pytest.raises(InputError, match="too deep"):
+        group(ball, tmp_path)

@@ -1,0 +1,82 @@
+"""Pixels → rays, against `CONVENTIONS.md` and a loop over pixels."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from harness.training.batches import Cameras
+from tests.harness.ball import pose
+
+POSES = np.array([pose(0.3, 0.2), pose(2.0, 0.9), pose(-1.0, -0.4)])
+
+
+def cameras(width: int, height: int, focal: float = 6.5) -> Cameras:
+    return Cameras.of(POSES, width, height, focal, 2.0, 6.0)
+
+
+def slow_direction(matrix: np.ndarray, column: int, row: int, width: int, height: int, focal: float) -> list[float]:
+    """One pixel in double precision: right, down, forward."""
+    right = (column + 0.5 - width / 2) / focal
+    down = (row + 0.5 - height / 2) / focal
+    d = [right * matrix[i, 0] - down * matrix[i, 1] - matrix[i, 2] for i in range(3)]
+    length = math.sqrt(sum(x * x for x in d))
+    return [x / length for x in d]
+
+
+@pytest.mark.parametrize("size", [(5, 5), (6, 4), (1, 3)])
+def test_rays_equal_a_loop_over_pixels(size: tuple[int, int]) -> None:
+    width, height = size
+    some = cameras(width, height)
+    assert len(some) == 3
+    for view, matrix in enumerate(POSES):
+        rays = some.all_rays(view)
+        assert len(rays) == width * height
+        expected = [
+            slow_direction(matrix, column, row, width, height, some.focal)
+            for row in range(height)
+            for column in range(width)
+        ]
+        np.testing.assert_allclose(rays.directions.numpy(), expected, atol=1e-6)
+        np.testing.assert_allclose(rays.origins.numpy(), np.tile(matrix[:3, 3], (len(rays), 1)), rtol=1e-6)
+        assert (rays.near, rays.far) == (2.0, 6.0)
+
+
+def test_the_middle_pixel_looks_along_the_optical_axis() -> None:
+    rays = cameras(7, 5).all_rays(1)
+    np.testing.assert_allclose(rays.directions[2 * 7 + 3].numpy(), -POSES[1][:3, 2], atol=1e-6)
+
+
+def test_without_a_middle_pixel_the_axis_leaves_between_the_four_central_ones() -> None:
+    rays = cameras(8, 6).all_rays(0)
+    four = rays.directions.reshape(6, 8, 3)[2:4, 3:5].reshape(4, 3).numpy()
+    mean = four.mean(axis=0)
+    np.testing.assert_allclose(mean / np.linalg.norm(mean), -POSES[0][:3, 2], atol=1e-6)
+    assert (four @ -POSES[0][:3, 2] < 1 - 1e-4).all()
+
+
+def test_rows_go_down_and_columns_go_right() -> None:
+    directions = cameras(6, 6).all_rays(2).directions.reshape(6, 6, 3).double().numpy()
+    up, right = POSES[2][:3, 1], POSES[2][:3, 0]
+    assert (np.diff(directions @ up, axis=0) < 0).all()
+    assert (np.diff(directions @ right, axis=1) > 0).all()
+
+
+def test_half_a_pixel_outside_the_first_column_lies_half_the_field_of_view() -> None:
+    width, fov = 10, 0.6911112
+    focal = 0.5 * width / math.tan(0.5 * fov)
+    middle_row = Cameras.of(POSES, width, 1, focal, 2.0, 6.0).all_rays(0).directions.double().numpy()
+    angles = np.arctan2(middle_row @ POSES[0][:3, 0], middle_row @ -POSES[0][:3, 2])
+    assert math.tan(angles[0]) - 0.5 / focal == pytest.approx(-math.tan(fov / 2), abs=1e-6)
+    np.testing.assert_allclose(np.diff(np.tan(angles)), 1 / focal, atol=1e-6)
+
+
+def test_directions_are_unit_and_pixels_may_be_of_several_views() -> None:
+    some = cameras(4, 4)
+    view, column, row = torch.tensor([0, 2, 1]), torch.tensor([3, 0, 1]), torch.tensor([0, 3, 2])
+    rays = some.rays(view, column, row)
+    np.testing.assert_allclose(rays.directions.norm(dim=-1).numpy(), 1.0, atol=1e-6)
+    for i in range(3):
+        alone = some.all_rays(int(view[i])).directions[int(row[i]) * 4 + int(column[i])]
+        assert torch.equal(rays.directions[i], alone)

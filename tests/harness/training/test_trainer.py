@@ -1,0 +1,308 @@
+"""One method in training: repeatable to the bit, never past a NaN, on its own clock."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+
+from harness.machine.stopwatch import Stopwatch
+from harness.plan.schedule import Budget, learning_rate
+from harness.plan.settings import GridSettings
+from harness.training.trainer import TRACED, Diverged, Trainer
+from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours, trainer
+
+METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
+
+
+def weights(one: Trainer) -> dict[str, torch.Tensor]:
+    return {name: value.clone() for name, value in one.fields.state_dict().items()}
+
+
+def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> bool:
+    return set(first) == set(second) and all(torch.equal(first[name], second[name]) for name in first)
+
+
+def train(one: Trainer, steps: int) -> Trainer:
+    for step in range(steps):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_same_seed_gives_the_same_bits(method: str) -> None:
+    first = train(trainer(method), 22)
+    torch.manual_seed(1234)
+    second = train(trainer(method), 22)
+    assert same(weights(first), weights(second))
+    assert first.trace == second.trace
+    assert first.network_evaluations == second.network_evaluations
+    rays, _ = rays_and_colours(seed=77)
+    assert torch.equal(first.render(rays, 16).colour, second.render(rays, 16).colour)
+
+
+def test_another_seed_gives_other_weights_and_other_samples() -> None:
+    assert not same(weights(trainer(seed=0)), weights(trainer(seed=1)))
+    first, second = trainer(seed=0), trainer(seed=1)
+    second.fields.load_state_dict(first.fields.state_dict())
+    assert not same(weights(train(first, 1)), weights(train(second, 1)))
+
+
+def test_two_methods_in_turn_do_not_disturb_each_other() -> None:
+    alone = train(trainer("nerf"), 12)
+    ours, theirs = trainer("nerf"), trainer("qnerf")
+    for step in range(12):
+        theirs.train_on(*rays_and_colours(seed=step))
+        ours.train_on(*rays_and_colours(seed=step))
+    assert same(weights(ours), weights(alone))
+
+
+def test_rendering_between_steps_changes_nothing() -> None:
+    alone = train(trainer(), 12)
+    looked_at = trainer()
+    for step in range(12):
+        looked_at.render(rays_and_colours(seed=step)[0], 16)
+        looked_at.train_on(*rays_and_colours(seed=step))
+    assert same(weights(looked_at), weights(alone))
+
+
+def test_the_warm_up_changes_nothing_and_is_not_on_the_clock() -> None:
+    one, warmed = trainer(), trainer()
+    warmed.warm_up(*rays_and_colours(seed=3))
+    assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
+    assert same(weights(one), weights(warmed))
+    assert same(weights(train(one, 3)), weights(train(warmed, 3)))
+
+
+def test_training_lowers_the_loss() -> None:
+    one = trainer(budget=Budget(60, None))
+    batch = rays_and_colours()
+    for _ in range(60):
+        one.train_on(*batch)
+    first, last = one.trace["loss"][0], one.trace["loss"][-1]
+    assert first is not None
+    assert last is not None
+    assert last < 0.9 * first
+
+
+# what is not finite
+
+
+def test_a_weight_that_is_nan_is_named_with_its_step() -> None:
+    one = train(trainer(), 3)
+    with torch.no_grad():
+        one.coarse.density_net[2].weight[0, 0] = math.nan
+    with pytest.raises(Diverged) as caught:
+        one.train_on(*rays_and_colours())
+    assert (caught.value.step, caught.value.tensor) == (3, "weight of coarse.density_net.2.weight")
+    assert str(caught.value) == "not finite at step 3: weight of coarse.density_net.2.weight"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_colour_that_is_not_finite_is_told_by_the_loss_and_leaves_the_weights_alone(bad: float) -> None:
+    one = train(trainer(), 2)
+    before = weights(one)
+    rays, colours = rays_and_colours()
+    colours[5, 1] = bad
+    with pytest.raises(Diverged, match="at step 2: loss"):
+        one.train_on(rays, colours)
+    assert same(weights(one), before)
+    assert one.step == 2
+
+
+def test_a_gradient_that_is_nan_is_named_and_leaves_the_weights_alone() -> None:
+    one = train(trainer(), 1)
+    before = weights(one)
+    one.coarse.density_head.weight.register_hook(lambda gradient: gradient * math.nan)
+    with pytest.raises(Diverged, match=r"at step 1: gradient of coarse\.density_head\.weight"):
+        one.train_on(*rays_and_colours())
+    assert same(weights(one), before)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_pixel_that_is_not_finite_is_never_rendered(method: str) -> None:
+    one = train(trainer(method), 1)
+    with torch.no_grad():
+        one.coarse.colour_net[0].bias[0] = math.nan
+    with pytest.raises(Diverged, match="at step 1: rendered colour of ray 0"):
+        one.render(rays_and_colours()[0], 16)
+
+
+def test_a_depth_that_is_not_finite_is_never_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trainer()
+    whole = one._rendered
+
+    def spoilt(*arguments: Any) -> Any:
+        rendering = whole(*arguments)
+        return replace(rendering, depth=rendering.depth / 0.0)
+
+    monkeypatch.setattr(one, "_rendered", spoilt)
+    with pytest.raises(Diverged, match="rendered depth"):
+        one.render(rays_and_colours()[0], 16)
+
+
+def test_a_density_that_is_nan_in_the_grid_is_a_divergence(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = train(trainer(), 10)
+    whole = one.coarse.density
+
+    def spoilt(x: torch.Tensor) -> torch.Tensor:
+        sigma = whole(x)
+        sigma[3] = math.nan
+        return sigma
+
+    monkeypatch.setattr(one.coarse, "density", spoilt)
+    with pytest.raises(Diverged, match="at step 10: density in the occupancy grid"):
+        train(one, 1)
+
+
+def test_a_coarse_pass_that_is_nan_is_a_divergence() -> None:
+    one = train(trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0))), 1)
+    with torch.no_grad():
+        one.coarse.density_head.bias[:] = math.nan
+    with pytest.raises(Diverged, match=r"at step 1: weight of coarse\.density_head\.bias"):
+        one.train_on(*rays_and_colours())
+
+
+# rendering
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 64, 1000])
+def test_rendering_in_chunks_keeps_the_order_of_rays(chunk: int) -> None:
+    one = train(trainer(), 12)
+    rays, _ = rays_and_colours()
+    whole, parts = one.render(rays, 10_000), one.render(rays, chunk)
+    for name in ("colour", "opacity", "depth"):
+        torch.testing.assert_close(getattr(parts, name), getattr(whole, name), atol=2e-5, rtol=1e-4)
+    assert parts.network_evaluations == whole.network_evaluations
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_rays_are_no_pixels(method: str) -> None:
+    nothing = trainer(method).render(rays_and_colours(0)[0], 16)
+    assert (nothing.colour.shape, nothing.opacity.shape, nothing.depth.shape) == ((0, 3), (0,), (0,))
+
+
+# optimiser, schedule, grid
+
+
+def test_gradients_are_clipped_to_the_norm_for_all_weights_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trainer(settings=replace(TRAIN, clip_norm=1e-4))
+    norms: list[float] = []
+
+    def measured(_: Any) -> None:
+        gradients = [weight.grad for weight in one.fields.parameters() if weight.grad is not None]
+        norms.append(float(torch.cat([gradient.flatten() for gradient in gradients]).norm()))
+
+    one.optimiser.register_step_pre_hook(lambda *arguments: measured(arguments))
+    train(one, 3)
+    assert norms == pytest.approx([1e-4] * 3, rel=1e-2)
+    noted = one.trace["gradient_norm"][0]
+    assert noted is not None
+    assert noted > 1e-3, "the trace keeps the norm before clipping"
+
+
+def test_the_learning_rate_follows_the_schedule() -> None:
+    one = trainer()
+    rates = []
+    for step in range(24):
+        one.train_on(*rays_and_colours(seed=step))
+        rates.append(one.optimiser.param_groups[0]["lr"])
+    assert rates == [learning_rate(step / 24, step, 1e-2, 1e-3, 5) for step in range(24)]
+    assert one.progress == 1.0
+
+
+def refreshes(one: Trainer, monkeypatch: pytest.MonkeyPatch, steps: int) -> list[tuple[int, float]]:
+    """(step, share) of every refresh of the grid."""
+    seen: list[tuple[int, float]] = []
+    assert one.grid is not None
+    original: Callable[..., int] = one.grid.refresh
+
+    def spy(field: Any, share: float, generator: torch.Generator) -> int:
+        seen.append((one.step, share))
+        return original(field, share, generator)
+
+    monkeypatch.setattr(one.grid, "refresh", spy)
+    train(one, steps)
+    return seen
+
+
+def test_the_grid_is_measured_whole_once_and_then_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert refreshes(trainer(), monkeypatch, 24) == [(10, 1.0), (15, 0.25), (20, 0.25)]
+
+
+def test_refreshing_the_grid_is_on_the_clock_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = train(trainer(), 10)
+    ticks = iter(range(1000))
+    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    assert one.grid is not None
+    original = one.grid.refresh
+
+    def slow(*arguments: Any) -> int:
+        for _ in range(100):
+            next(ticks)
+        return original(*arguments)
+
+    monkeypatch.setattr(one.grid, "refresh", slow)
+    before = one.network_evaluations
+    train(one, 1)
+    assert one.clock.seconds == 101
+    assert one.network_evaluations - before > 8**3
+
+
+def test_every_ray_is_sampled_fully_before_the_grid_is_in_use() -> None:
+    one = train(trainer(), 1)
+    assert one.network_evaluations == 64 * TRAIN.first_bins
+    assert one.trace["samples_per_ray"] == [TRAIN.first_bins]
+
+
+def test_the_grid_can_be_switched_off_and_listing_4_has_none() -> None:
+    assert trainer(settings=replace(TRAIN, grid=GridSettings(cells=0))).grid is None
+    assert trainer("qnerf_listing4").grid is None
+    without = train(trainer(settings=replace(TRAIN, grid=GridSettings(cells=0))), 2)
+    assert without.network_evaluations == 2 * 64 * TRAIN.bins
+
+
+def test_a_fine_pass_trains_both_fields_and_shows_the_fine_one() -> None:
+    one = trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0)))
+    assert one.fine is not None
+    assert one.field is one.fine
+    before = weights(one)
+    train(one, 2)
+    changed = {name for name, value in weights(one).items() if not torch.equal(value, before[name])}
+    assert {name.partition(".")[0] for name in changed} == {"coarse", "fine"}
+    assert one.network_evaluations == 2 * 64 * (TRAIN.bins + TRAIN.bins + 8)
+
+
+# budget and trace
+
+
+def test_a_budget_of_seconds_runs_on_the_methods_own_clock() -> None:
+    one = trainer(budget=Budget(None, 10.0))
+    ticks = iter(range(1000))
+    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    train(one, 4)
+    assert one.clock.seconds == 4.0
+    assert one.progress == 0.4
+
+
+def test_the_trace_has_series_of_one_length() -> None:
+    one = train(trainer("qnerf", budget=Budget(45, None)), 45)
+    assert set(one.trace) == set(TRACED)
+    assert one.trace["step"] == [1.0, 20.0, 40.0]
+    assert {len(series) for series in one.trace.values()} == {3}
+    assert one.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)
+    assert train(trainer("nerf"), 1).trace["alpha"] == [None]
+    assert trainer("nerf").amplifier_scalars() == {"alpha": None, "beta": None}
+
+
+def test_nothing_is_spent_at_the_start() -> None:
+    one = trainer()
+    assert (one.progress, one.clock.seconds, one.budget) == (0.0, 0.0, BUDGET)
+
+
+@pytest.mark.parametrize("bins", [0, -1])
+def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
+        trainer().render(rays_and_colours(8)[0], 8, bins)

@@ -1,0 +1,240 @@
+"""Reduced precision is for matrix products alone, and what training refuses to go on with."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines import field, rendering
+from baselines.contract import Precision, Rays
+from baselines.numerics.quadrature import QUADRATURES
+from harness.plan.profiles import planned
+from harness.plan.settings import GridSettings
+from harness.training import trainer as trainer_module
+from harness.training.trainer import LOSS_SCALE, Diverged, Trainer
+from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+
+REDUCED: list[Precision] = ["bfloat16", "float16"]
+every_reduced = pytest.mark.parametrize("precision", REDUCED)
+
+
+def dtypes_of(values: Any) -> set[torch.dtype]:
+    tensors = values if isinstance(values, tuple) else (values,)
+    return {one.dtype for one in tensors if isinstance(one, Tensor) and one.is_floating_point()}
+
+
+def trained(precision: Precision, steps: int = 3, method: str = "qnerf", **changes: Any) -> Trainer:
+    one = trainer(method, replace(TRAIN, precision=precision, **changes))
+    for step in range(steps):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+@every_reduced
+@pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"])
+def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
+    precision: Precision, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: dict[str, set[torch.dtype]] = {"encoding": set(), "quadrature": set(), "amplifier": set(), "products": set()}
+
+    def watched(name: str, whole: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            result = whole(*arguments)
+            for value in (*arguments, result):
+                seen[name] |= dtypes_of(value)
+            return result
+
+        return call
+
+    one = trainer(method, replace(TRAIN, precision=precision))
+    monkeypatch.setattr(field, "encode", watched("encoding", field.encode))
+    rules = {name: replace(rule, weights=watched("quadrature", rule.weights)) for name, rule in QUADRATURES.items()}
+    monkeypatch.setattr(rendering, "QUADRATURES", rules)
+    amplifier = one.coarse.amplifier
+    for name in ("before_and_after", "rendered"):
+        monkeypatch.setattr(amplifier, name, watched("amplifier", getattr(amplifier, name)))
+    products = field.fused_network._prepared
+    monkeypatch.setattr(
+        field.fused_network,
+        "_prepared",
+        lambda *a: seen["products"].add((net := products(*a)).density[0].hidden.dtype) or net,
+    )
+    for step in range(3):
+        one.train_on(*rays_and_colours(seed=step))
+    one.render(rays_and_colours()[0], 16)
+    assert seen == {
+        "encoding": {torch.float32},
+        "quadrature": {torch.float32},
+        "amplifier": {torch.float32},
+        "products": {field.DTYPES[precision]},
+    }
+    state = [value for group in one.optimiser.state.values() for value in group.values()]
+    assert {weight.dtype for weight in one.fields.parameters()} == dtypes_of(tuple(state)) == {torch.float32}
+
+
+@every_reduced
+def test_weights_move_by_less_than_reduced_precision_resolves(precision: Precision) -> None:
+    """A step of 1e-5 at a weight of 1 is lost below float32."""
+    one = trainer(settings=replace(TRAIN, precision=precision, learning_rate=1e-5, last_learning_rate=1e-5))
+    bias = one.coarse.colour_net[0].bias
+    with torch.no_grad():
+        bias.fill_(1.0)
+    for step in range(10):
+        one.train_on(*rays_and_colours(seed=step))
+    moved = (bias.detach() - 1.0).abs()
+    assert float(moved.max()) > 2e-5
+    assert bool((bias.detach().to(field.DTYPES[precision]) == 1.0).all()), "the test would see nothing"
+
+
+@every_reduced
+def test_reduced_precision_trains_as_float32_does(precision: Precision) -> None:
+    batch = rays_and_colours()
+    losses = {}
+    for kind in ("float32", precision):
+        one = trainer("nerf", replace(TRAIN, precision=kind, grid=GridSettings(cells=0)))
+        for _ in range(24):
+            one.train_on(*batch)
+        losses[kind] = one.last_loss
+    assert losses["float32"] is not None
+    assert losses[precision] == pytest.approx(losses["float32"], rel=0.05)
+
+
+def gradient_of(precision: Precision, faint: float) -> Tensor:
+    """Of all weights, as the optimiser gets it, where every colour is off by a hair."""
+    one = trainer("nerf", replace(TRAIN, precision=precision))
+    rays, _ = rays_and_colours(256)
+    found: list[Tensor] = []
+
+    def noted(*_: Any) -> None:
+        found.append(torch.cat([weight.grad.flatten() for weight in one.fields.parameters()]))  # type: ignore[union-attr]
+
+    one.optimiser.register_step_pre_hook(noted)
+    with torch.no_grad():
+        seen = one.render(rays, 256).colour
+    one.train_on(rays, seen + faint)
+    return found[0]
+
+
+def test_the_scaled_loss_keeps_gradients_that_float16_would_lose(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact = gradient_of("float32", 1e-4)
+    scaled = gradient_of("float16", 1e-4)
+    monkeypatch.setitem(LOSS_SCALE, "float16", 1.0)
+    unscaled = gradient_of("float16", 1e-4)
+    missed = [float((one - exact).norm() / exact.norm()) for one in (scaled, unscaled)]
+    assert missed[0] < 0.03
+    assert missed[1] > 3.0 * missed[0], "without the scale the test would see nothing"
+    assert all(math.log2(scale).is_integer() for scale in trainer_module.LOSS_SCALE.values())
+
+
+def test_float16_can_be_asked_for() -> None:
+    assert planned("smoke", precision="float16").train.precision == "float16"
+
+
+# what is refused
+
+
+@pytest.mark.parametrize("part", ["origins", "directions"])
+def test_a_ray_that_is_nan_is_named_instead_of_shown_as_background(part: str) -> None:
+    one = trained("float32", 1)
+    rays, colours = rays_and_colours()
+    values = {"origins": rays.origins.clone(), "directions": rays.directions.clone()}
+    values[part][13, 2] = math.nan
+    bad = Rays(**values, near=rays.near, far=rays.far)
+    with pytest.raises(ValueError, match="ray 13 is not finite: origin"):
+        one.render(bad, 1000)
+    with pytest.raises(ValueError, match="ray 13 is not finite"):
+        one.train_on(bad, colours)
+
+
+def test_the_ray_whose_pixel_is_not_finite_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trained("float32", 1, "nerf")
+    whole = one.coarse.density_and_colour
+
+    def spoilt(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        sigma, colour = whole(x, view, ray)
+        return sigma, torch.where((ray == 5).unsqueeze(-1), math.nan, colour)
+
+    monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
+    with pytest.raises(Diverged, match=r"at step 1: rendered colour of ray 5$"):
+        one.render(rays_and_colours()[0], 1000)
+
+
+@pytest.mark.parametrize("chunk", [16, 1000])
+def test_the_ray_whose_density_is_nan_is_named(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted in what was asked for, not in the call."""
+    one = trained("float32", 1, "nerf")
+    rays, colours = rays_and_colours()
+    whole = one.coarse.density_and_colour
+    wanted = one.coarse.encode_directions(rays.directions)[21]
+
+    def spoilt(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        sigma, colour = whole(x, view, ray)
+        return torch.where(torch.isclose(view, wanted).all(dim=-1)[ray], math.nan, sigma), colour
+
+    monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
+    for use in (lambda: one.render(rays, chunk), lambda: one.train_on(rays, colours)):
+        with pytest.raises(Diverged, match=r"at step 1: density of sample \d+ of ray 21$"):
+            use()
+
+
+def test_a_weight_that_a_step_makes_infinite_is_named_at_that_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trained("float32", 2)
+    step = one.optimiser.step
+
+    def too_far() -> None:
+        step()
+        with torch.no_grad():
+            one.coarse.density_net[1].bias[3] = math.inf
+
+    monkeypatch.setattr(one.optimiser, "step", too_far)
+    with pytest.raises(Diverged, match=r"at step 2: weight of coarse\.density_net\.1\.bias"):
+        one.train_on(*rays_and_colours())
+
+
+def test_large_finite_weights_are_no_divergence() -> None:
+    """Their squares overflow, they do not."""
+    weights = [torch.tensor([1e30, -1e30]), torch.tensor(3.0)]
+    assert trainer_module._all_finite(weights)
+    assert not trainer_module._all_finite([*weights, torch.tensor([math.nan])])
+
+
+def test_the_trace_holds_the_norm_before_and_after_clipping() -> None:
+    for limit in (1e-9, 1e-4, 1e9):  # the smallest as well: no small number is added to what the norm is divided by
+        one = trained("float32", 1, clip_norm=limit)
+        before, after = (one.trace[name][0] for name in ("gradient_norm", "clipped_norm"))
+        assert before is not None
+        assert after == pytest.approx(min(before, limit), rel=1e-5)
+        assert one.clipping.clipped_steps == (before > limit)
+    assert one.last_loss == one.trace["loss"][0]
+
+
+def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[float]]:
+    """Norms that the optimiser got, and the running mean after each step."""
+    one = trainer("nerf", replace(TRAIN, grid=GridSettings(cells=0), **changes))  # type: ignore[arg-type]
+    given: list[float] = []
+    usual: list[float] = []
+    for weight in one.fields.parameters():
+        weight.register_hook(lambda gradient: gradient * factor if one.step == at else gradient)
+    one.optimiser.register_step_pre_hook(
+        lambda *_: given.append(float(torch.nn.utils.get_total_norm([w.grad for w in one.fields.parameters()])))  # type: ignore[misc]
+    )
+    for step in range(at + 3):
+        one.train_on(*rays_and_colours(seed=step))
+        assert one.clipping.usual_norm is not None
+        usual.append(one.clipping.usual_norm)
+    return given, usual
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
+def test_a_spike_reaches_the_optimiser_as_a_few_times_the_usual_norm_at_most(factor: float) -> None:
+    given, usual = spiked(factor, 6)
+    assert given[6] == pytest.approx(TRAIN.clip_ratio * usual[5], rel=1e-5)
+    assert given[6] < 1.0
+    assert usual[6] == pytest.approx(2.95 * usual[5], rel=1e-5)
+    quiet, _ = spiked(1.0, 6)
+    assert given[:6] == quiet[:6], "nothing is clipped before"
+    alone, _ = spiked(factor, 6, clip_ratio=1e9)
+    assert alone[6] == pytest.approx(1.0, rel=1e-5)

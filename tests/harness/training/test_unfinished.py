@@ -1,0 +1,247 @@
+"""A cell that goes on in the middle: the bits of one that was never interrupted, or from the start, and said."""
+
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.execution import run
+from harness.execution.progress import Quiet
+from harness.plan.profiles import Machine, planned
+from harness.records.cells import CellRecord
+from harness.records.json_record import DamagedRecord
+from harness.records.pictures import sealed, unsealed
+from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
+from harness.training.cell_training import GroupSettings
+from harness.training.checkpoints import Keeping, training_state
+from harness.training.lockstep import train_group
+from scenes.view_sets.view_set import ViewSet
+from tests.harness import tiny
+from tests.harness.tiny import BUDGET, CPU, SCORE
+from tests.harness.training.test_lockstep import without_time
+
+TRAIN = replace(tiny.TRAIN, clip_ratio=0.9)
+"""Half of the gradients are clipped, by what was usual before."""
+METHODS = ("nerf", "qnerf", "qnerf_repaired")
+"""Without an amplifier, with one, and with a mean that it holds."""
+
+
+class Stopped(Exception):
+    """What a `kill -9` is to the group."""
+
+
+ORIGIN = {"threads": 1, "sources": "one"}
+
+
+def train(
+    ball: ViewSet,
+    out: Path,
+    notices: list[str],
+    until: float = 2.0,
+    origin: dict[str, Any] = ORIGIN,
+    **changes: Any,
+) -> dict[str, CellRecord]:
+    """The records until the group's share of training reaches `until`."""
+
+    def on_progress(share: float) -> None:
+        if share >= until:
+            raise Stopped
+
+    settings = replace(GroupSettings(METHODS, TRAIN, SCORE, BUDGET), **changes)
+    cells: dict[str, CellRecord] = {}
+    with suppress(Stopped):
+        for cell in train_group(
+            ball, "ball", 0, settings, CPU, out, origin, on_progress, keep_every=0.0, on_notice=notices.append
+        ):
+            cells[cell.method] = cell
+    return cells
+
+
+@pytest.fixture(scope="module")
+def undisturbed(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, CellRecord]]:
+    out = tmp_path_factory.mktemp("undisturbed")
+    return out, train(ball, out, [])
+
+
+@pytest.fixture(scope="module")
+def half_way(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Past the first refreshes of the occupancy grid and the first two checkpoints."""
+    out = tmp_path_factory.mktemp("half_way")
+    assert train(ball, out, [], until=14 / 24) == {}
+    return out
+
+
+@pytest.fixture
+def stopped(half_way: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    shutil.copytree(half_way, tmp_path / "out")
+    return tmp_path / "out"
+
+
+def files(out: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(out).as_posix(): path.read_bytes()
+        for folder in ("checkpoints", "records")
+        for path in (out / folder).rglob("*.safetensors")
+    }
+
+
+def test_a_stopped_group_ends_in_the_bits_of_one_that_was_not(
+    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path
+) -> None:
+    notices: list[str] = []
+    cells = train(ball, stopped, notices)
+    assert notices == [f"ball, {method}, seed 0: goes on at step 14" for method in METHODS]
+    expected_files, expected = files(undisturbed[0]), undisturbed[1]
+    assert len(expected_files) == 2 * len(METHODS) + 1
+    assert files(stopped) == expected_files
+    for method, cell in cells.items():
+        assert without_time(cell) == without_time(expected[method])
+        assert cell.provenance["resumed_at"] == [14]
+        assert "resumed_at" not in expected[method].provenance
+
+
+def test_its_clock_goes_on_from_where_it_stood(ball: ViewSet, stopped: Path) -> None:
+    path = unfinished_path(stopped, "ball", "nerf", 0)
+    kept = read_unfinished(path)
+    write_unfinished(path, replace(kept, listing={**kept.listing, "seconds": 1000.0}))
+    cells = train(ball, stopped, [])
+    assert 1000 < cells["nerf"].train_seconds < 1100
+    assert 0 < cells["qnerf"].train_seconds < 100
+
+
+@pytest.mark.slow
+def test_it_may_be_stopped_again_and_again(
+    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], tmp_path: Path
+) -> None:
+    for step in (2, 7, 11, 20):
+        train(ball, tmp_path, [], until=step / 24)
+    cells = train(ball, tmp_path, [])
+    assert cells["qnerf"].provenance["resumed_at"] == [2, 7, 11, 20]
+    assert files(tmp_path) == files(undisturbed[0])
+
+
+@pytest.mark.parametrize(
+    "changes", [{"train": replace(TRAIN, learning_rate=5e-3)}, {"budget": replace(BUDGET, steps=25)}]
+)
+def test_other_settings_begin_again(ball: ViewSet, stopped: Path, changes: dict[str, Any]) -> None:
+    notices: list[str] = []
+    train(ball, stopped, notices, until=0.0, **changes)
+    assert notices[0] == "ball, nerf, seed 0: trained from the start, as settings changed since it was kept"
+    assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
+
+
+def test_other_code_begins_again(ball: ViewSet, stopped: Path) -> None:
+    notices: list[str] = []
+    train(ball, stopped, notices, until=0.0, origin={**ORIGIN, "sources": "another"})
+    assert notices[1] == "ball, qnerf, seed 0: trained from the start, as this program changed since it was kept"
+
+
+def test_a_damaged_byte_is_found_and_its_cell_begins_again(
+    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path
+) -> None:
+    path = unfinished_path(stopped, "ball", "nerf", 0)
+    data = bytearray(path.read_bytes())
+    data[-9] ^= 4
+    path.write_bytes(data)
+    with pytest.raises(DamagedRecord, match=r"nerf\.0\.safetensors"):
+        read_unfinished(path)
+    notices: list[str] = []
+    cells = train(ball, stopped, notices)
+    assert notices[0] == "ball, nerf, seed 0: trained from the start, as what was kept of it is damaged"
+    assert notices[1] == "ball, qnerf, seed 0: goes on at step 14"
+    assert without_time(cells["nerf"]) == without_time(undisturbed[1]["nerf"])
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda listing, tensors: listing.pop("curve"),
+        lambda listing, tensors: listing.update(due=9),
+        lambda listing, tensors: tensors.pop("optimiser.0.exp_avg"),
+        lambda listing, tensors: tensors.update({"trained.coarse.other": np.zeros(3, np.float32)}),
+    ],
+)
+def test_what_does_not_fit_is_said_and_its_cell_begins_again(
+    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path, spoil: Callable[[Any, Any], Any]
+) -> None:
+    path = unfinished_path(stopped, "ball", "qnerf", 0)
+    kept = read_unfinished(path)
+    spoil(kept.listing, kept.tensors)
+    write_unfinished(path, kept)
+    notices: list[str] = []
+    train(ball, stopped, notices, until=0.0)
+    assert notices[0] == "ball, nerf, seed 0: goes on at step 14"
+    assert notices[1].startswith("ball, qnerf, seed 0: trained from the start, as what was kept of it does not fit (")
+    assert read_unfinished(path).listing["step"] == 1
+
+
+def test_one_that_cannot_be_kept_is_said_once_and_trained_to_its_end(
+    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def odd(learner: Any) -> Unfinished:
+        if learner.method == "qnerf":
+            raise TypeError("Got unsupported ScalarType BFloat16")
+        return training_state(learner)
+
+    monkeypatch.setattr("harness.training.cell_training.training_state", odd)
+    notices: list[str] = []
+    cells = train(ball, tmp_path, notices)
+    (said,) = notices
+    assert said.startswith("ball, qnerf, seed 0: cannot be kept in the middle of its training (TypeError: Got")
+    assert {method: cell.status for method, cell in cells.items()} == dict.fromkeys(METHODS, "done")
+    assert without_time(cells["qnerf"]) == without_time(undisturbed[1]["qnerf"])
+
+
+def test_tensors_come_back_as_they_were_sealed() -> None:
+    tensors = {
+        "b": np.array([np.inf, -0.0], dtype=np.float32),
+        "a": np.array(True),
+        "none": np.zeros((0, 3)),
+        "turned": np.arange(6.0).reshape(2, 3).T,
+    }
+    listing, found = unsealed("key", sealed("key", {"φ": [1.1, None]}, tensors))
+    assert listing == {"φ": [1.1, None]}
+    assert {name: (one.dtype, one.shape, one.tobytes()) for name, one in found.items()} == {
+        name: (one.dtype, one.shape, one.tobytes()) for name, one in tensors.items()
+    }
+    with pytest.raises(ValueError, match="other"):
+        unsealed("other", sealed("key", {}, tensors))
+
+
+def test_what_takes_long_is_kept_less_often() -> None:
+    now = [0.0]
+    keeping = Keeping(10.0, lambda: now[0])
+    assert not keeping.is_due
+    now[0] = 10.0
+    assert keeping.is_due
+    with keeping.done():
+        now[0] = 11.0  # 1 s of writing: 2 % of 50
+    now[0] = 60.9
+    assert not keeping.is_due
+    now[0] = 61.0
+    assert keeping.is_due
+
+
+def test_prefixes_are_whole_words() -> None:
+    cell = Unfinished({}, {"a.b.c": np.zeros(1), "ab.c": np.ones(1)})
+    assert list(cell.under("a")) == ["b.c"]
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_its_folder_goes_with_the_last_of_them_whoever_trains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: bool
+) -> None:
+    monkeypatch.setattr(run, "run_groups", lambda *_: iter(()))
+    path = unfinished_path(tmp_path, "lego", "nerf", 0)
+    path.parent.mkdir()
+    if kept:
+        path.write_bytes(b"of a cell that ended in an error")
+    plan = planned("smoke", scenes=["lego"], methods=["nerf"], seeds=1)
+    run._train(plan, {"lego": tmp_path}, Machine("cpu", 1, 1), tmp_path, {"commit": "unknown"}, Quiet())
+    assert path.parent.exists() == kept

@@ -1,0 +1,101 @@
+"""A finished cell is gone on beside with the view set alone that it was trained on."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.records.cells import write_cell
+from harness.records.pictures import read_truth
+from harness.training.cell_training import finished_on, view_set_facts
+from harness.training.saved_renders import drop_truth, keep_truth
+from scenes.files.errors import InputError
+from scenes.view_sets.images import read_image, write_png
+from scenes.view_sets.view_set import ViewSet, read_view_set
+from tests.harness.cells import diverged
+
+KEY = ("ball", "nerf", 0)
+
+
+@pytest.fixture
+def own(ball_folder: Path, tmp_path: Path) -> Path:
+    """A user's folder that may be changed."""
+    return Path(shutil.copytree(ball_folder, tmp_path / "own"))
+
+
+def one_pixel(folder: Path) -> None:
+    image = read_image(folder / "train/r_3.png")
+    image[0, 0] = 1.0 - image[0, 0]
+    write_png(folder / "train/r_3.png", image)
+
+
+def swapped(folder: Path) -> None:
+    first, second = (folder / f"train/r_{number}.png" for number in (0, 1))
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
+
+
+@pytest.mark.parametrize("change", [one_pixel, swapped])
+def test_a_changed_folder_has_another_content(own: Path, change: Callable[[Path], None]) -> None:
+    before = read_view_set(own).content
+    assert before is not None
+    assert read_view_set(own).content == before
+    (own / "notes.txt").write_text("not of the view set")
+    assert read_view_set(own).content == before
+    change(own)
+    assert read_view_set(own).content != before
+
+
+def test_other_cameras_are_another_content(own: Path) -> None:
+    before = read_view_set(own)
+    file = own / "transforms_test.json"
+    x = before.test.camera_to_world[0, 0, 3]
+    assert repr(float(x)) in file.read_text()
+    file.write_text(file.read_text().replace(repr(float(x)), repr(float(x) + 1e-3)))
+    assert read_view_set(own).content != before.content
+
+
+def test_a_cell_of_other_views_is_refused_by_what_differs(own: Path, tmp_path: Path) -> None:
+    views = read_view_set(own)
+    assert finished_on(tmp_path, [KEY], views) == 0
+    write_cell(tmp_path, replace(diverged(*KEY), settings={"view_set": view_set_facts(views)}))
+    assert finished_on(tmp_path, [KEY], views) == 1
+    one_pixel(own)
+    with pytest.raises(InputError, match=r"own: not the view set that ball\.nerf\.0 .*\(content was .*…, is"):
+        finished_on(tmp_path, [KEY], read_view_set(own))
+    with pytest.raises(InputError, match=r"\(width was 24, is 12; focal was"):
+        finished_on(tmp_path, [KEY], replace(views, width=12))
+
+
+def test_a_folder_may_be_moved_and_last_bits_may_differ(own: Path, tmp_path: Path) -> None:
+    views = read_view_set(own)
+    write_cell(tmp_path, replace(diverged(*KEY), settings={"view_set": view_set_facts(views)}))
+    moved = replace(views, path=tmp_path / "elsewhere", bounds=np.nextafter(views.bounds, 9.0))
+    assert finished_on(tmp_path, [KEY], moved) == 1
+
+
+def test_what_an_earlier_version_did_not_record_is_no_difference(ball: ViewSet, tmp_path: Path) -> None:
+    known = {name: value for name, value in view_set_facts(ball).items() if name not in ("content", "near", "far")}
+    for settings in ({"view_set": known}, {}):
+        write_cell(tmp_path, replace(diverged(*KEY), settings=settings))
+        assert finished_on(tmp_path, [KEY], ball) == 1
+
+
+def test_a_sound_truth_is_never_replaced_by_that_of_other_views(own: Path, tmp_path: Path) -> None:
+    file = tmp_path / "records/pictures/ball.safetensors"
+    keep_truth(tmp_path, "ball", read_view_set(own), 1)
+    before = file.read_bytes()
+    keep_truth(tmp_path, "ball", read_view_set(own), 1)
+    write_png(own / "test/r_1.png", np.ones((24, 24, 4)))
+    with pytest.raises(InputError, match=r"own: not the views that .*ball\.safetensors is of"):
+        keep_truth(tmp_path, "ball", read_view_set(own), 1)
+    assert file.read_bytes() == before
+    file.write_bytes(before[:-1])
+    keep_truth(tmp_path, "ball", read_view_set(own), 1)
+    assert read_truth(file)[0].display.min() == 1.0, "a damaged one is"
+    drop_truth(tmp_path, "ball")
+    assert not file.exists()

@@ -1,0 +1,284 @@
+"""`voxels_drjit` in training: repeatable to the bit, never past a NaN, on its own clock, in the same records."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from harness.machine.stopwatch import Stopwatch
+from harness.plan.schedule import Budget
+from harness.plan.settings import VoxelSettings
+from harness.records.cells import CellRecord, read_cells
+from harness.training import make_learner
+from harness.training.cell_training import GroupSettings
+from harness.training.evaluate import density_histogram
+from harness.training.learner import Learner
+from harness.training.lockstep import train_group
+from harness.training.make_learner import NotAvailable, learner_for
+from harness.training.trainer import Diverged
+from scenes.view_sets.view_set import ViewSet
+from tests.harness.ball import write_ball
+from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN, box, rays_and_colours
+from tests.harness.voxels import drjit_or_skip
+from tests.test_architecture import without_mitsuba
+
+SETTINGS = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
+
+
+@pytest.fixture
+def available() -> None:
+    drjit_or_skip()
+
+
+def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:
+    return learner_for("voxels_drjit", box(), SETTINGS, budget, seed, CPU)
+
+
+def train(one: Any, steps: int) -> Any:
+    for step in range(steps):
+        one.train_on(*rays_and_colours(seed=step))
+    return one
+
+
+def same(first: Any, second: Any) -> bool:
+    ours, theirs = first.fields.state_dict(), second.fields.state_dict()
+    return set(ours) == set(theirs) and all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+@pytest.mark.usefixtures("available")
+def test_the_same_seed_gives_the_same_bits() -> None:
+    first, second = train(voxels(), 22), train(voxels(), 22)
+    assert same(first, second)
+    assert first.trace == second.trace
+    assert first.field.shape == (16, 16, 16)
+    rays, _ = rays_and_colours(seed=77)
+    assert torch.equal(first.render(rays, 16).colour, second.render(rays, 16).colour)
+    assert not same(first, train(voxels(seed=1), 22))
+
+
+@pytest.mark.usefixtures("available")
+def test_it_is_a_learner_and_grows_by_its_budget() -> None:
+    one = voxels()
+    assert isinstance(one, Learner)
+    shapes = []
+    for step in range(24):
+        one.train_on(*rays_and_colours(seed=step))
+        shapes.append(one.field.shape[0])
+    assert [shapes.count(voxels) for voxels in (4, 8, 16)] == [3, 5, 16]
+    assert one.progress == 1.0
+    assert one.network_evaluations == 24 * 64 * 24
+    assert one.trace["step"] == [1.0, 20.0]
+    assert {len(series) for series in one.trace.values()} == {2}
+    assert sum(density_histogram(one, points=4)["after"]) == pytest.approx(1.0)
+
+
+@pytest.mark.usefixtures("available")
+def test_the_warm_up_changes_nothing_and_is_not_on_the_clock() -> None:
+    one, warmed = voxels(), voxels()
+    warmed.warm_up(*rays_and_colours(seed=3))
+    assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
+    assert same(one, warmed)
+    assert same(train(one, 9), train(warmed, 9)), "over both refinements"
+
+
+KERNELS = """
+import json
+import torch
+import drjit as dr
+from tests.harness.training.test_voxel_trainer import train, voxels
+from tests.harness.tiny import rays_and_colours
+
+torch.set_num_threads(1)
+one = voxels()
+dr.set_flag(dr.JitFlag.KernelHistory, True)
+
+def launched():
+    rows = [row for row in dr.kernel_history() if row["type"] == dr.KernelType.JIT]
+    dr.kernel_history_clear()
+    return [[str(row["hash"]), bool(row["cache_hit"])] for row in rows]
+
+launched()
+one.warm_up(*rays_and_colours(seed=3))
+warm = launched()
+steps = []
+for step in range(24):
+    one.train_on(*rays_and_colours(seed=step))
+    steps.append(launched())
+print(json.dumps([warm, steps, one.field.shape[0]]))
+"""
+"""Hashes of the kernels launched by the warm-up and by each step after it, and whether they were compiled before."""
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_nothing_is_compiled_on_the_clock_after_the_warm_up(tmp_path: Path) -> None:
+    """In a process and with a kernel cache of its own: both remember what any other test has compiled."""
+    drjit_or_skip()
+    ran = subprocess.run(
+        [sys.executable, "-c", KERNELS], env={**os.environ, "HOME": str(tmp_path)}, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stderr
+    warm, steps, finest = json.loads(ran.stdout)
+    assert finest == 16, "every refinement is among the steps"
+    assert any((tmp_path / ".drjit").iterdir()), "the cache is that of this test"
+    assert all(steps)
+    known = {kernel for kernel, _ in warm}
+    new = {step: [kernel for kernel, _ in rows if kernel not in known] for step, rows in enumerate(steps)}
+    assert {step: kernels for step, kernels in new.items() if kernels} == {}
+    assert all(compiled_before for rows in steps for _, compiled_before in rows)
+
+
+@pytest.mark.usefixtures("available")
+def test_rendering_between_steps_and_in_chunks_changes_nothing() -> None:
+    alone, looked_at = train(voxels(), 9), voxels()
+    rays, _ = rays_and_colours(seed=77)
+    for step in range(9):
+        looked_at.render(rays, 16)
+        looked_at.train_on(*rays_and_colours(seed=step))
+    assert same(looked_at, alone)
+    whole, parts = alone.render(rays, 10_000), alone.render(rays, 7)
+    torch.testing.assert_close(parts.colour, whole.colour, atol=2e-6, rtol=0.0)
+    assert parts.network_evaluations == whole.network_evaluations
+
+
+@pytest.mark.usefixtures("available")
+def test_training_lowers_the_loss() -> None:
+    one = voxels(budget=Budget(60, None))
+    batch = rays_and_colours()
+    one.train_on(*batch)
+    first = one.last_loss
+    for _ in range(59):
+        one.train_on(*batch)
+    assert one.last_loss < 0.3 * first
+
+
+@pytest.mark.usefixtures("available")
+def test_what_is_not_finite_is_named_and_leaves_the_field_alone() -> None:
+    one = train(voxels(), 2)
+    before = one.fields.state_dict()
+    rays, colours = rays_and_colours()
+    colours[5, 1] = math.nan
+    with pytest.raises(Diverged, match="at step 2: loss"):
+        one.train_on(rays, colours)
+    assert all(torch.equal(before[name], value) for name, value in one.fields.state_dict().items())
+    assert one.step == 2
+    train(one, 1)
+    one.field.values["red"] = one.field.values["red"] * math.nan
+    with pytest.raises(Diverged, match="at step 3: weight of red"):
+        train(one, 1)
+    with pytest.raises(Diverged, match="at step 3: rendered colour"):
+        one.render(rays, 1000)
+
+
+@pytest.mark.usefixtures("available")
+def test_a_spike_reaches_adam_as_a_few_times_the_usual_gradient_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = train(voxels(), 6)
+    usual = one.clipping.usual_norm
+    original = one._slope
+    norms: list[float] = []
+    shares: list[float] = []
+
+    def spiked(*batch: Any) -> Any:
+        found = original(*batch)
+        norms.append(1e6 * found.norm)
+        return replace(found, norm=norms[-1])
+
+    monkeypatch.setattr(one, "_slope", spiked)
+    monkeypatch.setattr(one._optimiser, "step", lambda field, gradients, rate, scale: shares.append(scale))
+    train(one, 1)
+    assert shares[0] * norms[0] == pytest.approx(SETTINGS.clip_ratio * usual, rel=1e-6)
+
+
+@pytest.mark.usefixtures("available")
+def test_a_batch_that_sees_nothing_of_the_box_teaches_nothing() -> None:
+    one = train(voxels(), 1)
+    before = one.fields.state_dict()
+    rays, colours = rays_and_colours()
+    one.train_on(replace(rays, directions=-rays.directions), torch.ones_like(colours))
+    assert one.last_loss == 0.0
+    assert all(torch.equal(before[name], value) for name, value in one.fields.state_dict().items())
+
+
+@pytest.mark.usefixtures("available")
+def test_a_budget_of_seconds_runs_on_its_own_clock() -> None:
+    one = voxels(budget=Budget(None, 10.0))
+    ticks = iter(range(1000))
+    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    train(one, 4)
+    assert one.progress == 0.4
+
+
+@pytest.mark.usefixtures("available")
+def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: ViewSet, tmp_path: Path) -> None:
+    settings = GroupSettings(
+        ("nerf", "voxels_drjit"), replace(SETTINGS, rays=256), replace(SCORE, checkpoints=2), Budget(100, None)
+    )
+    cells = {one.method: one for one in train_group(ball, "ball", 0, settings, CPU, tmp_path, {}, lambda share: None)}
+    cell, other = cells["voxels_drjit"], cells["nerf"]
+    assert (cell.status, cell.reason, cell.steps) == ("done", None, 100)
+    for part in ("scores", "trace", "properties"):
+        assert set(getattr(cell, part)) == set(getattr(other, part))
+    known = {name for name, value in other.scores.items() if value is not None}
+    assert {name for name, value in cell.scores.items() if value is not None} == known
+    assert cell.scores["psnr"] is not None
+    assert cell.scores["psnr"] > 17.0
+    assert all(point.density is not None for point in cell.curve)
+    assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
+    assert float(cell.properties["chunk_max_difference"] or 0) < 1e-5
+    assert cell.pictures == "pictures/ball.voxels_drjit.0.safetensors"
+    stored = load_file(tmp_path / "checkpoints" / "ball.voxels_drjit.0.safetensors")
+    assert stored["density"].shape == (16, 16, 16)
+    assert sum(value.numel() for value in stored.values()) == cell.parameters["total"]
+
+
+# where it cannot run
+
+
+def test_without_an_llvm_library_it_is_not_available(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(make_learner, "llvm_libraries", list)
+    with pytest.raises(NotAvailable, match=r"LLVM 16 or newer.*none was found.*libllvm19.*DRJIT_LIBLLVM_PATH"):
+        voxels()
+    monkeypatch.setattr(make_learner, "llvm_libraries", lambda: [Path("/some/libLLVM.so")])
+    monkeypatch.setattr(make_learner, "probe", lambda variant, library: "it aborted")
+    with pytest.raises(NotAvailable, match=r"/some/libLLVM\.so failed: it aborted"):
+        voxels()
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_run_where_drjit_cannot_be_imported_goes_on_without_it(tmp_path: Path) -> None:
+    environment = without_mitsuba(tmp_path / "blocked")
+    write_ball(tmp_path / "ball", size=16, train=3, test=1)
+    options = (
+        "run --profile smoke --view-set ball --out run --resolution 16 --methods nerf voxels_drjit --seeds 1 "
+        "--budget-steps 3 --quiet"
+    )
+    command = [sys.executable, "-m", "harness", *options.split()]
+    ran = subprocess.run(command, cwd=tmp_path, env={**os.environ, **environment}, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    cells: dict[str, CellRecord] = {one.method: one for one in read_cells(tmp_path / "run")}
+    assert {name: one.status for name, one in cells.items()} == {"nerf": "done", "voxels_drjit": "not_available"}
+    assert "this test allows no Mitsuba" in (cells["voxels_drjit"].reason or "") or "LLVM" in (
+        cells["voxels_drjit"].reason or ""
+    )
+    page = subprocess.run(
+        [sys.executable, "-m", "reports", "run"], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert page.returncode == 0, page.stderr
+    html = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "not available" in html
+
+
+@pytest.mark.usefixtures("available")
+@pytest.mark.parametrize("bins", [0, -1])
+def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
+    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
+        voxels().render(rays_and_colours(8)[0], 8, bins)

@@ -1,0 +1,268 @@
+"""Hand-written cells → literal differences."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.records.cells import CellRecord, Comparison
+from harness.verdicts.comparisons import METRICS, compare, differences, family_of, judged, keyed, score_on_curve
+from tests.harness.cells import cell, checkpoint, diverged
+
+
+def of(rows: list[Comparison], **wanted: object) -> Comparison:
+    """The only row with these values."""
+    found = [row for row in rows if all(getattr(row, name) == value for name, value in wanted.items())]
+    assert len(found) == 1, wanted
+    return found[0]
+
+
+def slow(method: str, seed: int, last: float, scene: str = "lego") -> CellRecord:
+    """Scored after 20 and 200 seconds."""
+    return cell(scene, method, seed, [checkpoint(10, 20.0, last - 6), checkpoint(100, 200.0, last)])
+
+
+def quick(method: str, seed: int, last: float, scene: str = "lego") -> CellRecord:
+    """Scored after 10 and 100 seconds."""
+    return cell(scene, method, seed, [checkpoint(10, 10.0, last - 4), checkpoint(100, 100.0, last)])
+
+
+def test_equal_steps_compares_the_final_scores_pair_by_pair() -> None:
+    cells = [quick("nerf", 0, 24.0), quick("nerf", 1, 25.0), slow("qnerf", 0, 27.0), slow("qnerf", 1, 26.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
+    assert (row.method, row.against, row.pairs, row.unpaired) == ("qnerf", "nerf", 2, 0)
+    assert row.difference == 2.0
+    # differences 3 and 1: mean 2, standard error 1, t of one degree of freedom 12.7062
+    assert row.interval == pytest.approx((2 - 12.7062, 2 + 12.7062), abs=1e-4)
+    assert row.verdict == "inconclusive"
+
+
+def test_equal_seconds_reads_the_slower_method_where_the_quicker_ended() -> None:
+    cells = [quick("nerf", 0, 24.0), slow("qnerf", 0, 27.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="seconds")
+    # qnerf after 100 s lies log(100 / 20) / log(200 / 20) of the way from 21 to 27 dB
+    assert row.difference == pytest.approx(21 + 6 * math.log(5) / math.log(10) - 24)
+    assert (row.interval, row.verdict, row.smallest_detectable) == (None, "inconclusive", None)
+
+
+def test_who_wins_may_differ_between_equal_steps_and_equal_time() -> None:
+    cells = [
+        one
+        for seed in range(4)
+        for one in (quick("nerf", seed, 26.0 + 0.01 * seed), slow("qnerf", seed, 27.0))
+    ]  # fmt: skip
+    rows = [row for row in compare(cells, ["nerf", "qnerf"]) if row.scene == "lego" and row.metric == "psnr"]
+    assert of(rows, budget="steps").verdict == "better"
+    assert of(rows, budget="seconds").verdict == "worse"
+
+
+def test_the_direction_of_a_metric_is_minded() -> None:
+    scores = [{"psnr": 20.0, "flip": 0.30}, {"psnr": 20.0, "flip": 0.20}]
+    cells = []
+    for seed in range(3):
+        for method, score in zip(("nerf", "qnerf"), scores, strict=True):
+            shifted = {**score, "flip": score["flip"] + (0.001 * seed if method == "nerf" else 0.0)}
+            cells.append(cell("lego", method, seed, [checkpoint(10, 10.0, 20.0)], scores=shifted))
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="flip", budget="steps")
+    assert row.difference == pytest.approx(-0.101)
+    assert row.verdict == "better"
+
+
+def test_families_are_the_declared_ones() -> None:
+    scenes = ("a", "b", "c")
+    cells = [
+        quick(method, seed, 20.0 + seed + (method == "qnerf"), scene)
+        for method in ("nerf", "qnerf") for scene in scenes for seed in range(2)
+    ]  # fmt: skip
+    families = {(row.metric, row.scene): row.family for row in compare(cells, ["nerf", "qnerf"])}
+    others = len(METRICS) - 1
+    assert families["psnr", "all"] == 1
+    assert families["psnr", "b"] == 3
+    assert families["ssim", "all"] == others
+    assert families["ssim", "b"] == 3 * others
+    assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
+
+
+def planted(gains: dict[str, list[float]]) -> list[CellRecord]:
+    """nerf at 20 dB, and qnerf above it: scene → gain by seed."""
+    cells = [quick("nerf", seed, 20.0, scene) for scene, row in gains.items() for seed in range(len(row))]
+    return cells + [
+        quick("qnerf", seed, 20.0 + gain, scene) for scene, row in gains.items() for seed, gain in enumerate(row)
+    ]
+
+
+def psnr_row(cells: list[CellRecord], scene: str) -> Comparison:
+    return of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
+
+
+def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
+    """0.75 dB is 2.6 standard errors of 16 degrees of freedom: 2.1 for one scene, 3.2 for one of eight."""
+    row = psnr_row(planted({scene: [0.25, 0.75, 1.25] for scene in "abcdefgh"}), "a")
+    assert row.interval is not None
+    assert row.simultaneous is not None
+    assert (row.interval[0] > 0 > row.simultaneous[0], row.family, row.verdict) == (True, 8, "inconclusive")
+    # 4.3 standard errors of 2 degrees of freedom
+    assert psnr_row(planted({"a": [0.25, 0.75, 1.25]}), "a").verdict == "inconclusive"
+    assert psnr_row(planted({"a": [1.0, 1.5, 2.0]}), "a").verdict == "better"
+
+
+def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
+    """What two scenes do in the same seed is lined up, whatever is missing in between."""
+    cells = [quick("nerf", seed, 20.0, scene) for scene in "ab" for seed in range(3)]
+    cells += [quick("qnerf", seed, 21.0 + seed, "a") for seed in (0, 2)] + [quick("qnerf", 2, 25.0, "b")]
+    table = differences(*keyed(cells), "qnerf", "nerf", "psnr", "steps")
+    np.testing.assert_array_equal(table["a"], [1.0, math.nan, 3.0])
+    np.testing.assert_array_equal(table["b"], [math.nan, math.nan, 5.0])
+    one = judged(table, "psnr", 1)
+    assert (one.difference, one.pairs, one.unpaired) == (3.5, 3, 3)
+
+
+def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_control() -> None:
+    methods = ["nerf", "nerf_matched", "qnerf", "qnerf_theorem"]
+    cells = [quick(method, seed, 20.0) for method in methods for seed in range(2)]
+    pairs = {(row.method, row.against) for row in compare(cells, methods)}
+    assert pairs == {
+        ("nerf_matched", "nerf"),
+        ("qnerf", "nerf"),
+        ("qnerf_theorem", "nerf"),
+        ("qnerf", "nerf_matched"),
+        ("qnerf_theorem", "nerf_matched"),
+    }
+
+
+def test_without_the_control_there_is_one_reference_and_alone_there_is_none() -> None:
+    cells = [quick(method, 0, 20.0) for method in ("qnerf", "nerf", "qnerf_theorem")]
+    # whatever their order, others stand against nerf; where it takes no part, against the first
+    assert {(row.method, row.against) for row in compare(cells, ["qnerf", "nerf"])} == {("qnerf", "nerf")}
+    without = compare(cells, ["qnerf", "qnerf_theorem"])
+    assert {(row.method, row.against) for row in without} == {("qnerf_theorem", "qnerf")}
+    assert compare(cells, ["nerf"]) == []
+
+
+def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
+    rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
+    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS)
+    assert {row.metric for row in rows if row.budget == "seconds"} == {
+        "psnr", "ssim", "rmse_linear", "flip", "depth_rmse",
+    }  # fmt: skip
+    assert {row.scene for row in rows} == {"lego", "all"}
+
+
+def test_over_all_scenes_both_senses_stand_side_by_side() -> None:
+    row = psnr_row(planted({"a": [1.0, 2.0, 3.0], "b": [4.0, 4.0, 4.0]}), "all")
+    assert (row.difference, row.pairs) == (3.0, 6)
+    here, elsewhere = row.on_these_scenes, row.scenes_like_these
+    assert here is not None
+    assert elsewhere is not None
+    # scenes 2 and 4: standard error 1 with one degree of freedom
+    assert elsewhere.interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-4)
+    # seeds: (1 / 3 + 0 / 3) / 4, and of two variances one says nothing
+    assert here.interval == pytest.approx((3 - 2.7764 / 12**0.5, 3 + 2.7764 / 12**0.5), abs=1e-3)
+    assert (here.verdict, elsewhere.verdict) == ("better", "inconclusive")
+    assert (row.interval, row.verdict, row.family) == (elsewhere.interval, "inconclusive", 1)
+    assert here.effect == pytest.approx(3 / 0.5**0.5)
+    assert elsewhere.effect == pytest.approx(3 / 2**0.5)
+
+
+def test_a_single_scene_says_nothing_of_others() -> None:
+    cells = planted({"a": [1.0, 1.1, 1.2]})
+    row = psnr_row(cells, "all")
+    assert row.scenes_like_these is None
+    assert replace(row, scene="a") == psnr_row(cells, "a")
+    assert (row.verdict, row.on_these_scenes and row.on_these_scenes.verdict) == ("better", "better")
+
+
+@pytest.mark.parametrize("seeds", [1, 2])
+def test_fewer_than_three_seeds_give_no_verdict_on_a_single_scene(seeds: int) -> None:
+    cells = planted({scene: [5.0, 5.01][:seeds] for scene in "abcd"})
+    assert psnr_row(cells, "a").verdict == "inconclusive"
+    assert psnr_row(cells, "all").verdict == "better"
+
+
+@pytest.mark.parametrize("broken", ["diverged", "collapsed", "missing", "error"])
+@pytest.mark.parametrize("budget", ["steps", "seconds"])
+def test_a_run_without_a_score_is_counted_and_the_others_are_judged(broken: str, budget: str) -> None:
+    cells = [quick("nerf", seed, 20.0 + 0.01 * seed, scene) for seed in range(4) for scene in "ab"]
+    cells += [quick("qnerf", seed, 23.0, scene) for seed in range(4) for scene in "ab"]
+    lost = cells.pop()
+    if broken == "collapsed":
+        cells.append(replace(lost, warnings=["empty collapse: mean test opacity 0.001"]))
+    elif broken != "missing":
+        cells.append(replace(diverged("b", "qnerf", 3), status=broken))  # type: ignore[arg-type]
+    for scene, pairs in (("b", 3), ("all", 7)):
+        row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget=budget)
+        assert (row.pairs, row.unpaired, row.verdict) == (pairs, 1, "better")
+    assert row.difference == pytest.approx((2.985 + 2.99) / 2)
+
+
+def test_one_lost_run_turns_no_verdict_however_bad_the_method_is() -> None:
+    gains = {scene: [-3.0, -3.1, -2.9] for scene in "abcdefgh"}
+    cells = planted(gains)
+    cells[-1] = diverged("h", "qnerf", 2)
+    assert [psnr_row(cells, scene).verdict for scene in ("a", "h", "all")] == ["worse"] * 3
+
+
+def test_a_method_of_one_scene_is_compared_there_and_not_over_all() -> None:
+    cells = planted({"a": [1.0, 1.5, 2.0], "b": [1.0, 1.5, 2.0]})
+    cells += [quick("extra", seed, 22.0, "a") for seed in range(3)]
+    rows = compare(cells, ["nerf", "qnerf", "extra"])
+    assert {row.scene for row in rows if row.method == "extra"} == {"a"}
+    assert {row.scene for row in rows if row.method == "qnerf"} == {"a", "b", "all"}
+    assert of(rows, method="extra", metric="psnr", budget="steps").family == 1
+    # one that failed everywhere on a scene was planned there
+    rows = compare([*cells, *(diverged("b", "extra", seed) for seed in range(3))], ["nerf", "qnerf", "extra"])
+    assert {row.scene for row in rows if row.method == "extra"} == {"a", "b", "all"}
+
+
+def test_a_diverged_reference_counts_as_well() -> None:
+    cells = [diverged("lego", "nerf", 0), quick("nerf", 1, 20.0), quick("qnerf", 0, 21.0), quick("qnerf", 1, 21.0)]
+    row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="steps")
+    assert (row.pairs, row.unpaired, row.difference) == (1, 1, 1.0)
+
+
+def test_nothing_left_to_compare_is_a_row_without_a_number() -> None:
+    cells = [quick("nerf", seed, 20.0) for seed in range(2)] + [diverged("lego", "qnerf", seed) for seed in range(2)]
+    for scene in ("lego", "all"):
+        row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
+        assert (row.difference, row.interval, row.smallest_detectable) == (None, None, None)
+        assert (row.verdict, row.pairs, row.unpaired) == ("inconclusive", 0, 2)
+
+
+def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, 20.0), checkpoint(3, 1000.0, 24.0)])
+    assert score_on_curve(one, "psnr", "seconds", 0.5) is None
+    assert score_on_curve(one, "psnr", "seconds", 1.0) == 10.0
+    assert score_on_curve(one, "psnr", "seconds", math.sqrt(10)) == pytest.approx(15.0)
+    assert score_on_curve(one, "psnr", "seconds", 100.0) == pytest.approx(22.0)
+    assert score_on_curve(one, "psnr", "seconds", 1000.0) == pytest.approx(24.0)
+
+
+def test_a_checkpoint_without_a_score_is_bridged_and_a_curve_without_any_has_none() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
+    assert score_on_curve(one, "psnr", "seconds", 10.0) == pytest.approx(15.0)
+    assert score_on_curve(one, "ssim", "seconds", 10.0) is None
+
+
+def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:
+    cells = [cell("a", "nerf", 0, [checkpoint(100, 5.0, 20.0)]), slow("qnerf", 0, 25.0, "a")]
+    rows = compare(cells, ["nerf", "qnerf"])
+    late = of(rows, scene="a", metric="psnr", budget="seconds")
+    assert (late.difference, late.pairs, late.unpaired) == (None, 0, 1)
+    assert of(rows, scene="a", metric="psnr", budget="steps").difference == 5.0
+
+
+def test_after_a_budget_of_seconds_equal_steps_are_those_that_both_have_done() -> None:
+    short = cell("a", "qnerf", 0, [checkpoint(10, 10.0, 20.0), checkpoint(50, 60.0, 26.0)])
+    long = cell("a", "nerf", 0, [checkpoint(10, 6.0, 20.0), checkpoint(100, 60.0, 30.0)])
+    rows = compare([short, long], ["nerf", "qnerf"])
+    at_50 = 20 + 10 * math.log(5) / math.log(10)
+    assert of(rows, scene="a", metric="psnr", budget="steps").difference == pytest.approx(26 - at_50)
+    assert of(rows, scene="a", metric="psnr", budget="seconds").difference == -4.0
+    # a metric that is scored at the end alone has no value at equal steps
+    assert of(rows, scene="a", metric="flip", budget="steps").difference is None
+
+
+def test_a_metric_of_the_end_alone_is_on_no_curve() -> None:
+    one = cell("a", "nerf", 0, [checkpoint(1, 1.0, 10.0)], scores={"flip": 0.2})
+    assert score_on_curve(one, "flip", "step", 1.0) is None

@@ -1,0 +1,125 @@
+"""`python -m harness judge` as a user types it, the record that it leaves, and the page made from that."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.__main__ import main
+from harness.records.json_record import DamagedRecord
+from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
+from harness.verdicts.judgement import judge
+from reports.__main__ import main as report
+from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
+from tests.harness.shell import refused
+from tests.harness.verdicts.test_judgement import drawn, table_of
+
+
+def table_file(folder: Path, values: np.ndarray) -> Path:
+    path = folder / "t.csv"
+    rows = [f"s{j},m{i},{value:.4f}\n" for (i, j), value in np.ndenumerate(values)]
+    path.write_text("scene,method,psnr\n" + "".join(rows))
+    return path
+
+
+def collapsed() -> np.ndarray:
+    values = drawn(0, methods=5, effect=1.0)
+    values[2, 6] -= 20
+    return values
+
+
+@pytest.fixture
+def record() -> JudgementRecord:
+    return judge(table_of(collapsed()), None, None, {"t.csv": "0" * 64})
+
+
+def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = table_file(tmp_path, collapsed())
+    assert main(["judge", str(path), "--out", str(tmp_path / "out")]) == 0
+    said = capfd.readouterr().out.splitlines()
+    assert said[0].startswith("5 methods on 8 scenes: ")
+    assert said[2].split()[0] == "m4"
+    assert any(line.startswith("suspect: m2 on s6: ") for line in said)
+    assert said[-1] == str(tmp_path / "out" / "judgement.html")
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["judgement.html", JUDGEMENT_FILE]
+    page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
+    assert re.findall(r'(?:src|href)="(?!#|data:)[^"]+"', page) == []
+    assert "default-src &#39;none&#39;" in page
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("", "no such file; give a table as CSV, Parquet or JSON"),
+        ("--metric ssim", "--metric ssim: no such column; metrics of the table: psnr"),
+        ("--baseline nerf", "--baseline nerf: no such method"),
+        ("--margin nan", "--margin nan: must be 0 or more"),
+        ("--out {table}", "t.csv: is a file; name a folder"),
+    ],
+)
+def test_what_cannot_be_judged_is_said_in_a_line(
+    options: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table_file(tmp_path, collapsed()) if options else tmp_path / "t.csv"
+    more = options.format(table=path).split()
+    out = [] if "--out" in more else ["--out", str(tmp_path / "out")]
+    assert said in refused(capsys, path, *more, *out, command="judge")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path: Path, record: JudgementRecord) -> None:
+    write_judgement(tmp_path / JUDGEMENT_FILE, record)
+    assert read_judgement(tmp_path / JUDGEMENT_FILE) == record
+
+
+@pytest.mark.parametrize("change", [{"schema": 9}, {"given": {}}, {"margin": "much"}, {"suspects": 3}, {"more": 1}])
+def test_a_damaged_record_is_refused(change: dict, tmp_path: Path, record: JudgementRecord) -> None:
+    path = tmp_path / JUDGEMENT_FILE
+    write_judgement(path, record)
+    data = json.loads(path.read_text())
+    del data["digest"]
+    path.write_text(json.dumps(data | change))
+    with pytest.raises(DamagedRecord, match="run `python -m harness judge` again"):
+        read_judgement(path)
+    assert report([str(tmp_path)]) == 2
+    assert not (tmp_path / "judgement.html").exists()
+
+
+def test_the_page_shows_every_method_pair_and_suspect(record: JudgementRecord) -> None:
+    page = judgement_page(record)
+    assert page.count('title="m') == 5 * 4 + 5  # pairs, and heads of columns
+    assert [row[0].text for row in methods_grid(record, record.given, "").rows] == ["m4", "m3", "m1", "m0", "m2"]
+    assert [row[0].text for row in suspects_grid(record).rows] == ["m2 on s6"]
+    squares = matrix(record)
+    marks = [[one.mark for one in row] for _, row in squares]
+    turned = {"▲": "▼", "▼": "▲"}
+    assert all(marks[a][b] == turned.get(marks[b][a], marks[b][a]) for a in range(5) for b in range(5))
+    assert "Without the suspect results" in page
+
+
+def test_a_picture_leaves_out_what_would_have_its_axis_to_itself(record: JudgementRecord) -> None:
+    values = drawn(0, methods=8)
+    values[3] -= 25
+    limits = panel(judge(table_of(values), None, None, {})).x_limits
+    assert limits
+    assert limits[0] > values[3].mean()
+    assert panel(record).x_limits is None
+    rows = panel(judge(table_of(values), None, None, {})).rows
+    assert rows[7] == f"m3 ({values[3].mean():.2f})"
+
+
+def test_against_a_baseline_the_page_has_no_groups_and_no_matrix() -> None:
+    found = judge(table_of(drawn(0, effect=0.5)), None, "m0", {})
+    page = judgement_page(found)
+    assert 'id="pairs"' not in page
+    assert "less m0" in page
+    assert "groups" not in [column.label for column in methods_grid(found, found.given, "").columns]
+
+
+def test_names_from_a_table_run_nothing() -> None:
+    hostile = "<script>alert(1)</script>"
+    table = table_of(drawn(0, methods=3))
+    table.methods[0] = table.scenes[0] = hostile
+    assert hostile not in judgement_page(judge(table, None, None, {hostile: hostile}))

@@ -1,0 +1,181 @@
+"""Groups, intervals and suspect results against slow references, invariants and simulations."""
+
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import ttest_rel
+
+from harness.records.judgements import JudgementRecord, Ranking, changed_pairs
+from harness.verdicts.judgement import adjusted_means, judge, ranking, suspects, without
+from harness.verdicts.result_table import ResultTable
+from scenes.files.errors import InputError
+
+
+def table_of(values: np.ndarray, **more: object) -> ResultTable:
+    """[methods, scenes] or [methods, scenes, seeds]."""
+    values = values[..., None] if values.ndim == 2 else values
+    methods, scenes, seeds = values.shape
+    names = [[f"{kind}{place}" for place in range(many)] for kind, many in (("m", methods), ("s", scenes))]
+    of_seeds = [str(seed) for seed in range(seeds)] if seeds > 1 else [""]
+    none: list[float | None] = [None] * methods
+    made = ResultTable("t.csv", "psnr", True, *names, of_seeds, values, none, none, [])
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+def drawn(seed: int, methods: int = 6, scenes: int = 8, effect: float = 0.0) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    steps = effect * np.arange(methods)[:, None]
+    return 30 + steps + random.normal(0, 3, scenes) + random.normal(0, 0.5, (methods, scenes))
+
+
+def verdicts(found: Ranking) -> dict[tuple[str, str], str]:
+    turned = {"better": "worse", "worse": "better"}
+    said = {(pair.method, pair.against): str(pair.verdict) for pair in found.pairs}
+    return said | {(b, a): turned.get(one, one) for (a, b), one in said.items()}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pairs_are_told_apart_as_by_bonferroni_s_paired_t_test(seed: int) -> None:
+    values = drawn(seed, effect=0.4)
+    found = ranking(table_of(values), margin=0.0)
+    assert len(found.pairs) == found.family == 15
+    for pair in found.pairs:
+        a, b = (values[int(name[1:])] for name in (pair.method, pair.against))
+        assert pair.told_apart == (15 * ttest_rel(a, b).pvalue < 0.05)
+        assert pair.difference == pytest.approx(a.mean() - b.mean())
+    assert {pair.told_apart for pair in found.pairs} == {True, False}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_groups_are_the_longest_runs_in_which_no_two_are_told_apart(seed: int) -> None:
+    found = ranking(table_of(drawn(seed, methods=9, effect=0.3)), margin=0.0)
+    said, places = verdicts(found), found.places
+    numbers = sorted({number for place in places for number in place.groups})
+    runs = [[at for at, place in enumerate(places) if number in place.groups] for number in numbers]
+
+    def alike(run: list[int]) -> bool:
+        names = [places[at].method for at in run]
+        return all(said[two] not in ("better", "worse") for two in combinations(names, 2))
+
+    expected = [list(range(a, b)) for a in range(9) for b in range(a + 1, 10) if alike(list(range(a, b)))]
+    assert runs == [run for run in expected if not any(set(run) < set(other) for other in expected)]
+
+
+def test_no_two_methods_without_a_difference_are_told_apart_in_95_of_100_tables() -> None:
+    tables = [table_of(drawn(seed, methods=4)) for seed in range(100)]
+    wrong = sum(any(pair.told_apart for pair in ranking(one, 0.0).pairs) for one in tables)
+    assert 1 <= wrong <= 9  # 5 and two standard deviations; 20 or so without the correction
+
+
+def test_lower_is_better_mirrors_every_verdict() -> None:
+    values = drawn(3, effect=0.4)
+    up = ranking(table_of(values), 0.2)
+    down = ranking(table_of(-values, higher_is_better=False), 0.2)
+    assert [one.method for one in up.places] == [one.method for one in down.places]
+    assert [one.groups for one in up.places] == [one.groups for one in down.places]
+    assert verdicts(up) == verdicts(down)
+
+
+def test_the_order_of_methods_scenes_and_seeds_changes_nothing() -> None:
+    values = np.random.default_rng(1).normal(30, 1, (4, 6, 3)) + np.arange(4)[:, None, None]
+    plain, turned = table_of(values), table_of(values[::-1, ::-1, ::-1])
+    turned = replace(turned, methods=plain.methods[::-1], scenes=plain.scenes[::-1], seeds=plain.seeds[::-1])
+    for one, other in zip(ranking(plain, 0.2).pairs, ranking(turned, 0.2).pairs, strict=True):
+        assert (one.method, one.against, one.verdict) == (other.method, other.against, other.verdict)
+        assert one.on_these_scenes
+        assert other.on_these_scenes
+        assert one.on_these_scenes.interval == pytest.approx(other.on_these_scenes.interval)
+
+
+def test_pairs_are_compared_on_the_scenes_that_both_have() -> None:
+    values = drawn(2, methods=3)
+    values[0, 0] = values[1, 1] = np.nan
+    values[2, 2:] = np.nan
+    found = judge(table_of(values), None, None, {})
+    pairs = {frozenset((pair.method, pair.against)): pair for pair in found.given.pairs}
+    first = pairs[frozenset(("m0", "m1"))]
+    sign = 1 if first.method == "m0" else -1
+    assert first.scenes == 6
+    assert first.difference == pytest.approx(sign * (values[0, 2:] - values[1, 2:]).mean())
+    lonely = pairs[frozenset(("m0", "m2"))]
+    assert (lonely.scenes, lonely.scenes_like_these, lonely.verdict) == (1, None, "inconclusive")
+    assert found.missing == ["m0, s0", "m1, s1", *(f"m2, s{scene}" for scene in range(2, 8))]
+    values[2] = np.nan
+    values[2, 0] = 30.0
+    pairs = {frozenset((pair.method, pair.against)): pair for pair in ranking(table_of(values), 0.2).pairs}
+    assert pairs[frozenset(("m0", "m2"))].difference is None
+
+
+def test_a_mean_is_adjusted_for_missing_scenes_by_least_squares() -> None:
+    values = drawn(4, methods=5)
+    assert adjusted_means(values) == pytest.approx(values.mean(axis=1))
+    values[np.random.default_rng(0).random(values.shape) < 0.3] = np.nan
+    at = np.argwhere(np.isfinite(values))
+    design = np.hstack([np.eye(5)[at[:, 0]], np.eye(8)[at[:, 1]]])
+    solved = np.linalg.lstsq(design, values[tuple(at.T)], rcond=None)[0]
+    assert adjusted_means(values) == pytest.approx(solved[:5] + solved[5:].mean(), abs=1e-6)
+
+
+def test_without_seeds_nothing_is_said_of_these_scenes() -> None:
+    found = judge(table_of(drawn(0)), None, None, {})
+    assert all(pair.on_these_scenes is None and pair.scenes_like_these for pair in found.given.pairs)
+    assert any("only of scenes like these" in note for note in found.notes)
+    seeded = np.random.default_rng(0).normal(30, 1, (3, 8, 3))
+    assert all(pair.on_these_scenes for pair in judge(table_of(seeded), None, None, {}).given.pairs)
+
+
+def test_a_baseline_is_compared_with_each_method_once() -> None:
+    found = ranking(table_of(drawn(0, effect=0.5)), 0.2, baseline="m3")
+    assert sorted(pair.method for pair in found.pairs) == ["m0", "m1", "m2", "m4", "m5"]
+    assert {pair.against for pair in found.pairs} == {"m3"}
+    assert found.family == 5
+    with pytest.raises(InputError, match="--baseline m9: no such method; methods of the table: m0, m1"):
+        judge(table_of(drawn(0)), None, "m9", {})
+    with pytest.raises(InputError, match="--margin -1: must be 0 or more"):
+        judge(table_of(drawn(0)), -1, None, {})
+
+
+def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
+    values = drawn(0, methods=5, effect=1.0)
+    values[2, 6] -= 20
+    found = judge(table_of(values), None, None, {})
+    (one,) = found.suspects
+    assert (one.method, one.scene, one.value) == ("m2", "s6", values[2, 6])
+    assert one.value - one.expected == pytest.approx(-20, abs=1.5)
+    assert found.without_suspects
+    assert found.without_suspects.pairs == ranking(table_of(np.where(values == one.value, np.nan, values)), 0.2).pairs
+    changes = {frozenset((pair.method, pair.against)): after for pair, after in changed_pairs(found)}
+    assert changes[frozenset(("m2", "m0"))] in ("better", "worse")
+    assert all("m2" in names for names in changes)
+
+
+def test_one_collapsed_seed_of_many_is_found() -> None:
+    values = 30 + np.random.default_rng(0).normal(0, 0.3, (4, 8, 3))
+    values[1, 2, 0] += 9
+    assert [(one.method, one.scene, one.seed) for one in suspects(table_of(values), 0.2)] == [("m1", "s2", "0")]
+
+
+@pytest.mark.parametrize(("methods", "scenes", "freedom", "most"), [(3, 3, 99, 1), (17, 8, 99, 1), (17, 8, 4, 15)])
+def test_few_ordinary_tables_have_a_suspect(methods: int, scenes: int, freedom: int, most: int) -> None:
+    random = np.random.default_rng(7)
+    tables = [30 + random.standard_t(freedom, (methods, scenes)) * 0.3 for _ in range(100)]
+    assert sum(bool(suspects(table_of(values), 0.2)) for values in tables) <= most
+    spoilt = np.where(tables[0] == tables[0].max(), 0.0, tables[0])
+    assert [one.value for one in suspects(table_of(spoilt), 0.2)] == [0.0]
+
+
+def test_of_two_methods_nobody_can_say_which_is_off() -> None:
+    values = drawn(0, methods=2)
+    values[0, 0] = 3.0
+    assert suspects(table_of(values), 0.2) == []
+    assert without(table_of(values), []) is None
+
+
+def test_a_table_of_equal_numbers_is_judged() -> None:
+    found: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None, {})
+    assert [pair.verdict for pair in found.given.pairs] == ["equivalent"] * 3
+    assert found.suspects == []
+    assert [one.groups for one in found.given.places] == [[1]] * 3
+    assert all(pair.against == after.method for pair, after in pairwise(found.given.neighbours))

@@ -1,0 +1,116 @@
+"""The ledger against the paper's own words, copied here a second time."""
+
+import json
+import re
+
+from baselines.catalog import CATALOG
+from harness.verdicts.paper import LEDGER, TABLE1, TABLE2, TABLE3, TABLE4, printed
+
+TEXT_TABLE2 = """
+| Chair          | 33.0        | 34.4        | +1.4        |
+| Drums          | 25.0        | 26.2        | +1.2        |
+| Ficus          | 30.1        | 31.6        | +1.5        |
+| Hotdog         | 36.2        | 38.0        | +1.8        |
+| Lego           | 32.5        | 34.0        | +1.5        |
+| Materials      | 29.6        | 31.0        | +1.4        |
+| Mic            | 32.9        | 34.4        | +1.5        |
+| Ship           | 28.7        | 30.2        | +1.5        |
+| <b>Average</b> | <b>31.0</b> | <b>32.5</b> | <b>+1.5</b> |
+"""
+TEXT_TABLE3 = """
+| Iters to PSNR 30      | 150K | 123K   |
+| Time to PSNR 30 (hrs) | 4.2  | 3.4    |
+| Final PSNR (200K)     | 31.0 | 32.5   |
+| Speedup               | —    | 18%    |
+"""
+TEXT_TABLE4 = """
+| Baseline NeRF                | 32.5 | 0.961 |
+| + $\\phi$ -Encoding           | 33.2 | 0.967 |
+| + Quantum Amplifier          | 33.8 | 0.972 |
+| + $\\phi$ -Skip (Full Q-NeRF) | 34.0 | 0.974 |
+"""
+
+
+def rows(text: str) -> list[list[str]]:
+    lines = text.replace("<b>", "").replace("</b>", "").strip().splitlines()
+    return [[entry.strip() for entry in line.strip("|").split("|")] for line in lines]
+
+
+def by_id():
+    return {one.id: one for one in LEDGER}
+
+
+def test_table_2_is_the_printed_one():
+    for name, nerf, qnerf, delta in rows(TEXT_TABLE2):
+        assert TABLE2[name.lower()] == {"nerf": float(nerf), "qnerf": float(qnerf), "delta": float(delta)}
+    assert len(TABLE2) == 9
+    assert [by_id()[f"table2-scenes-{name}"].printed for name in ("nerf", "qnerf")] == [(25.0, 36.2), (26.2, 38.0)]
+    assert by_id()["abstract-psnr-range"].printed == (1.2, 1.8)
+
+
+def test_table_3_is_the_printed_one():
+    iterations, hours, final, speedup = rows(TEXT_TABLE3)
+    thousands = [1000 * int(text.removesuffix("K")) for text in iterations[1:]]
+    assert list(TABLE3["iterations_to_30_db"].values()) == thousands
+    assert list(TABLE3["hours_to_30_db"].values()) == [float(text) for text in hours[1:]]
+    assert list(TABLE3["final_psnr"].values()) == [float(text) for text in final[1:]]
+    assert f"{TABLE3['speedup_percent']}%" == speedup[2]
+    found = [
+        by_id()[f"table3-{row}-{method}"].printed for row in ("iterations", "hours") for method in ("nerf", "qnerf")
+    ]
+    assert found == [*thousands, 4.2, 3.4]
+
+
+def test_table_4_is_the_printed_one_and_its_steps_are_differences():
+    for row, (name, psnr, ssim) in zip(TABLE4, rows(TEXT_TABLE4), strict=True):
+        assert re.sub(r"\$\\phi\$ ", "φ", name) == row["configuration"]
+        assert (row["psnr"], row["ssim"]) == (float(psnr), float(ssim))
+    steps = {one.id: one.printed for one in LEDGER if one.rule == "added part"}
+    assert list(steps.values()) == [0.7, 0.6, 0.2, 0.006, 0.005, 0.002]
+
+
+def test_every_number_of_the_text_has_an_entry():
+    """Numbers of abstract, Table 1, §8.1, conclusion and footnotes, as they stand there."""
+    found = by_id()
+    assert (found["abstract-sloc"].printed, found["abstract-sloc"].where[0]) == (427, "Abstract")
+    assert found["abstract-faster"].printed == 18
+    assert found["table1-skip"].printed == 6
+    assert TABLE1 == {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000}
+    assert found["table1-total"].printed == TABLE1["total"]
+    assert found["section8.1-retrieval"].printed is None
+    assert [found[f"footnote2-{name}"].printed for name in ("files", "lines", "tests")] == [189, 44_000, 30]
+    assert found["footnote1-table"].printed == 7
+    stated = {one.id: one.printed for one in LEDGER if "at" in one.of}
+    assert stated == {
+        "table1-position-bands": 10, "table1-direction-bands": 4, "table1-depth": 8, "table1-width": 256,
+        "table1-colour-layers": 2, "table1-colour-width": 128,
+        "setup-iterations": 200_000, "setup-learning-rate": 5e-4, "setup-rays": 1024, "section5.2-skip": 4,
+        "theorem1-alpha": None, "listing2-threshold": 0.5, "listing2-beta": 1.0,
+        "listing4-last": 1e10, "listing4-offset": 1e-10,
+    }  # fmt: skip
+
+
+def test_what_is_derived_lies_within_what_the_rounded_figures_leave_open():
+    for one in LEDGER:
+        if one.leaves_open:
+            assert one.leaves_open[0] < one.printed < one.leaves_open[1]
+
+
+def test_what_the_paper_says_in_several_places_is_one_entry():
+    found = by_id()
+    for name in ("abstract-psnr-range", "abstract-faster", "abstract-sloc"):
+        assert {"Abstract", "Epistemological Note"} <= set(found[name].where)
+    assert {"Table 3", "§10"} <= set(found["abstract-faster"].where)
+    assert found["table4-nerf_phi_encoding-psnr"].where == ("Table 4", "§10 footnote 1")
+    assert found["table2-average"].where == ("Table 2", "§10")
+
+
+def test_ids_are_unique_and_methods_are_there_to_be_run():
+    assert len({one.id for one in LEDGER}) == len(LEDGER)
+    named = {one.of[role] for one in LEDGER for role in ("method", "against") if role in one.of}
+    assert named <= set(CATALOG)
+    assert len({(one.statement, one.rule) for one in LEDGER}) == len(LEDGER), "two entries say the same"
+
+
+def test_a_record_can_keep_it():
+    assert json.loads(json.dumps(printed(), allow_nan=False))["ledger"][1]["printed"] == [1.2, 1.8]

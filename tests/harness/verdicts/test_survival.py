@@ -1,0 +1,311 @@
+"""Times to a target: hand-written curves, a slow Kaplan–Meier, and simulated runs whose truth is known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from harness.records.cells import CellRecord
+from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
+from harness.verdicts import nested
+from harness.verdicts.comparisons import duels
+from harness.verdicts.statistics import half_widths
+from harness.verdicts.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
+from tests.harness.cells import cell, checkpoint, diverged
+
+
+def run(method: str, seed: int, scores: list[float], scene: str = "lego", pace: float = 0.1) -> CellRecord:
+    """Scored after 10, 100, 1000 … steps, of `pace` seconds each."""
+    curve = [checkpoint(10 ** (k + 1), pace * 10 ** (k + 1), score) for k, score in enumerate(scores)]
+    return cell(scene, method, seed, curve)
+
+
+def of(cells: list[CellRecord], axis: str = "steps", scene: str = "lego", target: float = 24.0) -> TargetComparison:
+    return compared(cells, "qnerf", "nerf", axis, target, scene)  # type: ignore[arg-type]
+
+
+def test_the_first_crossing_is_linear_in_log_time() -> None:
+    points = [(10.0, 20.0), (100.0, 24.0), (1000.0, 22.0), (10000.0, 26.0)]
+    assert first_reached(points, 20.0) == (10.0, "earlier")
+    assert first_reached(points, 22.0) == (pytest.approx(math.sqrt(10.0 * 100.0)), "reached")
+    assert first_reached(points, 24.0) == (pytest.approx(100.0), "reached")
+    assert first_reached(points, 25.0) == (pytest.approx(1000.0 * 10**0.75), "reached")
+    assert first_reached(points, 26.5) == (10000.0, "never")
+
+
+def test_what_is_known_of_a_run() -> None:
+    soon = reach(run("nerf", 0, [20, 24, 26]), "seconds", 22)
+    assert (soon.time, soon.known, soon.why) == (pytest.approx(math.sqrt(10)), "reached", "")
+    late = reach(run("nerf", 0, [20, 24, 26]), "steps", 27)
+    assert (late.time, late.known, late.why) == (1000.0, "never", "ended at 26.00 dB")
+    fallen = replace(run("nerf", 0, [20, 28]), status="diverged", steps=150)
+    assert (reach(fallen, "steps", 22).known, reach(fallen, "steps", 22).why) == ("never", "diverged")
+    assert reach(diverged("lego", "nerf", 0), "steps", 22).time == 7.0
+    unscored = cell("lego", "nerf", 0, [checkpoint(10, 1.0, None)])
+    assert (reach(unscored, "steps", 22).known, reach(unscored, "steps", 22).why) == ("never", "has no score")
+
+
+@pytest.mark.parametrize(
+    ("best", "target"),
+    [
+        ([31.0, 30.0, 20.0, 20.0], 30.0),
+        ([31.0, 29.9, 20.0, 20.0], 29.0),
+        ([25.7, 24.2, 23.9], 24.0),
+        ([24.0], 24.0),
+        ([24.0, None], 24.0),
+        ([24.0, None, None], None),
+        ([], None),
+    ],
+)
+def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None], target: float | None) -> None:
+    runs = [diverged("lego", "nerf", k) if b is None else run("nerf", k, [10.0, b]) for k, b in enumerate(best)]
+    found, why = chosen_target(runs, "nerf")
+    assert found == target
+    assert "nerf" in why
+    if target is not None:
+        reached = sum(b is not None and b >= target for b in best)
+        assert f"{reached} of {len(best)}" in why
+        assert 2 * reached >= len(best)
+
+
+def test_the_target_knows_nothing_of_the_other_methods() -> None:
+    baseline = [run("nerf", seed, [20.0, 24.5, 25.5]) for seed in range(3)]
+    with_others = targets(
+        [*baseline, *(run("qnerf", seed, [10.0, 31.0, 35.0]) for seed in range(3))], ["nerf", "qnerf"]
+    )
+    assert (with_others.target, with_others.printed, with_others.baseline) == (25.0, False, "nerf")
+
+
+def slow_kaplan_meier(reaches: list[Reach]) -> dict[float, float]:
+    """Event time → share, one run after another."""
+    end = max(one.time for one in reaches)
+    watched = [(end if one.why == "diverged" else one.time, one.known != "never") for one in reaches]
+    left, found = 1.0, {}
+    for time in sorted({time for time, event in watched if event}):
+        dead = sum(1 for at, event in watched if event and at == time)
+        left *= 1 - dead / sum(1 for at, _ in watched if at >= time)
+        found[time] = 1 - left
+    return found
+
+
+def test_kaplan_meier_of_a_textbook() -> None:
+    """Remission of leukaemia, 6-MP arm (Gehan 1965): 6 6 6 6+ 7 9+ 10 10+ 11+ 13 16 17+ 19+ 20+ 22 23 25+ 32+ 32+ 34+
+    35+, whose survival is printed everywhere."""
+    events = [6, 6, 6, 7, 10, 13, 16, 22, 23]
+    censored = [6, 9, 10, 11, 17, 19, 20, 25, 32, 32, 34, 35]
+    reaches = [Reach("a", "m", k, "steps", float(t), "reached") for k, t in enumerate(events)]
+    reaches += [Reach("a", "m", k, "steps", float(t), "never", "ended at 1 dB") for k, t in enumerate(censored)]
+    times, share, at_risk = kaplan_meier(reaches)
+    assert times == [6, 7, 10, 13, 16, 22, 23, 35]
+    assert 1 - np.array(share) == pytest.approx([0.857, 0.807, 0.753, 0.690, 0.627, 0.538, 0.448, 0.448], abs=5e-4)
+    assert at_risk == [21, 17, 15, 12, 11, 7, 6, 1]
+
+
+def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> None:
+    draw = np.random.default_rng(0)
+    for _ in range(50):
+        kinds = draw.choice(["reached", "never", "earlier"], 12)
+        why = draw.choice(["diverged", "ended at 3 dB"], 12)
+        reaches = [
+            Reach("a", "m", k, "steps", float(draw.integers(1, 9)), kind, str(why[k]) if kind == "never" else "")
+            for k, kind in enumerate(kinds)
+        ]
+        times, share, _ = kaplan_meier(reaches)
+        slow = slow_kaplan_meier(reaches)
+        found = dict(zip(times, share, strict=True))
+        assert {time: found[time] for time in slow} == pytest.approx(slow)
+    half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
+    half += [Reach("a", "m", k, "steps", 1.0, "never", "diverged") for k in range(5)]
+    assert kaplan_meier(half)[1][-1] == pytest.approx(0.5)  # and not 1, as if the diverged had never been
+
+
+def test_a_saving_is_the_mean_ratio_of_times() -> None:
+    """10 → 100 steps for 20 → 24 dB: 24 after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000."""
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
+    cells += [run("qnerf", seed, [22, 26, 30]) for seed in range(3)]
+    one = of(cells)
+    assert one.saving == pytest.approx(100 * (1 - 10**-0.5))
+    assert one.difference == pytest.approx(10**1.5 - 100)
+    assert (one.verdict, one.pairs, one.never, one.earlier, one.horizon) == ("better", 3, (0, 0), (0, 0), 1000.0)
+    slower = compared(cells, "nerf", "qnerf", "steps", 24.0, "lego")
+    assert (slower.saving, slower.verdict) == (pytest.approx(100 * (1 - 10**0.5)), "worse")
+
+
+def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
+    """nerf is scored after 1, 10 and 100 s, qnerf after 2, 20 and 200 s, with the same scores."""
+    cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(3)]
+    cells += [run("qnerf", seed, [20, 22, 24], pace=0.2) for seed in range(3)]
+    at_21 = of(cells, "seconds", target=21.0)
+    assert (at_21.horizon, at_21.never, at_21.verdict) == (100.0, (0, 0), "worse")
+    assert at_21.saving == pytest.approx(-100.0)
+    # nerf after 84 s, qnerf after 168 s, of which nobody watched more than 100 with both
+    at_limit = of(cells, "seconds", target=22 + 2 * math.log10(8.4))
+    assert (at_limit.never, at_limit.saving) == ((3, 0), pytest.approx(-100 * (100 / 84 - 1)))
+
+
+def test_a_run_that_never_gets_there_counts_as_long_as_it_was_watched() -> None:
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(4)]
+    cells += [run("qnerf", seed, [20, 24, 28]) for seed in range(3)]
+    for lost in (run("qnerf", 3, [10, 11, 12]), replace(diverged("lego", "qnerf", 3))):
+        one = of([*cells, lost])
+        assert one.difference == pytest.approx((1000 - 100) / 4)
+        assert one.saving == pytest.approx(100 * (1 - 10**0.25))
+        assert (one.pairs, one.never, one.unpaired) == (4, (1, 0), 0)
+        assert one.verdict == "inconclusive"
+    assert (of(cells).verdict, of(cells).unpaired) == ("equivalent", 1)  # the fourth run of qnerf does not exist
+
+
+def failed(method: str, seed: int) -> CellRecord:
+    return replace(diverged("lego", method, seed), status="error", reason="no space left on device")
+
+
+def test_a_run_that_failed_is_not_judged_and_one_that_diverged_never_gets_there() -> None:
+    """A full disk refutes nobody: all of qnerf's runs lost to one must not read as if it never got there."""
+    base = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
+    one = of([*base, *(failed("qnerf", seed) for seed in range(3))])
+    assert (one.pairs, one.never, one.unpaired) == (0, (0, 0), 3)
+    assert (one.saving, one.verdict) == (None, "inconclusive")
+    other = of([*base, *(diverged("lego", "qnerf", seed) for seed in range(3))])
+    assert (other.pairs, other.never, other.unpaired) == (3, (3, 0), 0)
+    some = of([*base, failed("qnerf", 0), *(run("qnerf", seed, [22, 26, 30]) for seed in (1, 2))])
+    assert (some.pairs, some.unpaired, some.verdict) == (2, 1, "better")
+    assert some.saving == pytest.approx(100 * (1 - 10**-0.5))
+
+
+def test_late_against_never_is_not_equivalent() -> None:
+    """nerf gets there just before the end, qnerf never: they are nearly level in what was watched, and nobody knows."""
+    cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(3)]
+    one = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
+    assert one.never == (3, 0)
+    assert one.simultaneous is not None
+    assert -5.0 < one.simultaneous[0] < one.simultaneous[1] < 5.0
+    assert one.verdict != "equivalent"
+
+
+def test_a_run_that_failed_is_at_risk_until_it_did() -> None:
+    half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
+    half += [Reach("a", "m", k, "steps", 1.0, "never", "failed") for k in range(5)]
+    assert kaplan_meier(half)[1:] == ([1.0], [5])
+
+
+def test_where_nobody_gets_there_or_all_were_there_before_nothing_is_equivalent() -> None:
+    cells = [run(method, seed, [20, 24, 28]) for method in ("nerf", "qnerf") for seed in range(3)]
+    assert of(cells).verdict == "equivalent"
+    for target in (29.0, 19.0):
+        one = of(cells, target=target)
+        assert (one.saving, one.interval, one.verdict, one.pairs) == (None, None, "inconclusive", 3)
+    both = [replace(one, scene="mic") for one in cells] + [
+        run(m, s, [2, 3, 4]) for m in ("nerf", "qnerf") for s in (0, 1, 2)
+    ]
+    assert of(both, scene="all").saving == 0
+    assert of(both, scene="all").verdict == "inconclusive"
+
+
+def test_who_was_there_at_the_first_checkpoint_cannot_seem_quicker_than_that() -> None:
+    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)] + [run("qnerf", s, [25, 26, 28]) for s in range(3)]
+    one = of(cells)
+    assert one.earlier == (3, 0)
+    assert one.saving == pytest.approx(90.0)  # 10 steps or fewer against 100
+
+
+def test_times_that_are_bounds_have_no_interval_without_width_and_a_verdict_by_counting() -> None:
+    """qnerf is always there at once, nerf never: at least 99 % of the time watched, and nobody knows how much."""
+    for seeds, verdict in ((5, "inconclusive"), (6, "better")):
+        cells = [run("nerf", seed, [10, 11, 12]) for seed in range(seeds)]
+        one = of([*cells, *(run("qnerf", seed, [25, 26, 28]) for seed in range(seeds))])
+        assert (one.saving, one.interval, one.simultaneous) == (pytest.approx(99.0), None, None)
+        assert (one.verdict, one.difference_interval) == (verdict, None)
+
+
+def test_the_saving_to_the_target_is_a_bound_on_the_side_that_was_not_seen() -> None:
+    def reached(method: str, *finals: float) -> list[CellRecord]:
+        return [run(method, seed, [20, 24, final]) for seed, final in enumerate(finals)]
+
+    sooner = reached("qnerf", 29.0, 30.0, 31.0)
+    whole = of([*reached("nerf", 27.0, 27.5, 28.0), *sooner], target=26.0)
+    assert whole.interval is not None
+    assert (whole.at_least, whole.at_most) == whole.interval
+    theirs = of([*reached("nerf", 25.0, 27.5, 28.0), *sooner], target=26.0)
+    assert theirs.interval is not None
+    assert (theirs.at_least, theirs.at_most) == (theirs.interval[0], None)
+    ours = of([*reached("nerf", 27.0, 27.5, 28.0), *reached("qnerf", 25.0, 30.0, 31.0)], target=26.0)
+    assert ours.interval is not None
+    assert (ours.at_least, ours.at_most) == (None, ours.interval[1])
+    both = of([*reached("nerf", 25.0, 27.5, 28.0), *reached("qnerf", 29.0, 25.0, 31.0)], target=26.0)
+    assert (both.at_least, both.at_most) == (None, None)
+
+
+TRUE_SAVING, HORIZON, NOISE = 18.0, 1000.0, 0.2
+SHARES = (1.0, 1 - TRUE_SAVING / 100)
+
+
+def drawn_times(target_time: float, studies: int, scenes: int = 8, seeds: int = 3) -> np.ndarray:
+    """nerf's and qnerf's times to the target [2, studies, scenes, seeds]."""
+    noise = np.random.default_rng(5).normal(0, NOISE, (2, studies, scenes, seeds))
+    return target_time * np.array(SHARES)[:, None, None, None] * np.exp(noise)
+
+
+def cells_with(times: np.ndarray, target: float) -> list[CellRecord]:
+    """Both gain 4 dB evenly in the logarithm of steps for each factor of 10: at `target` after `times` [2, scenes,
+    seeds]."""
+    return [
+        run(method, seed, [target + 4 * math.log10(step / time) for step in (10, 100, 1000)], scene=f"scene{place}")
+        for method, of_method in zip(("nerf", "qnerf"), times, strict=True)
+        for place, row in enumerate(of_method)
+        for seed, time in enumerate(row)
+    ]
+
+
+def restricted_saving(target_time: float) -> float:
+    """The truth of what is claimed, by a sum over normal quantiles."""
+    noise = np.log(target_time) + NOISE * norm.ppf((np.arange(20_000) + 0.5) / 20_000)
+    theirs, ours = (np.minimum(noise + math.log(share), math.log(HORIZON)).mean() for share in SHARES)
+    return -100 * math.expm1(ours - theirs)
+
+
+@pytest.mark.parametrize(("target_time", "share"), [(800.0, 0.95), (950.0, 0.8)])
+def test_a_saving_under_censoring_holds_what_it_claims_in_95_percent(target_time: float, share: float) -> None:
+    truth = restricted_saving(target_time)
+    assert truth < share * TRUE_SAVING, "the restricted saving is another quantity than that to the target"
+    times = drawn_times(target_time, 2000)
+    ratios = np.log(np.minimum(times[1], HORIZON) / np.minimum(times[0], HORIZON))
+    bounds = []
+    for estimate in (nested.on_these_scenes, nested.scenes_like_these):
+        found = estimate(ratios)
+        saving, half = -100 * np.expm1(found.mean), half_widths(found)
+        low, high = (-100 * np.expm1(found.mean + sign * half) for sign in (1, -1))
+        assert np.mean((low <= truth) & (truth <= high)) == pytest.approx(0.95, abs=0.02)
+        bounds.append(np.mean(low <= TRUE_SAVING))
+    assert min(bounds) > 0.975, "a bound where only nerf is cut short"
+
+    one = compared(cells_with(times[:, 0], 25.0), "qnerf", "nerf", "steps", 25.0, "all")
+    assert one.never[1] > 0
+    assert one.saving == pytest.approx(-100 * np.expm1(ratios[0].mean()))
+    assert one.interval == pytest.approx((low[0], high[0]))
+    assert one.scenes_like_these is not None
+    assert one.scenes_like_these.interval == one.interval
+    assert saving[0] == pytest.approx(one.saving)
+
+
+def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: object) -> None:
+    cells = cells_with(drawn_times(300.0, 1, scenes=4)[:, 0], 23.0)
+    cells[0] = diverged(cells[0].scene, "nerf", 0)
+    cells[15] = replace(diverged(cells[15].scene, "qnerf", cells[15].seed), status="not_available")
+    methods = ["nerf", "qnerf"]
+    record = targets(cells, methods)
+    assert len(record.reaches) == 2 * (len(cells) - 1)  # each axis; a cell that was not available is no run
+    assert len(record.comparisons) == 2 * len(duels(methods)) * 5
+    assert {(one.scene, one.family) for one in record.comparisons} == {("all", 1)} | {
+        (f"scene{k}", 4) for k in range(4)
+    }
+    assert len(record.curves) == 2 * 2 * 5
+    for curve in record.curves:
+        assert curve.time == sorted(curve.time)
+        assert curve.share == sorted(curve.share)
+        assert 0 <= curve.share[-1] <= 1
+    write_targets(tmp_path, record)  # type: ignore[arg-type]
+    assert read_targets(tmp_path) == record  # type: ignore[arg-type]
+    nothing = targets([diverged("lego", "nerf", 0)], ["nerf", "qnerf"])
+    assert (nothing.target, nothing.reaches, nothing.comparisons) == (None, [], [])

@@ -1,0 +1,194 @@
+"""Tables of results: every form gives the same numbers, and what is ambiguous is refused in one line."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.verdicts.result_table import MOST_CELLS, ResultTable, read_table
+from scenes.files.errors import InputError
+
+ROWS: list[dict[str, Any]] = [
+    {
+        "scene": scene,
+        "method": method,
+        "seed": seed,
+        "psnr": 20.0 + 3 * a + b + 0.1 * seed,
+        "lpips": 0.1,
+        "seconds": 7.5,
+    }
+    for a, scene in enumerate(("lego", "ship", "mic"))
+    for b, method in enumerate(("ours", "theirs"))
+    for seed in (0, 1)
+]
+
+
+def as_csv(path: Path, rows: list[dict[str, Any]] = ROWS, mark: str = ",") -> Path:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], delimiter=mark)
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+def as_json(path: Path, data: Any) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(data))
+    return path
+
+
+def as_parquet(path: Path) -> Path:
+    arrow = pytest.importorskip("pyarrow", reason="the extra parquet is not installed")
+    from pyarrow import parquet
+
+    parquet.write_table(arrow.Table.from_pylist(ROWS), path)
+    return path
+
+
+WRITERS = {
+    "commas": lambda folder: as_csv(folder / "t.csv"),
+    "semicolons": lambda folder: as_csv(folder / "t.csv", mark=";"),
+    "capitals": lambda folder: as_csv(folder / "t.txt", [{key.upper(): row[key] for key in row} for row in ROWS]),
+    "rows": lambda folder: as_json(folder / "t.json", ROWS),
+    "columns": lambda folder: as_json(folder / "t.json", {"scenes": 3, "cells": ROWS, "methods": ["ours", "theirs"]}),
+    "parquet": lambda folder: as_parquet(folder / "t.parquet"),
+}
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_every_form_gives_the_same_numbers(form: str, tmp_path: Path) -> None:
+    table = read_table([WRITERS[form](tmp_path)])
+    assert (table.methods, table.scenes, table.seeds) == (["ours", "theirs"], ["lego", "ship", "mic"], ["0", "1"])
+    assert table.values.tolist() == [
+        [[20.0 + 3 * a + b + 0.1 * seed for seed in (0, 1)] for a in range(3)] for b in range(2)
+    ]
+    assert (table.metric, table.higher_is_better, table.seconds, table.steps) == (
+        "psnr",
+        True,
+        [7.5, 7.5],
+        [None, None],
+    )
+    assert any("lpips" in note for note in table.notes)
+
+
+def result_file(method: str, scene: str, psnr: float) -> dict[str, Any]:
+    """As nerfbaselines writes it; the values of every view in `metrics_raw` are none of ours."""
+    where = {"id": "blender", "scene": scene}
+    return {
+        "nb_info": {"method": method, "total_train_time": 344.5, "dataset_metadata": where},
+        "render_dataset_metadata": where,
+        "metrics": {"psnr": psnr, "ssim": 0.98, "lpips": 0.008},
+        "metrics_raw": {"psnr": "2rohQuUxIUI="},
+        "metrics_sha256": "63",
+    }
+
+
+def test_result_files_of_nerfbaselines_are_read_as_they_are(tmp_path: Path) -> None:
+    scores = {("a", "lego"): 30.0, ("a", "mic"): 31.0, ("b", "lego"): 32.0, ("b", "mic"): 33.0}
+    for (method, scene), psnr in scores.items():
+        as_json(tmp_path / "now" / method / "blender" / f"{scene}.json", result_file(method, scene, psnr))
+        old = {"info": {"dataset_scene": scene, "total_train_time": 344.5}, "metrics": {"psnr": psnr}}
+        as_json(tmp_path / "old" / method / "blender" / f"{scene}.json", old)
+    methods = [
+        {"id": m, "name": m.upper(), "scenes": {s: {"id": s, "psnr": v, "total_train_time": 344.5, "link": {}}
+                                                for (n, s), v in scores.items() if n == m}} for m in "ab"
+    ]  # fmt: skip
+    metrics = [{"id": "psnr", "ascending": True}, {"id": "odd", "ascending": False}]
+    whole = as_json(tmp_path / "whole.json", {"id": "blender", "metrics": metrics, "methods": methods})
+    for paths in ([tmp_path / "now"], [tmp_path / "old"], sorted((tmp_path / "now").glob("*/blender")), [whole]):
+        table = read_table(paths)
+        assert (table.methods, table.scenes, table.seeds) == (["a", "b"], ["lego", "mic"], [""])
+        assert table.values[..., 0].tolist() == [[30.0, 31.0], [32.0, 33.0]]
+        assert table.seconds == [344.5, 344.5]
+
+
+def test_which_way_is_better(tmp_path: Path) -> None:
+    def direction(metric: str, **options: Any) -> ResultTable:
+        rows = [{**row, metric: row["psnr"]} for row in ROWS]
+        return read_table([as_csv(tmp_path / "t.csv", rows)], metric, **options)
+
+    for metric in ("lpips", "lpips_vgg", "FLIP", "depth_rmse", "delta_e"):
+        assert not direction(metric).higher_is_better
+    assert direction("ssim").higher_is_better
+    assert any("--lower beauty" in note for note in direction("beauty").notes)
+    declared = direction("beauty", lower=["Beauty"])
+    assert not declared.higher_is_better
+    assert not any("--lower" in note for note in declared.notes)
+
+
+BAD = {
+    "scene,method,psnr\na,x,1\na,y,2\nb,x,3\na,x,4\nb,y,1\n": "line 5: repeats scene and method of {}, line 2; give",
+    "scene,method,seed,psnr\na,x,0,1\na,x,0,1\n": "line 3: repeats scene, method and seed of {}, line 2; delete one",
+    "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', no finite number within ±1e+12; leave the field",
+    "scene,method,psnr\na,x,inf\na,y,2\n": "line 2: psnr is 'inf'",
+    "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
+    "scene,method,psnr\na,x,1\na,y,26.3 dB\n": "line 3: psnr is '26.3 dB'",
+    "scene,method,psnr,steps\na,x,1,9\na,y,2,9k\n": "line 3: steps is '9k'",
+    "scene,method,psnr\na,x,1\na,y,2\n": "has 1 scene with results",
+    "scene,method,psnr\na,x,1\nb,x,2\n": "has 1 method with results; a comparison needs two",
+    "scene,method,psnr\na,x,1\nb,y,\n": "has 1 method with results",
+    "scene,method,psnr\na,x,1\nb,,2\n": "line 3: has no method",
+    "scene,method,psnr\na,x,1\nb,y\n": "line 3: has 2 fields, the head has 3",
+    "scene,method,psnr\n\na,x,1\n": "line 2: is empty; delete it",
+    "scene,method,PSNR,psnr\na,x,1,1\n": "two columns are called 'psnr'",
+    "scene,psnr\na,1\n": "has no column method (columns: scene, psnr)",
+    "scene,method,psnr\n": "has a head and no rows",
+    "scene,method,comment\na,x,good\na,y,bad\n": "has no column of numbers",
+    "": "has no column scene and no column method",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_table([path])
+    assert BAD[text].format(path) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "NaN is no number of JSON"),
+        ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
+        ("t.json", '{"psnr": 3}', "holds no rows; JSON must be"),
+        ("t.json", "[1, 2]", "holds no rows"),
+        ("t.json", "{", "is no JSON"),
+        ("t.parquet", "scene", "t.parquet: "),
+        ("t.csv", "\udcff", "is no CSV file in UTF-8"),
+    ],
+)  # fmt: skip
+def test_files_that_are_no_table(name: str, text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(InputError, match=said):
+        read_table([tmp_path / name], "psnr")
+
+
+def test_without_pyarrow_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    (tmp_path / "t.parquet").touch()
+    with pytest.raises(InputError, match=r"install the extra parquet of .*, or save the table as CSV"):
+        read_table([tmp_path / "t.parquet"])
+
+
+def test_many_rows_are_read_and_too_many_cells_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    shape = (50, 40, 20)
+    values = np.random.default_rng(0).normal(30, 1, shape).round(3)
+    path.write_text(
+        "method,scene,seed,psnr\n" + "\n".join(f"m{i},s{j},{k},{v}" for (i, j, k), v in np.ndenumerate(values))
+    )
+    assert np.array_equal(read_table([path]).values, values)
+    side = int(MOST_CELLS ** (1 / 2) / 10)
+    path.write_text("method,scene,seed,psnr\n" + "".join(f"m{i % 150},s{i},{i},1\n" for i in range(side)))
+    with pytest.raises(InputError, match=f"150 × {side} × {side} methods, scenes and seeds are more than"):
+        read_table([path])
+    path.write_text("method,scene,psnr\n" + "".join(f"m{i},s,1\n" for i in range(201)))
+    with pytest.raises(InputError, match="201 methods are more than the 200 that are compared"):
+        read_table([path])

@@ -1,0 +1,119 @@
+"""Frames as files: the display picture, linear light premultiplied, and which of them are whole."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.training.evaluate import View
+from harness.viewer.film.frames import LISTING, FrameFolder, as_levels, exr_channels, write_levels
+from scenes.view_sets.images import read_channels, read_image
+from scenes.view_sets.pixels import display_from_linear, encode_srgb, over_white
+
+
+def view(seed: int = 0, height: int = 5, width: int = 7) -> View:
+    """Random colours over white, among them nothing, a trace of something, and what is opaque."""
+    generator = np.random.default_rng(seed)
+    opacity = generator.uniform(size=(height, width))
+    opacity[0] = [0.0, 1.0, 1e-9, 1e-4, 0.5, 1.0, 0.0]
+    straight = generator.uniform(size=(height, width, 3))
+    colour = straight * opacity[..., None] + (1.0 - opacity[..., None])
+    depth = generator.uniform(2.0, 6.0, size=(height, width))
+    return View(*(values.astype(np.float32) for values in (colour, opacity, depth)))
+
+
+def test_an_exr_over_white_is_the_picture() -> None:
+    one = view()
+    channels = exr_channels(one)
+    assert list(channels) == ["R", "G", "B", "A", "Z"]
+    assert {values.dtype for values in channels.values()} == {np.dtype(np.float32)}
+    rgba = np.stack([channels[name] for name in "RGBA"], axis=-1)
+    np.testing.assert_allclose(over_white(display_from_linear(rgba)), one.colour, atol=2e-6)
+    np.testing.assert_array_equal(channels["A"], one.opacity)
+    np.testing.assert_array_equal(channels["Z"], one.depth)
+
+
+def test_linear_light_is_premultiplied() -> None:
+    """Half covered by display grey 0.5: linear 0.21404 (IEC 61966-2-1), of which half."""
+    half, full = np.full((1, 1), 0.5, np.float32), np.ones((1, 1), np.float32)
+    grey = View(np.full((1, 1, 3), 0.75, np.float32), half, full)
+    assert exr_channels(grey)["G"].item() == pytest.approx(0.5 * 0.2140411, rel=1e-6)
+    solid = View(np.full((1, 1, 3), 0.5, np.float32), full, full)
+    assert exr_channels(solid)["R"].item() == pytest.approx(0.2140411, rel=1e-6)
+    assert encode_srgb(np.array(0.2140411)) == pytest.approx(0.5, rel=1e-6)
+
+
+def test_what_covers_nothing_has_no_colour_and_rounding_makes_none() -> None:
+    channels = exr_channels(view())
+    nothing = channels["A"] == 0.0
+    assert nothing.sum() == 2
+    for name in "RGB":
+        assert (channels[name][nothing] == 0.0).all()
+        assert (channels[name] >= 0.0).all()
+        assert (channels[name] <= channels["A"]).all(), "no brighter than white of the same coverage"
+    over = View(*(np.array(values, np.float32) for values in ([[[1.0001, -1e-4, 0.5]]], [[1.00001]], [[3.0]])))
+    assert [exr_channels(over)[name].item() for name in "RGA"] == [1.0, 0.0, 1.0]
+
+
+def test_files_are_the_view(tmp_path: Path) -> None:
+    one, folder = view(), FrameFolder(tmp_path / "frames")
+    folder.write(3, "key", one)
+    assert sorted(file.name for file in (tmp_path / "frames").iterdir()) == ["0003.exr", "0003.png", LISTING]
+    png = read_image(tmp_path / "frames" / "0003.png")
+    assert png.shape == (5, 7, 3)
+    assert np.abs(png.astype(float) - one.colour).max() <= 0.5 / 255 + 1e-7
+    np.testing.assert_array_equal(folder.picture(3), as_levels(one.colour))
+    stored = read_channels(tmp_path / "frames" / "0003.exr")
+    assert set(stored) == set("RGBAZ")
+    for name, values in exr_channels(one).items():
+        np.testing.assert_array_equal(stored[name], values)
+
+
+SPOILT: dict[str, Callable[[Path], object]] = {
+    "no PNG": lambda folder: (folder / "0001.png").unlink(),
+    "no EXR": lambda folder: (folder / "0001.exr").unlink(),
+    "a PNG cut off": lambda folder: (folder / "0001.png").write_bytes((folder / "0001.png").read_bytes()[:-1]),
+    "an empty EXR": lambda folder: (folder / "0001.exr").write_bytes(b""),
+    "another EXR": lambda folder: (folder / "0001.exr").write_bytes((folder / "0000.exr").read_bytes()),
+    "no list": lambda folder: (folder / LISTING).unlink(),
+    "no JSON": lambda folder: (folder / LISTING).write_text("{"),
+    "another list": lambda folder: (folder / LISTING).write_text("[1]"),
+    "not of frames": lambda folder: (folder / LISTING).write_text(json.dumps({"0001": 3})),
+}
+
+
+@pytest.mark.parametrize("wrong", SPOILT)
+def test_what_is_not_whole_is_known(wrong: str, tmp_path: Path) -> None:
+    folder = FrameFolder(tmp_path)
+    folder.write(0, "first", view(0))
+    folder.write(1, "second", view(1))
+    assert folder.is_whole(1, "second")
+    again = FrameFolder(tmp_path)
+    assert [again.is_whole(0, "first"), again.is_whole(1, "second")] == [True, True]
+    assert not again.is_whole(1, "first"), "another view"
+    assert not again.is_whole(2, "third")
+    SPOILT[wrong](tmp_path)
+    assert not FrameFolder(tmp_path).is_whole(1, "second")
+
+
+def test_a_failed_write_leaves_the_frame_before_and_no_debris(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = FrameFolder(tmp_path)
+    folder.write(0, "key", view(0))
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def full(file: Path, channels: object) -> None:
+        file.write_bytes(b"half")
+        raise OSError(28, "No space left on device", str(file))
+
+    monkeypatch.setattr("harness.viewer.film.frames.write_png", full)
+    with pytest.raises(OSError, match="No space"):
+        folder.write(0, "other", view(1))
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_levels_come_back_as_they_are(tmp_path: Path) -> None:
+    levels = np.random.default_rng(0).integers(0, 256, size=(4, 100, 3), dtype=np.uint8)
+    write_levels(tmp_path / "levels.png", levels)
+    np.testing.assert_array_equal(as_levels(read_image(tmp_path / "levels.png")), levels)

@@ -1,0 +1,64 @@
+"""Side by side: every pixel of every picture, a name above each, and an animation that is exactly that."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from harness.viewer.film.panels import GREY, HEADER, MARGIN, side_by_side, size_of, write_animation
+
+
+def picture(seed: int, height: int = 9, width: int = 120) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, size=(height, width, 3), dtype=np.uint8)
+
+
+def test_every_pixel_is_where_it_belongs() -> None:
+    pictures = {"nerf": picture(0), "qnerf": picture(1), "ground truth": picture(2)}
+    sheet = side_by_side(pictures)
+    width, height = size_of(3, 120, 9)
+    assert (width, height) == (3 * 240 + 4 * MARGIN, HEADER + 18 + MARGIN)
+    assert sheet.shape == (height, width, 3)
+    assert sheet.dtype == np.uint8
+    for number, one in enumerate(pictures.values()):
+        left = MARGIN + number * (240 + MARGIN)
+        panel = sheet[HEADER : HEADER + 18, left : left + 240]
+        for row in (0, 1):
+            for column in (0, 1):
+                np.testing.assert_array_equal(panel[row::2, column::2], one)
+        header = sheet[:HEADER, left : left + 240]
+        assert header.min() < 60, "letters"
+        assert (header == GREY).mean() > 0.8
+    assert (sheet[:, :MARGIN] == GREY).all()
+    assert (sheet[-MARGIN:] == GREY).all()
+
+
+def test_an_animation_is_its_pictures_bit_for_bit_and_loops(tmp_path: Path) -> None:
+    pictures = [side_by_side({"a": picture(seed)}) for seed in range(4)]
+    size = write_animation(tmp_path / "film.webp", pictures, 20)
+    assert [file.name for file in tmp_path.iterdir()] == ["film.webp"]
+    assert size == (tmp_path / "film.webp").stat().st_size
+    with Image.open(tmp_path / "film.webp") as film:
+        assert (film.format, film.n_frames, film.info["loop"]) == ("WEBP", 4, 0)
+        for number, expected in enumerate(pictures):
+            film.seek(number)
+            film.load()
+            assert film.info["duration"] == 50
+            np.testing.assert_array_equal(np.asarray(film.convert("RGB")), expected)
+
+
+def test_a_failed_write_names_the_file_and_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "film.webp"
+    write_animation(file, [picture(0)], 20)
+    before = file.read_bytes()
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match=r"No space.*film\.webp"):
+        write_animation(file, [picture(1)], 20)
+    assert file.read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir()] == ["film.webp"]

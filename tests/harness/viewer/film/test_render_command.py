@@ -1,0 +1,201 @@
+"""`python -m harness render`, end to end on a small run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from safetensors.torch import load_file, save_file
+
+from harness.__main__ import main
+from harness.execution import progress
+from harness.playback.camera_paths import orbit
+from harness.playback.run_loader import FinishedRun
+from harness.records.cells import cell_path, read_cell, with_files, write_cell
+from harness.training.evaluate import View, render_view
+from harness.viewer.film import film_making, film_plan
+from harness.viewer.film.frames import as_levels, exr_channels
+from harness.viewer.film.panels import HEADER, MARGIN, size_of
+from scenes.view_sets.images import read_channels, read_image
+from scenes.view_sets.pixels import over_white
+from scenes.view_sets.view_set import read_view_set
+from tests.harness.ball import DISTANCE
+from tests.harness.trained_runs import SIZE
+from tests.harness.viewer.film.typed import Said, contents
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The method of each frame that is rendered into a film."""
+    names: list[str] = []
+
+    def counting(cell: object, camera: object) -> View:
+        names.append(cell.cell.method)  # type: ignore[attr-defined]
+        return film_plan.rendered(cell, camera)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(film_making, "rendered", counting)
+    return names
+
+
+def plainly(out: Path, method: str, poses: np.ndarray, width: int = SIZE) -> list[View]:
+    run = FinishedRun.of(out)
+    cell = run.trained(run.run.scenes[0], method, 0, CPU)
+    cameras = [cell.camera(pose).resized(width).cameras(CPU) for pose in poses]
+    return [render_view(cell.learner, camera, 0, cell.chunk) for camera in cameras]
+
+
+def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
+    said = render(out, "--frames", "3", "--fps", "10")
+    folder = out / "films" / "orbit-3-frames"
+    frames = {f"000{number}.{kind}" for number in range(3) for kind in ("png", "exr")} | {"frames.json"}
+    for method in ("nerf", "qnerf"):
+        assert {file.name for file in (folder / "ball" / method).iterdir()} == frames
+        views = plainly(out, method, orbit(3, DISTANCE))
+        assert not np.array_equal(views[0].colour, views[1].colour)
+        for number, view in enumerate(views):
+            stem = folder / "ball" / method / f"000{number}"
+            png = read_image(stem.with_suffix(".png"))
+            assert np.abs(png.astype(float) - np.clip(view.colour, 0, 1)).max() <= 0.5 / 255 + 1e-7
+            stored = read_channels(stem.with_suffix(".exr"))
+            for name, values in exr_channels(view).items():
+                np.testing.assert_array_equal(stored[name], values)
+    assert {one.name for one in folder.iterdir()} == {"film.json", "ball"}
+    assert {one.name for one in (folder / "ball").iterdir()} == {"nerf", "qnerf", "side_by_side", "orbit.webp"}
+    sheets = [read_image(folder / "ball" / "side_by_side" / f"000{number}.png") for number in range(3)]
+    width, height = size_of(2, SIZE, SIZE)
+    assert {sheet.shape for sheet in sheets} == {(height, width, 3)}
+    with Image.open(folder / "ball" / "orbit.webp") as animation:
+        assert (animation.size, animation.n_frames, animation.info["loop"]) == ((width, height), 3, 0)
+        for number, sheet in enumerate(sheets):
+            animation.seek(number)
+            animation.load()
+            assert animation.info["duration"] == 100
+            np.testing.assert_array_equal(np.asarray(animation.convert("RGB")), as_levels(sheet))
+    for part in (
+        "3 frames of 16 × 16",
+        "6: 0 there, 0 in the view cache, 6 to render",
+        "estimated cost",
+        "hit rate 0%",
+    ):
+        assert part in said
+
+
+def test_panels_are_the_methods_and_on_the_test_path_the_truth(out: Path, render: Said) -> None:
+    render(out, "--path", "test", "--methods", "qnerf", "nerf_matched")
+    folder = out / "films" / "test" / "ball"
+    truth = read_view_set(FinishedRun.of(out).view_set(FinishedRun.of(out).run.scenes[0]))
+    side = 13 * SIZE
+    for number in range(3):
+        sheet = as_levels(read_image(folder / "side_by_side" / f"000{number}.png"))
+        assert sheet.shape[1] == size_of(3, SIZE, SIZE)[0]
+        panels = [sheet[HEADER : HEADER + side : 13, MARGIN + k * (side + MARGIN) :][:, :side:13] for k in range(3)]
+        pngs = [as_levels(read_image(folder / name / f"000{number}.png")) for name in ("qnerf", "nerf_matched")]
+        for panel, expected in zip(panels, [*pngs, as_levels(over_white(truth.test.rgba[number]))], strict=True):
+            np.testing.assert_array_equal(panel, expected)
+    view = plainly(out, "qnerf", truth.test.camera_to_world[1:2])[0]
+    np.testing.assert_array_equal(as_levels(read_image(folder / "qnerf" / "0001.png")), as_levels(view.colour))
+
+
+def test_a_second_run_is_from_the_cache_and_bit_for_bit_the_same(out: Path, render: Said, counted: list[str]) -> None:
+    first, second, third = (out / name for name in ("first", "second", "third"))
+    render(out, "--frames", "3", "--to", first)
+    assert counted == ["nerf"] * 3 + ["qnerf"] * 3
+    said = render(out, "--frames", "3", "--to", second)
+    assert len(counted) == 6, "nothing was rendered"
+    assert "6: 0 there, 6 in the view cache, 0 to render" in said
+    assert said.count("3 from the view cache") == said.count("hit rate 100%") == 2
+    assert contents(first) == contents(second)
+    said = render(out, "--frames", "3", "--to", third, "--no-cache")
+    assert len(counted) == 12
+    assert "from the view cache" not in said
+    assert "hit rate" not in said
+    assert contents(first) == contents(third)
+
+
+def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
+    out: Path, render: Said, counted: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[int, int]] = []
+    monkeypatch.setattr(progress.Lines, "part", lambda _, what, done, total: told.append((done, total)))
+    ask = (out, "--frames", "3", "--no-cache", "--path", "spiral")
+    render(*ask)
+    folder = out / "films" / "spiral-3-frames"
+    before, times = contents(folder), {file: file.stat().st_mtime_ns for file in folder.rglob("000*.exr")}
+    counted.clear()
+    told.clear()
+    assert "6: 6 there" in render(*ask)
+    assert counted == []
+    assert told == []
+    (folder / "ball" / "nerf" / "0001.exr").unlink()
+    damaged = folder / "ball" / "qnerf" / "0002.png"
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    assert "6: 4 there" in render(*ask)
+    assert counted == ["nerf", "qnerf"]
+    assert told == [(1, 2), (2, 2)], "what is there is no progress"
+    assert contents(folder) == before
+    changed = {file.name for file, time in times.items() if file.stat().st_mtime_ns != time}
+    assert changed == {"0001.exr", "0002.exr"}
+    assert "3 there already" in render(*ask, "--methods", "nerf_matched", "nerf"), "others may join"
+
+
+@pytest.mark.parametrize("damage", ["[]", '{"path": "orbit"', None])
+def test_a_film_whose_record_is_lost_goes_on_with_its_frames(
+    out: Path, render: Said, counted: list[str], damage: str | None
+) -> None:
+    ask = ("--frames", "2", "--methods", "nerf", "--no-cache")
+    render(out, *ask)
+    record = out / "films" / "orbit-2-frames" / "film.json"
+    before = record.read_bytes()
+    record.unlink() if damage is None else record.write_text(damage)
+    counted.clear()
+    said = render(out, *ask)
+    assert f"{record}: " in said
+    assert "written again" in said
+    assert counted == [], "frames know what they show"
+    assert record.read_bytes() == before
+
+
+def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said, counted: list[str]) -> None:
+    render(out, "--frames", "2", "--methods", "nerf")
+    checkpoint = out / "checkpoints" / "ball.nerf.0.safetensors"
+    save_file(
+        {name: value if name == "occupied" else 1.5 * value for name, value in load_file(checkpoint).items()},
+        checkpoint,
+    )
+    write_cell(out, with_files(out, read_cell(cell_path(out, "ball", "nerf", 0))))
+    counted.clear()
+    assert "2: 0 there, 0 in the view cache, 2 to render" in render(out, "--frames", "2", "--methods", "nerf")
+    assert counted == ["nerf", "nerf"]
+
+
+def test_an_interrupted_film_keeps_its_frames_and_goes_on(
+    out: Path, render: Said, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls: list[object] = []
+
+    def stopping(cell: object, camera: object) -> View:
+        calls.append(camera)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return film_plan.rendered(cell, camera)  # type: ignore[arg-type]
+
+    ask = [str(out), "--frames", "3", "--no-cache", "--threads", "1"]
+    with monkeypatch.context() as patch:
+        patch.setattr(film_making, "rendered", stopping)
+        assert main(["render", *ask]) == 130
+    assert "finished frames are kept" in capsys.readouterr().err
+    folder = out / "films" / "orbit-3-frames" / "ball"
+    assert {file.name for file in (folder / "nerf").glob("*.png")} == {"0000.png", "0001.png"}
+    assert "6: 2 there, 0 in the view cache, 4 to render" in render(out, "--frames", "3", "--no-cache")
+    assert (folder / "orbit.webp").exists()
+
+
+def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Said) -> None:
+    before = contents(out)
+    said = render(out, "--dry-run", "--frames", "4")
+    assert "8: 0 there, 0 in the view cache, 8 to render" in said
+    assert contents(out) == before
+    assert not (out / "films").exists()

@@ -1,0 +1,138 @@
+"""Table 3 from the record of when a score was reached: what is censored turns no verdict."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.records.cells import Estimate
+from harness.records.json_record import DamagedRecord
+from harness.records.targets import TargetComparison, TargetsRecord, write_targets
+from reports.claims.claim_list import claims
+from reports.claims.ledger import Bench, Finding, entries
+from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
+from reports.data.load import Records, read_records
+from reports.data.selection import TARGET, Selection
+from reports.data.wording import UNTESTED
+from tests.reports.fake_run import PAPER
+
+ONE = TargetComparison(
+    scene="all", method="qnerf", against="nerf", axis="steps", horizon=1600.0, saving=18.0, interval=(-9.0, 41.0),
+    simultaneous=(-9.0, 41.0), family=1, verdict="inconclusive", smallest_detectable=5.0, difference=-100.0,
+    difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), unpaired=0,
+)  # fmt: skip
+
+
+def on_them(pair: tuple[float, float] | None, **changes) -> TargetComparison:
+    """With an interval on these scenes, which alone is asked for; that of scenes like these is wide."""
+    return replace(ONE, on_these_scenes=Estimate(pair, pair, 1, "better", None, None), **changes)
+
+
+SAVED = on_them((14.0, 22.0))
+LEDGER = {one.id: one for one in entries(PAPER)}
+FASTER = LEDGER["abstract-faster"]
+
+
+def record(one: TargetComparison = SAVED, target: float = 30.0) -> TargetsRecord:
+    return TargetsRecord(target, target == 30.0, "nerf", "chosen", [], [], [one, replace(one, axis="seconds")])
+
+
+def judged(whole: Records, one: TargetComparison, at_paper_scale: bool = True, target: float = 30.0) -> Finding:
+    class Here(Bench):
+        def at_paper_scale(self, scene: str) -> bool:
+            return at_paper_scale
+
+    return saving(Here(whole, None, record(one, target)), FASTER)
+
+
+@pytest.mark.parametrize(
+    ("pair", "at_paper_scale", "elsewhere"),
+    [
+        ((14.0, 22.0), "reproduced", "seen"),
+        ((10.0, 22.0), "inconclusive", "seen"),
+        ((-2.0, 22.0), "inconclusive", "inconclusive"),
+        ((4.0, 12.0), "not reproduced", "not seen at this scale"),
+        ((24.0, 30.0), "not reproduced", "not seen at this scale"),
+        (None, "inconclusive", "inconclusive"),
+    ],
+)
+def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, at_paper_scale, elsewhere):
+    one = on_them(pair)
+    assert judged(whole, one).verdict == at_paper_scale
+    assert judged(whole, one, at_paper_scale=False).verdict == elsewhere
+    assert judged(whole, one, target=24.0).verdict == elsewhere, "at another target it is another saving"
+
+
+@pytest.mark.parametrize(
+    ("pair", "changes", "verdict"),
+    [
+        ((4.0, 12.0), {"never": (0, 1)}, "inconclusive"),
+        ((4.0, 12.0), {"earlier": (1, 0)}, "inconclusive"),
+        ((4.0, 12.0), {"never": (1, 0)}, "not reproduced"),
+        ((24.0, 30.0), {"never": (1, 0)}, "inconclusive"),
+        ((24.0, 30.0), {"never": (0, 1)}, "not reproduced"),
+        ((14.0, 22.0), {"never": (1, 0)}, "inconclusive"),
+        ((14.0, 22.0), {"earlier": (1, 0)}, "inconclusive"),
+        ((14.0, 22.0), {"pairs": 2}, "inconclusive"),
+        ((14.0, 22.0), {"unpaired": 1}, "reproduced"),
+    ],
+)
+def test_a_verdict_that_the_censored_runs_could_turn_is_none(whole: Records, pair, changes, verdict):
+    assert judged(whole, on_them(pair, **changes)).verdict == verdict
+
+
+def test_what_was_reached_is_said(whole: Records):
+    found = judged(whole, replace(SAVED, never=(2, 0), unpaired=1), False, 24.0)
+    assert (found.measured, found.interval) == (18.0, (14.0, 22.0))
+    assert found.note == (
+        "24.0 dB was reached by 6 of 6 NeRF runs and 4 of 6 Q-NeRF runs in the training steps watched; the true saving "
+        "is smaller; 1 pair could not be judged"
+    )
+
+
+def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
+    targets = replace(record(), comparisons=[SAVED, replace(on_them((1.0, 5.0)), axis="seconds", saving=3.0)])
+    found = [saving(Bench(whole, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
+    assert [(one.measured, one.verdict) for one in found] == [(18.0, "seen"), (3.0, "not seen at this scale")]
+    axes = ("steps", "seconds")
+    assert [one.runs for one in found] == [Selection("", "qnerf", "nerf", TARGET, axis) for axis in axes]
+
+
+def test_times_themselves_are_never_judged(whole: Records):
+    bench = Bench(whole, None, record())
+    found = [time_to_target(bench, LEDGER[f"table3-{name}-qnerf"]) for name in ("iterations", "hours")]
+    assert [(one.verdict, one.note) for one in found] == [(UNTESTED, NEEDS_SCENES), (UNTESTED, NEEDS_MACHINE)]
+    never = [scene for scene, row in PAPER["table2"].items() if row["nerf"] < 30]
+    assert never == ["drums", "materials", "ship"], "the three of the sentence"
+
+
+def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records, out: Path):
+    assert {one.id: one for one in claims(records)}["abstract-faster"].verdict == UNTESTED
+    write_targets(out, record())
+    assert {one.id: one for one in claims(read_records(out))}["abstract-faster"].measured == 18.0
+    (out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
+    with pytest.raises(DamagedRecord, match=r"targets\.json"):
+        read_records(out)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        ({"never": (1, 0)}, "the true saving is smaller"),
+        ({"earlier": (0, 1)}, "the true saving is smaller"),
+        ({"never": (0, 1)}, "the true saving is larger"),
+        ({"earlier": (1, 0)}, "the true saving is larger"),
+        ({"never": (1, 1)}, "the saving is of the time watched alone"),
+    ],
+)
+def test_on_which_side_the_saving_is_a_bound(changes, said):
+    assert bound(replace(ONE, **changes)) == said
+
+
+def test_where_every_pair_is_lost_nothing_is_settled(whole: Records):
+    lost = replace(ONE, saving=None, pairs=0, unpaired=6)
+    found = judged(whole, lost)
+    assert (found.verdict, found.measured, found.note) == ("inconclusive", None, "6 pairs could not be judged")
+    cells = [replace(cell, status="not_available") if cell.method == "qnerf" else cell for cell in whole.cells]
+    assert judged(replace(whole, cells=cells), lost).verdict == UNTESTED

@@ -1,0 +1,147 @@
+"""Verdicts from figures and intervals, and how often they are right: simulated studies with a known truth."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from harness.verdicts.paper import TABLE2
+from harness.verdicts.statistics import on_one_scene, on_these_scenes
+from reports.claims.ledger import half_unit, judge_all, judge_figures, judge_gain, judge_level, seeds_that_settle
+
+SCENE_SD, PAIR_SD = 0.174, 0.248
+"""dB, as published: of the scenes' true differences, and of a paired difference about its scene's."""
+GAINS = np.array([row["delta"] for name, row in TABLE2.items() if name != "average"])
+STUDIES = 400
+
+
+def test_rounding_of_printed_numbers():
+    printed = [(1.4, ""), (0.006, ""), (257, ""), (67_000, ""), (1_370_000, ""), (18, "%"), (33.0, "dB"), (4.2, "h")]
+    assert [half_unit(*one) for one in printed] == pytest.approx([0.05, 0.0005, 0.5, 500, 5000, 0.5, 0.05, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("measured", "at_paper_scale", "elsewhere"),
+    [
+        ((1.31, 1.69), "reproduced", "seen"),
+        ((1.29, 1.6), "inconclusive", "seen"),
+        ((0.1, 3.0), "inconclusive", "seen"),
+        ((-0.1, 3.0), "inconclusive", "inconclusive"),
+        ((0.2, 1.29), "not reproduced", "not seen at this scale"),
+        ((1.71, 3.0), "not reproduced", "not seen at this scale"),
+        ((9.9, 10.1), "not reproduced", "not seen at this scale"),
+        ((-5.0, -0.1), "not reproduced", "not seen at this scale"),
+        (None, "inconclusive", "inconclusive"),
+    ],
+)
+def test_a_printed_gain_against_an_interval(measured, at_paper_scale, elsewhere):
+    assert judge_gain(1.5, 0.2, measured, True) == at_paper_scale
+    assert judge_gain(1.5, 0.2, measured, False) == elsewhere
+
+
+def test_a_gain_smaller_than_its_margin_still_has_a_direction():
+    assert judge_gain(0.002, 0.005, (-0.002, -0.001), True) == "not reproduced"
+    assert judge_gain(0.002, 0.005, (-0.002, 0.001), True) == "inconclusive"
+    assert judge_gain(0.002, 0.005, (0.001, 0.004), True) == "reproduced"
+
+
+@pytest.mark.parametrize(
+    ("measured", "verdict"),
+    [
+        ((32.9, 33.1), "reproduced"),
+        ((32.7, 33.1), "inconclusive"),
+        ((31.0, 32.7), "not reproduced"),
+        ((33.3, 35.0), "not reproduced"),
+        (None, "inconclusive"),
+    ],
+)
+def test_a_printed_level_is_judged_from_both_sides(measured, verdict):
+    assert judge_level(33.0, 0.2, measured) == verdict
+
+
+def test_one_part_refutes_and_all_reproduce():
+    assert judge_all(["reproduced", "reproduced"]) == "reproduced"
+    assert judge_all(["reproduced", "inconclusive"]) == "inconclusive"
+    assert judge_all(["reproduced", "inconclusive", "not reproduced"]) == "not reproduced"
+
+
+@pytest.mark.parametrize(
+    ("computed", "reachable", "verdict"),
+    [
+        (18.0, (17.5, 18.4), "reproduced"),
+        (18.5, (18.4, 18.6), "reproduced"),
+        (19.05, (16.9, 21.2), "inconclusive"),
+        (19.05, (18.6, 19.5), "not reproduced"),
+        (16.0, (15.0, 17.4), "not reproduced"),
+    ],
+)
+def test_a_printed_result_against_what_it_is_made_of(computed, reachable, verdict):
+    assert judge_figures(18.0, 0.5, computed, reachable) == verdict
+
+
+def test_half_a_digit_in_binary_fractions_is_still_half_a_digit():
+    assert judge_figures(1.5, 0.05, 1.45, (1.45, 1.45)) == "reproduced"
+    assert judge_figures(32.5, 0.05, 32.449, (32.449, 32.449)) == "not reproduced"
+
+
+def study(generator: np.random.Generator, truth: np.ndarray, seeds: int = 3) -> dict[str, np.ndarray]:
+    """Scene → paired differences [seeds] about the true gains of its scenes."""
+    noise = generator.normal(0.0, PAIR_SD, (len(truth), seeds))
+    return {f"scene {place}": truth[place] + noise[place] for place in range(len(truth))}
+
+
+def verdicts(truth: np.ndarray, at_paper_scale: bool, scenes: int = 8, printed: float = 1.5) -> Counter[str]:
+    """Of the average claim in studies of `scenes` × 3; shares of a hundred."""
+    generator = np.random.default_rng(15)
+    found = Counter(
+        judge_gain(printed, 0.2, on_these_scenes(study(generator, truth[:scenes])).interval, at_paper_scale)
+        for _ in range(STUDIES)
+    )
+    return Counter({name: 100 * many // STUDIES for name, many in found.items()})
+
+
+def drawn(mean: float) -> np.ndarray:
+    """True gains of eight scenes, about just this mean and with just the published spread."""
+    values = np.random.default_rng(8).normal(size=8)
+    return mean + SCENE_SD * (values - values.mean()) / values.std(ddof=1)
+
+
+def test_a_true_average_is_reproduced_and_seen_elsewhere():
+    for truth in (GAINS, drawn(1.5)):
+        found = verdicts(truth, True)
+        assert found["reproduced"] >= 80
+        assert found["not reproduced"] == 0
+        assert verdicts(truth, False)["seen"] >= 99
+
+
+@pytest.mark.parametrize("scenes", [8, 1])
+def test_no_effect_is_never_reproduced_and_hardly_ever_seen(scenes):
+    truth = np.zeros(8) if scenes == 1 else drawn(0.0)
+    assert verdicts(truth, True, scenes)["reproduced"] == 0
+    assert verdicts(truth, False, scenes)["seen"] <= 5
+    assert verdicts(truth, False, scenes, printed=0.2)["seen"] <= 5, "a printed gain as small as the margin"
+
+
+@pytest.mark.parametrize("gain", [10.0, 2.4, 0.5, -5.6])
+def test_another_gain_is_not_reproduced_whichever_its_side(gain):
+    assert verdicts(drawn(gain), True)["not reproduced"] >= 99
+    assert verdicts(drawn(gain), False)["not seen at this scale"] >= 99
+
+
+@pytest.mark.parametrize(("scenes", "family"), [(8, 1), (1, 8), (1, 1)])
+def test_the_seeds_that_settle_a_gain_do_so_in_four_of_five_studies(scenes, family):
+    seeds = seeds_that_settle(PAIR_SD, scenes, 0.2, family)
+    generator = np.random.default_rng(3)
+
+    def share(many: int) -> float:
+        truth = np.full(scenes, 1.5)
+        tables = [study(generator, truth, many) for _ in range(STUDIES)]
+        judge = (
+            (lambda one: on_one_scene(one, "scene 0", family)) if scenes == 1 else (lambda one: on_these_scenes(one))
+        )
+        found = [judge_gain(1.5, 0.2, judge(one).simultaneous, True) for one in tables]
+        return found.count("reproduced") / STUDIES
+
+    assert share(seeds) >= 0.76
+    assert seeds == 3 or share(seeds // 2) < 0.76
+    assert seeds_that_settle(100.0, 1, 0.2) is None

@@ -1,0 +1,89 @@
+"""Lines of a record in charts: nothing is dropped in silence, and no two lines of a chart look alike."""
+
+import math
+
+import pytest
+
+from harness.records.charts import Series
+from reports.drawing.figure import draw, svg
+from reports.drawing.palette import COLOURS, pens_of
+from reports.drawing.series_charts import charts, panel, pens_in, points
+from reports.drawing.traces import Panel
+
+
+def line(y, x=None, name="a", **more) -> Series:
+    return Series("p", 1, name, "x", "y", x or [10.0**k for k in range(len(y))], y, **more)
+
+
+def drawn(*lines: Series) -> Panel:
+    return panel("p", list(lines), pens_in(list(lines)))
+
+
+def of_kind(made: Panel, kind: str) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+    return [(trace.x, trace.y) for trace in made.traces if trace.kind == kind]
+
+
+def test_a_zero_on_a_logarithmic_axis_stands_at_its_foot_and_its_tick_says_zero():
+    made = drawn(line([1e-3, 0.0, 1e-7]))
+    assert made.y_scale == "log"
+    assert made.zero_at == pytest.approx(1e-8)
+    assert of_kind(made, "zero") == [((10.0,), (made.zero_at,))]
+    assert of_kind(made, "mark") == [((1.0, 100.0), (1e-3, 1e-7))]
+    assert of_kind(made, "line") == [((1.0, 10.0, 100.0), (1e-3, made.zero_at, 1e-7))]
+    axes = draw(made).axes[0]
+    labels = {at: axes.yaxis.get_major_formatter()(at) for at in axes.yaxis.get_majorticklocs()}
+    assert labels[made.zero_at] == "0"
+    assert list(labels.values()).count("0") == 1
+    assert min(labels) == made.zero_at
+    assert charts([line([1e-3, 0.0])], 1, "t")[0].notes == ["▽ exactly 0, drawn at the foot of the axis"]
+
+
+@pytest.mark.parametrize("values", [[5e-324, 1.0, 3.0], [1e-320, 1e308], [-1.7e308, 0.0, 1.7e308], [1.7e308]])
+def test_any_number_that_a_file_can_hold_is_drawn(values):
+    made = drawn(line(values))
+    assert all(map(math.isfinite, made.y_limits))
+    assert "<svg" in svg(made, "extreme")
+
+
+@pytest.mark.parametrize("lost", [None, math.nan, math.inf])
+def test_what_is_not_finite_breaks_the_line_and_is_marked_at_the_upper_edge(lost):
+    made = drawn(line([1.0, 2.0, lost, 4.0, 5.0]))
+    assert [y for _, y in of_kind(made, "line")] == [(1.0, 2.0), (4.0, 5.0)]
+    assert of_kind(made, "cross") == [((100.0,), (made.y_limits[1],))]
+    assert made.y_limits[1] > 5.0
+    assert "1 of 5 not finite" in made.alt
+    assert charts([line([1.0, lost])], 1, "t")[0].notes == ["✕ not a finite number"]
+
+
+def test_a_line_of_nothing_finite_is_still_a_chart():
+    made = drawn(line([None, None]))
+    assert len(of_kind(made, "cross")[0][0]) == 2
+    assert "no finite figure at 1" in made.alt
+    assert "<svg" in svg(made, "n")
+
+
+def test_negative_values_and_all_zero_need_no_logarithm():
+    assert drawn(line([-1.0, 2.0])).y_scale == "linear"
+    assert drawn(line([0.0, 0.0])).y_scale == "linear"
+    assert of_kind(drawn(line([0.0, 0.0])), "zero") == []
+
+
+def test_a_band_is_drawn_where_both_edges_are_known():
+    made = drawn(line([1.0, 2.0, 3.0], low=[0.5, None, 0.0], high=[2.0, 3.0, 4.0]))
+    band = next(trace for trace in made.traces if trace.kind == "band")
+    assert band.x == (1.0, 100.0)
+    assert band.y == (0.5, made.zero_at)
+    assert band.y_high == (2.0, 4.0)
+
+
+def test_no_two_lines_of_a_chart_look_alike():
+    pens = pens_of([str(n) for n in range(30)])
+    assert len({(pen.colour, pen.marker, pen.hollow, pen.dash) for pen in pens.values()}) == 30
+    eight = pens_of(list("abcdefgh"))
+    assert len({pen.colour for pen in eight.values()}) == len(COLOURS)
+    assert len({(pen.marker, pen.hollow) for pen in list(eight.values())[:7]}) == 7
+
+
+def test_points_come_by_x_with_their_edges():
+    found = points(line([3.0, 1.0], [2.0, 1.0], low=[2.5, 0.5], high=[3.5, None]))
+    assert [(p.x, p.y, p.low, p.high) for p in found] == [(1.0, 1.0, 0.5, None), (2.0, 3.0, 2.5, 3.5)]

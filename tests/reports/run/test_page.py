@@ -1,0 +1,211 @@
+"""report.html: whole, self-contained, escaped, and silent about what is not there."""
+
+import html
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from reports.data.load import read_records
+from reports.drawing.palette import colours_of
+from reports.page.script import content_policy
+from reports.run.run_page import flat, named, page, write_page
+from tests.reports.fake_run import EIGHT, write_fake_run
+
+HOSTILE = "<script>alert('x')</script>"
+
+
+@pytest.fixture(scope="module")
+def text(pictured) -> str:
+    return page(read_records(pictured))
+
+
+def foreign_scripts(text: str) -> list[str]:
+    """Script elements that could run and are not the text whose digest stands in the page's policy."""
+    elements = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL | re.IGNORECASE)
+    running = [body for attributes, body in elements if 'type="application/' not in attributes]
+    allowed = html.unescape(re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1])
+    return [body for body in running if content_policy(body) != allowed]
+
+
+def without_code(text: str) -> str:
+    """The page without the script that runs in it; what is data stays."""
+    return re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+
+
+class Outline(HTMLParser):
+    """Ids, links and tags of a page; an unclosed or crossing tag fails."""
+
+    VOID = frozenset({"meta", "link", "img", "input", "br", "path", "use", "rect", "wbr"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.tags: set[str] = set()
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        for name, value in attributes:
+            if name == "id":
+                self.ids.append(value)
+            if name in ("href", "src"):
+                self.links.append(value)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.add(tag)
+        self.links += [value for name, value in attributes if name in ("href", "src")]
+        self.ids += [value for name, value in attributes if name == "id"]
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def test_rows_of_claims_open_their_runs_and_stay_whatever_is_filtered(text):
+    ledger = text[text.index('<section id="claims">') :]
+    ledger = ledger[: ledger.index("</section>")]
+    (average,) = re.findall(r'<td class=""([^>]*)>\+0\.8\d dB', ledger)
+    assert 'data-runs="{"method":"qnerf","against":"nerf","metric":"psnr"' in html.unescape(average)
+    assert "<tr data-" not in ledger
+    first = text[text.index('<table class="principal">') :]
+    assert "data-runs" in first[: first.index("</table>")]
+
+
+def test_the_content_policy_forbids_everything_else(text):
+    assert "default-src 'none'" in html.unescape(text)
+    assert "unsafe-eval" not in text
+    assert "script-src 'unsafe-inline'" not in html.unescape(text)
+    assert foreign_scripts(text.replace("</body>", "<script>alert(1)</script></body>")) == ["alert(1)"]
+    assert text.index("Content-Security-Policy") < text.index("<style>")
+
+
+def test_diverged_cells_stand_on_the_first_screen_and_in_every_section_of_scores(text):
+    top = text[: text.index("<nav")]
+    assert "1 of 18 cells did not finish" in top
+    assert "drums · qnerf · seed 2: diverged, not finite at step 412: density_head.weight" in top
+    for section in ("psnr", "convergence", "metrics", "failures"):
+        body = text[text.index(f'<section id="{section}">') :]
+        assert "diverged" in body[: body.index("</section>")], section
+
+
+def test_text_from_data_is_escaped_everywhere(tmp_path):
+    def hostile_run(run):
+        scenes = [replace(scene, name=HOSTILE, title=HOSTILE, view_set=HOSTILE) for scene in run.scenes]
+        return replace(
+            run,
+            scenes=scenes,
+            command=HOSTILE,
+            methods={**run.methods, "qnerf": HOSTILE},
+            deviations=[HOSTILE],
+            not_tested=[HOSTILE],
+            provenance={HOSTILE: HOSTILE},
+            settings={HOSTILE: [HOSTILE]},
+            profile=HOSTILE,
+        )
+
+    out = write_fake_run(tmp_path / "run", ("x",), change=hostile_run)
+    for path in (out / "records" / "cells").glob("*.json"):
+        cell = json.loads(path.read_text(encoding="utf-8"))
+        cell.update(scene=HOSTILE, warnings=[HOSTILE], properties={HOSTILE: HOSTILE}, parameters={HOSTILE: 1})
+        del cell["digest"]
+        cell["reason"] = HOSTILE if cell["reason"] else None
+        path.write_text(json.dumps(cell), encoding="utf-8")
+    comparisons = json.loads((out / "records" / "comparisons.json").read_text(encoding="utf-8"))["rows"]
+    for one in comparisons:
+        one["scene"] = one["scene"].replace("x", HOSTILE)
+    (out / "records" / "comparisons.json").write_text(json.dumps({"rows": comparisons}), encoding="utf-8")
+    text = page(read_records(out))
+    assert foreign_scripts(text) == []
+    assert "&lt;script&gt;" in text
+    Outline(text)
+
+
+def test_dollar_signs_are_no_formulae(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("$\\frac$", "a_b^c"), pictures=False)
+    assert "$\\frac$" in page(read_records(out))
+
+
+def test_sections_without_content_are_left_out(tmp_path):
+    def bare_run(run):
+        scenes = [replace(scene, left_out=[]) for scene in run.scenes]
+        return replace(run, scenes=scenes, deviations=[], paper={}, not_tested=[], provenance={})
+
+    def bare_cell(cell):
+        curve = [replace(point, density=None, alpha=None, beta=None) for point in cell.curve]
+        return replace(cell, curve=curve, trace={}, warnings=[], properties={}, parameters={})
+
+    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False, change=bare_run, change_cell=bare_cell)
+    (out / "records" / "comparisons.json").unlink()
+    text = page(read_records(out))
+    outline = Outline(text)
+    gone = {"pictures", "amplifier", "claims", "failures", "warnings", "properties", "parameters", "left_out",
+            "deviations", "comparisons", "not-tested"}  # fmt: skip
+    assert gone & set(outline.ids) == set()
+    assert not any(f"#{name}" in outline.links for name in gone)
+    assert {"psnr", "convergence", "metrics"} <= set(outline.ids)
+    assert "did not finish" not in text
+
+
+def test_a_run_where_everything_failed_is_still_a_page(tmp_path):
+    def failed(cell):
+        return replace(cell, status="error", reason="out of memory", scores={}, curve=[], views=[], trace={})
+
+    out = write_fake_run(tmp_path / "run", pictures=False, change_cell=failed)
+    text = page(read_records(out))
+    assert "qnerf did not finish a single cell" in text
+    assert "3 of 3 failed" in text
+    assert "and 12 more" in text
+
+
+def test_an_unfinished_run_says_so(tmp_path):
+    out = write_fake_run(tmp_path / "run", pictures=False, change=lambda run: replace(run, finished=False))
+    (out / "records" / "cells" / "drums.nerf.2.json").unlink()
+    assert "It holds 17 of 18 cells" in page(read_records(out))
+
+
+def test_one_scene_one_seed_is_a_page_too(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
+    text = page(read_records(out))
+    assert "side by side on 1 scene<" in text
+    assert "±" not in text[text.index('<section id="psnr">') : text.index("sample standard deviation") - 40]
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_eight_scenes_stay_under_15_megabytes(tmp_path):
+    out = write_fake_run(tmp_path / "run", EIGHT, size=128)
+    write_page(read_records(out), tmp_path / "report.html")
+    assert (tmp_path / "report.html").stat().st_size < 15_000_000
+
+
+def test_a_failed_write_leaves_no_half_page(records, tmp_path, monkeypatch):
+    def broken(*_):
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "report.html").write_text("old", encoding="utf-8")
+    monkeypatch.setattr("reports.run.run_page._page", broken)
+    with pytest.raises(OSError, match="No space"):
+        write_page(records, tmp_path / "report.html")
+    assert [one.name for one in tmp_path.iterdir() if "report" in one.name] == ["report.html"]
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == "old"
+
+
+def test_names_of_methods_are_set_in_their_colour():
+    said = str(named("qnerf, nerf_matched & my-nerf", colours_of(["nerf", "nerf_matched", "qnerf"])))
+    assert said == (
+        '<b class="name" style="color: var(--qnerf)">qnerf</b>, '
+        '<b class="name" style="color: var(--matched)">nerf_matched</b> &amp; my-nerf'
+    )
+
+
+def test_settings_are_flattened():
+    assert flat({"a": {"b": 1, "c": [1, True]}, "d": None}) == [("a.b", "1"), ("a.c", "1, yes"), ("d", "–")]

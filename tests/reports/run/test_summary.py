@@ -1,0 +1,76 @@
+"""summary.json: the schema that others script against."""
+
+import json
+import math
+from dataclasses import replace
+
+from reports.data.load import read_records
+from reports.run.publish import summary, write_summary
+from tests.reports.fake_run import write_fake_run
+
+CELL = {
+    "scene", "method", "seed", "status", "reason", "steps", "train_seconds", "psnr", "ssim", "flip", "delta_e",
+    "rmse_linear", "depth_rmse", "opacity_iou", "psnr_train", "psnr_ceiling", "curve",
+}  # fmt: skip
+COMPARISON = {
+    "scene", "method", "against", "metric", "budget", "difference", "interval", "verdict", "smallest_detectable",
+}  # fmt: skip
+
+
+def strict(text: str):
+    def refuse(word: str):
+        raise AssertionError(f"{word} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_schema(records, tmp_path):
+    write_summary(records, tmp_path / "summary.json")
+    data = strict((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert {"schema", "profile", "provenance", "cells", "comparisons", "claims", "left_out"} <= set(data)
+    assert set(data["cells"][0]) >= CELL
+    assert set(data["cells"][0]["curve"]) >= {"steps", "seconds", "psnr", "rmse_linear"}
+    assert set(data["comparisons"][0]) >= COMPARISON
+    assert set(data["claims"][0]) >= {"id", "source", "printed", "measured", "interval", "scale", "verdict", "kind"}
+    assert set(data["left_out"][0]) >= {"scene", "what", "seconds_saved", "difference", "interval"}
+
+
+def test_numbers_are_those_of_the_records(records):
+    data = summary(records)
+    first = data["cells"][0]
+    assert (first["scene"], first["method"], first["seed"], first["status"]) == ("chair", "nerf", 0, "done")
+    assert first["psnr"] == records.cells[0].scores["psnr"]
+    assert first["curve"]["steps"] == [50, 100, 200, 400, 800, 1600]
+
+
+def test_a_diverged_cell_has_null_scores_and_a_reason(records):
+    lost = summary(records)["cells"][-1]
+    assert (lost["status"], lost["reason"]) == ("diverged", "not finite at step 412: density_head.weight")
+    assert lost["psnr"] is None
+    assert lost["curve"]["steps"] == [50, 100, 200, 400]
+
+
+def test_a_number_that_is_not_finite_becomes_null(records, tmp_path):
+    wild = replace(records.cells[0], scores={"psnr": math.inf, "ssim": math.nan})
+    write_summary(replace(records, cells=[wild, *records.cells[1:]]), tmp_path / "summary.json")
+    first = strict((tmp_path / "summary.json").read_text(encoding="utf-8"))["cells"][0]
+    assert (first["psnr"], first["ssim"]) == (None, None)
+
+
+def test_a_failed_write_keeps_the_old_file(records, tmp_path):
+    path = tmp_path / "summary.json"
+    path.write_text("old", encoding="utf-8")
+    broken = replace(records, run=replace(records.run, settings={"set": {1, 2}}))
+    try:
+        write_summary(broken, path)
+    except TypeError:
+        pass
+    else:
+        raise AssertionError("a set is no JSON")
+    assert path.read_text(encoding="utf-8") == "old"
+    assert [one.name for one in tmp_path.iterdir() if one.suffix == ".part"] == []
+
+
+def test_comparisons_that_could_not_be_made_are_null(tmp_path):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False)
+    assert summary(read_records(out))["comparisons"][0]["verdict"] in ("better", "inconclusive")

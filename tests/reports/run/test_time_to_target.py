@@ -1,0 +1,103 @@
+"""When runs reached a score: every run that did not stays in sight, and the record alone computes."""
+
+from dataclasses import replace
+
+import pytest
+
+from harness.records.targets import Reach, ReachCurve, TargetComparison, TargetsRecord
+from harness.verdicts.survival import targets
+from reports.data.load import Records
+from reports.drawing.palette import KNOWN
+from reports.run.convergence import is_lost, notes, savings_grid, share_at, time_to_target
+from reports.run.run_page import page
+
+CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
+SAVING = TargetComparison(
+    "all", "qnerf", "nerf", "steps", 800.0, 18.0, (3.0, 31.0), (-1.0, 33.0), 8, "inconclusive", 20.4, -80.0,
+    (-90.0, -70.0), 6, (0, 1), (2, 0), 1, 3.0,
+)  # fmt: skip
+REACHES = [
+    Reach("chair", "nerf", 0, "steps", 100.0, "earlier"),
+    Reach("chair", "nerf", 1, "steps", 200.0, "reached"),
+    Reach("drums", "nerf", 0, "steps", 800.0, "never", "ended at 22.10 dB"),
+    Reach("drums", "nerf", 1, "steps", 150.0, "never", "diverged"),
+]
+RECORD = TargetsRecord(24.0, False, "nerf", "24 dB, because.", REACHES, [CURVE], [SAVING])
+
+
+def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
+    shown = time_to_target(replace(records, targets=RECORD))
+    assert shown is not None
+    (panel,) = shown.everywhere
+    curve, below, lost = panel.traces
+    assert (curve.kind, curve.colour) == ("outline", KNOWN["nerf"].light)
+    assert curve.x == (62.5, 100.0, 200.0, 800.0)
+    assert curve.y == (0.0, 0.25, 0.5, 0.5)
+    assert (below.kind, below.x, below.y) == ("mark", (800.0,), (0.5,))
+    assert (lost.kind, lost.x, lost.y) == ("cross", (150.0,), (0.25,))
+    assert panel.alt == "all scenes: share of runs at 24 dB against training step. nerf 50% by 800."
+
+
+def test_the_share_is_that_of_the_step_before():
+    assert [share_at(CURVE, time) for time in (50.0, 100.0, 199.0, 200.0, 9e9)] == [0.0, 0.25, 0.25, 0.5, 0.5]
+
+
+def test_who_is_lost_is_told_from_who_ended_below(records: Records):
+    assert [is_lost(one) for one in REACHES] == [False, False, False, True]
+    assert notes(RECORD) == [
+        "nerf: of 4 runs, 1 ended below it, 1 diverged or failed, 1 had it by the first checkpoint."
+    ]
+    made = targets(records.cells, records.methods)
+    statuses = {(cell.scene, cell.method, cell.seed): cell.status for cell in records.cells}
+    assert sum(map(is_lost, made.reaches)) == 2, "one run, on two axes"
+    assert all((statuses[one.scene, one.method, one.seed] != "done") == is_lost(one) for one in made.reaches)
+
+
+def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_time():
+    grid = savings_grid(RECORD, ["all"])
+    assert grid is not None
+    ((method, steps, seconds, found, not_found),) = grid.rows
+    assert (method.text, method.small) == ("qnerf", "against nerf")
+    assert (steps.text, steps.tone) == ("+18.0\u202f%", "inconclusive")
+    assert steps.small.splitlines() == [
+        "[−1.0, +33.0]", "inconclusive", "not within the time watched: 1 of 6 runs of nerf",
+        "there at once: 2 of 6 runs of qnerf", "to the target itself +3.0\u202f% or more", "horizon 800 steps",
+        "1 pair not judged",
+    ]  # fmt: skip
+    assert seconds.text == not_found.text == "–"
+    assert found.text == "20\u202f%"
+
+
+def test_a_pair_without_a_saving_is_a_row():
+    nothing = replace(
+        SAVING, saving=None, interval=None, smallest_detectable=None, pairs=0, never=(0, 0), earlier=(0, 0)
+    )
+    grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
+    assert grid is not None
+    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "inconclusive\n1 pair not judged")
+    assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
+
+
+def test_runs_without_a_record_have_no_section(records: Records):
+    assert time_to_target(replace(records, targets=None)) is None
+    assert '<section id="reaching">' not in page(replace(records, targets=None))
+
+
+def test_where_there_is_no_target_the_section_says_why(records: Records):
+    shown = time_to_target(
+        replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score."))
+    )
+    assert shown is not None
+    assert (shown.title, shown.declared) == ("Time to a target", "No target: nothing has a score.")
+    assert shown.everywhere == shown.scenes == []
+
+
+@pytest.mark.slow
+def test_the_page_shows_target_curves_and_savings(records: Records):
+    record = targets(records.cells, records.methods)
+    text = page(replace(records, targets=record))
+    body = text[text.index('<section id="reaching">') :]
+    body = body[: body.index("</section>")]
+    assert f"<h2>Time to {record.target:g} dB</h2>" in body
+    assert body.count('<svg class="plot"') == 6, "two axes: over all scenes, and in each of two"
+    assert "Scene by scene" in body

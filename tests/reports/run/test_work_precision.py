@@ -1,0 +1,168 @@
+"""Work–precision diagrams: every seed, geometric means, a band both ways, what ended early, a choice without script."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.records.cells import Checkpoint
+from harness.training import cell_training
+from reports.data.load import Records, read_records
+from reports.drawing.palette import INK, KNOWN
+from reports.run.work_precision import (
+    FORWARD_AND_BACKWARD,
+    Point,
+    diagrams,
+    hull,
+    middle_of,
+    noise_floors,
+    over_scenes,
+    traces_of,
+)
+from tests.reports.fake_run import write_fake_run
+
+BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
+NEUTRAL = {"flops_per_evaluation": 50.0, "rays_per_step": 2048.0}
+
+
+def full(cell):
+    """A curve of two round checkpoints; a seed's errors are twice those of the seed before."""
+    factor = 2.0**cell.seed
+    curve = [
+        Checkpoint(step, time + cell.seed, 100 * step, 20.0, size * factor, 1 - 2 * size * factor)
+        for step, time, size in ((10, 1.0, 0.04), (20, 2.0, 0.01))
+    ]
+    curve = [replace(one, flip=0.2 * factor / one.step, depth_rmse=factor) for one in curve]
+    curve = curve[:1] if cell.status == "diverged" else curve
+    return replace(cell, curve=curve, properties=cell.properties | NEUTRAL)
+
+
+def simple(tmp_path, change=full, **options) -> Records:
+    options = {"scenes": ("chair",), "methods": {"nerf": "", "qnerf": ""}, "seeds": 2, **options}
+    return read_records(write_fake_run(tmp_path / "run", pictures=False, change_cell=change, **options))
+
+
+def diagram(records: Records, measure: str, cost: str):
+    return next(one for one in diagrams(records) if (one.measure.name, one.cost.name) == (measure, cost))
+
+
+def test_every_error_is_drawn_against_every_cost(tmp_path):
+    found = diagrams(simple(tmp_path))
+    assert [(one.measure.name, one.cost.name) for one in found] == [
+        (measure, cost)
+        for measure in ("rmse", "dssim", "flip", "depth")
+        for cost in ("seconds", "rays", "evaluations", "flops")
+    ]
+    assert {(panel.x_scale, panel.y_scale) for one in found for panel in one.panels} == {("log", "log")}
+
+
+@pytest.mark.parametrize(
+    ("measure", "cost", "x", "y"),
+    [
+        ("rmse", "seconds", (1.0, 2.0), (0.04, 0.01)),
+        ("dssim", "rays", (20480.0, 40960.0), (0.08, 0.02)),
+        ("flip", "evaluations", (1000.0, 2000.0), (0.02, 0.01)),
+        ("depth", "flops", (150_000.0, 300_000.0), (1.0, 1.0)),
+    ],
+)
+def test_a_seed_is_drawn_as_it_is(tmp_path, measure, cost, x, y):
+    (panel,) = diagram(simple(tmp_path), measure, cost).panels
+    trace = next(one for one in panel.traces if one.label == "nerf seed 0")
+    assert (trace.kind, trace.x) == ("thin", x)
+    assert trace.y == pytest.approx(y)
+
+
+def test_a_step_costs_as_many_forward_passes_as_the_harness_counts():
+    assert FORWARD_AND_BACKWARD == cell_training.FORWARD_AND_BACKWARD
+    assert cell_training.training_flops(1000, 50) == 150_000
+
+
+def test_means_and_bands_are_geometric(tmp_path):
+    (panel,) = diagram(simple(tmp_path, with_diverged=False), "rmse", "seconds").panels
+    mean = next(one for one in panel.traces if one.label == "nerf mean")
+    assert mean.y == pytest.approx((0.04 * 2**0.5, 0.01 * 2**0.5))
+    assert mean.x == pytest.approx((2**0.5, 6**0.5))
+    band = next(one for one in panel.traces if one.label == "nerf spread")
+    logs = np.log([[1.0, 2.0], [0.04, 0.08]])
+    sd = logs.std(axis=1, ddof=1)
+    assert min(band.x) == pytest.approx(math.exp(logs[0].mean() - sd[0]))
+    assert max(band.y) == pytest.approx(math.exp(logs[1].mean() + sd[1]))
+
+
+def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
+    made = diagram(simple(tmp_path), "rmse", "seconds")
+    (panel,) = made.panels
+    assert [one.label for one in panel.traces if one.kind == "cross"] == ["qnerf seed 1 diverged"]
+    cross = panel.traces[-2]
+    assert (cross.x, cross.y) == ((2.0,), (0.08,))
+    mean = next(one for one in panel.traces if one.label == "qnerf mean")
+    assert mean.y == pytest.approx((0.04, 0.01)), "of the seed that finished"
+    assert made.notes == [["✕ qnerf: 1 of 2 runs did not finish; the mean is of the others"]]
+    assert "qnerf seed 1 diverged" in panel.alt
+
+
+def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
+    records = simple(tmp_path, scenes=("chair", "drums"))
+    first = diagram(records, "rmse", "seconds").panels[0]
+    assert first.title == "all scenes"
+    cross = next(one for one in first.traces if one.kind == "cross")
+    assert (cross.label, cross.x) == ("qnerf seed 1 diverged", (2.0,))
+    assert next(one for one in first.traces if one.label == "qnerf seed 1").x == (2.0,)
+    assert len(next(one for one in first.traces if one.label == "qnerf mean").x) == 2
+
+
+def test_the_mean_over_scenes_is_geometric_and_needs_every_scene(whole: Records):
+    points = [Point("chair", "nerf", 0, "done", 1, 1.0, 0.1), Point("drums", "nerf", 0, "done", 1, 4.0, 0.4),
+              Point("chair", "nerf", 0, "done", 2, 9.0, 0.1)]  # fmt: skip
+    (mean,) = over_scenes(points, whole)
+    assert (mean.scene, mean.step, mean.status) == ("all scenes", 1, "done")
+    assert (mean.cost, mean.error) == (pytest.approx(2.0), pytest.approx(0.2))
+
+
+def test_the_mean_stands_only_at_checkpoints_that_all_seeds_share():
+    runs = [
+        [Point("chair", "nerf", seed, "done", step, 1.0, 0.1) for step in range(1, last)]
+        for seed, last in ((0, 4), (1, 3))
+    ]
+    assert len(middle_of(runs)) == 2
+    assert middle_of([]) == []
+
+
+def test_one_seed_has_no_band():
+    traces = traces_of([Point("chair", "nerf", 0, "done", step, step, 1 / step) for step in (1, 2)], {"nerf": BLUE})
+    assert [one.kind for one in traces] == ["thin", "line"]
+
+
+def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
+    def perfect(cell):
+        return replace(cell, curve=[replace(point, ssim=1.0, rmse_linear=0.0) for point in cell.curve])
+
+    assert diagrams(simple(tmp_path, perfect)) == []
+
+
+def test_the_noise_floor_follows_from_the_ceiling(records: Records):
+    floors = noise_floors(records)
+    assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
+    everywhere, chair, _ = diagram(records, "rmse", "seconds").panels
+    assert (chair.traces[-1].kind, chair.traces[-1].colour, chair.traces[-1].y[0]) == (
+        "floor",
+        INK.light,
+        floors["chair"],
+    )
+    assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
+    assert not any(one.kind == "floor" for one in diagram(records, "dssim", "seconds").panels[1].traces)
+
+
+def test_hulls_against_slow_reference():
+    """A point is a corner where a line through it has all others on one side."""
+    generator = np.random.default_rng(7)
+    points = [tuple(map(float, one)) for one in generator.normal(size=(20, 2))]
+    angles = np.linspace(0, 2 * math.pi, 20_000)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    corners = {points[place] for place in np.argmax(np.array(points) @ directions.T, axis=0)}
+    found = hull(points)
+    assert set(found) == corners
+    area = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, found[1:] + found[:1], strict=True)) / 2
+    assert area > 0, "anticlockwise"
+    assert hull([(0.0, 0.0)] * 4) == [(0.0, 0.0)]

@@ -1,0 +1,92 @@
+"""Which files an XML scene depends on, by Mitsuba's rules, and that reading one always comes to an end."""
+
+from pathlib import Path
+
+import pytest
+
+from scenes.catalog.mitsuba_xml import xml_scene
+from scenes.files.errors import InputError
+
+BALL = '<shape type="sphere"/><emitter type="constant"/>'
+OBJ = '<shape type="obj"><string name="filename" value="{}"/></shape>'
+
+
+def written(folder: Path, files: dict[str, str]) -> Path:
+    """`top.xml` and others; contents of XML files stand inside <scene>."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(f'<scene version="3.0.0">{text}</scene>' if name.endswith(".xml") else text)
+    return folder / "top.xml"
+
+
+def files_of(file: Path) -> set[str]:
+    return set(xml_scene(file, "mine").build()["file"]["files"])
+
+
+@pytest.mark.parametrize(
+    ("files", "depends"),
+    [
+        # Mitsuba looks beside the outermost file, wherever the name stands
+        ({"top.xml": BALL + '<include filename="sub/a.xml"/>', "sub/a.xml": OBJ.format("m.obj"), "m.obj": "1"},
+         {"sub/a.xml", "m.obj"}),
+        ({"top.xml": BALL + '<include filename="sub/b.xml"/>', "sub/b.xml": '<include filename="c.xml"/>',
+          "sub/c.xml": "", "c.xml": ""}, {"sub/b.xml", "sub/c.xml", "c.xml"}),
+        ({"top.xml": BALL + OBJ.format("m.obj") + '<path value="sub"/>', "sub/m.obj": "1"}, {"sub/m.obj"}),
+        ({"top.xml": BALL + '<spectrum name="x" filename="s.spd"/>', "s.spd": "1"}, {"s.spd"}),
+        ({"top.xml": BALL + '<spectrum name="x" value="s.spd"/>', "s.spd": "1"}, {"s.spd"}),
+        ({"top.xml": '<default name="a" value="1"/><default name="ab" value="m"/>' + BALL + OBJ.format("$ab.obj"),
+          "m.obj": "1", "1b.obj": "2"}, {"m.obj"}),
+        # two files of one name
+        ({"top.xml": BALL + '<include filename="sub/top.xml"/>', "sub/top.xml": ""}, {"sub/top.xml"}),
+    ],
+)  # fmt: skip
+def test_images_depend_on_all_that_mitsuba_reads(tmp_path: Path, files: dict[str, str], depends: set[str]) -> None:
+    file = written(tmp_path / "here", files)
+    assert files_of(file) == {"top.xml", *depends}
+    there = xml_scene(written(tmp_path / "there", files), "mine").build()
+    assert there == xml_scene(file, "mine").build()  # wherever the folder lies
+    for name in depends:
+        before = xml_scene(file, "mine").build()
+        written(tmp_path / "here", {name: files[name] + " "})
+        assert xml_scene(file, "mine").build() != before
+
+
+def test_a_link_and_its_target_are_one_file(tmp_path: Path) -> None:
+    file = written(tmp_path, {"top.xml": BALL + OBJ.format("a.obj") + OBJ.format("sub/../m.obj"), "m.obj": "1"})
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "a.obj").symlink_to("m.obj")
+    assert files_of(file) == {"top.xml", "m.obj"}
+
+
+def test_includes_that_double_are_read_once_and_too_many_are_refused(tmp_path: Path) -> None:
+    levels = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * 2 for i in range(7)}
+    assert (
+        len(files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **levels, "7.xml": ""}))) == 9
+    )
+    more = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * 2 for i in range(13)}
+    with pytest.raises(InputError, match="more than 1000 files"):
+        files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **more, "13.xml": ""}))
+    deep = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' for i in range(16)}
+    with pytest.raises(InputError, match="15 levels deep"):
+        files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **deep, "16.xml": ""}))
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({"top.xml": BALL + '<include filename="top.xml"/>'}, "top.xml includes top.xml"),
+        ({"top.xml": BALL + '<include filename="a.xml"/>', "a.xml": '<include filename="top.xml"/>'}, "a.xml includes"),
+        ({"top.xml": BALL + '<bsdf type="twosided" id="a"><ref id="a"/><ref id="a"/></bsdf>'}, "'a' holds itself"),
+        ({"top.xml": BALL + '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="twosided" id="b">'
+          '<ref id="a"/></bsdf>'}, "holds itself"),
+    ],
+)  # fmt: skip
+def test_circles_are_refused_by_name(tmp_path: Path, files: dict[str, str], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        files_of(written(tmp_path, files))
+
+
+@pytest.mark.parametrize(("said", "depth"), [("²", 8), ("12", 12), ("999999999999", 64), ("-1", 8), ("1", 2)])
+def test_the_depth_of_light_paths(tmp_path: Path, said: str, depth: int) -> None:
+    text = BALL + f'<integrator type="path"><integer name="max_depth" value="{said}"/></integrator>'
+    assert xml_scene(written(tmp_path, {"top.xml": text}), "mine").max_depth == depth

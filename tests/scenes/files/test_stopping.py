@@ -1,0 +1,100 @@
+"""A signal ends a command whatever its main thread is doing, and whatever it has started."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from scenes.files.stopping import STOPPED
+
+ROOT = Path(__file__).parents[3]
+LONG = """
+while True:
+    try:
+        print(SAID, flush=True)
+        hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)
+    except KeyboardInterrupt:  # before it got there
+        pass
+"""
+"""Half an hour in a library that no signal reaches, once a line was said."""
+LATE = "interrupted: what is finished is kept; give the command again"
+
+
+@contextmanager
+def python(code: str, in_order: float = 0.05) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A process that has come so far that it has said a line, and that; what is left of it and its children ends."""
+    first = f"import hashlib; import scenes.files.stopping as s; s.IN_ORDER_SECONDS = {in_order}"
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"{first}\n{code}"],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=open_to_ctrl_c,
+    )  # fmt: skip
+    with process:
+        try:
+            assert process.stdout is not None
+            yield process, process.stdout.readline()
+        finally:
+            with suppress(ProcessLookupError):  # nobody is left, as it should be
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def open_to_ctrl_c() -> None:
+    """A suite that was started in the background hands on that it is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_library_that_is_at_work_for_long_is_ended(number: signal.Signals) -> None:
+    with python(f"s.stop_on_signals(); SAID = 'ready'\n{LONG}") as (process, _):
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == STOPPED
+    assert said.startswith(LATE)
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        ("harness run --dry-run", "harness.plan.profiles.planned"),
+        ("reports out", "reports.data.studies_load.find_speed"),
+        ("scenes render lego", "scenes.rendering.store.ensure_view_set"),
+    ],
+)
+def test_every_command_is_ended_whatever_library_is_at_work(command: str, work: str) -> None:
+    """`work` is what the command calls, here half an hour of a library."""
+    module, _, name = work.rpartition(".")
+    long = LONG.replace("\n", "\n    ")
+    code = f"""
+import runpy, sys, {module}
+def work(*_, **__):
+    SAID = 'ready'
+    {long}
+{module}.{name} = work
+sys.argv = {command.split()!r}
+runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)
+"""
+    with python(code) as (process, ready):
+        assert ready == "ready\n"
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == STOPPED
+    assert said.startswith(LATE)
+
+
+@pytest.mark.skipif(not Path(f"/proc/self/task/{os.getpid()}/children").exists(), reason="children are not told here")
+def test_what_was_started_does_not_outlive_it() -> None:
+    sleeper = "import subprocess; s.stop_on_signals(); SAID = subprocess.Popen(['sleep', '1000']).pid"
+    with python(f"{sleeper}\n{LONG}") as (process, number):
+        child = Path("/proc") / number.strip()
+        assert child.exists()
+        process.send_signal(signal.SIGTERM)
+        # its end of the pipes is closed as well, else this waits for it
+        process.communicate(timeout=60)
+        assert process.returncode == STOPPED
+        assert not child.exists() or "Z (zombie)" in (child / "status").read_text()

@@ -1,0 +1,124 @@
+import json
+
+import numpy as np
+import pytest
+
+from scenes.modelling.needs import as_rows, needs, needs_from_rows
+from scenes.modelling.scene import Description
+
+DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
+BOX = np.array([[-1.0, -1, -1], [1, 1, 1]])
+SKY = {"type": "constant"}
+LAMP = {"type": "sphere", "emitter": {"type": "area", "radiance": 7.0}}
+
+
+def scene_of(bsdf: Description) -> Description:
+    return {"sky": SKY, "thing": {"type": "sphere", "bsdf": bsdf}}
+
+
+def fog(sigma_t: object, shape: str = "cube", **others: object) -> Description:
+    medium = {"type": "homogeneous", "albedo": 0.5, "sigma_t": sigma_t, **others}
+    return {"sky": SKY, "fog": {"type": shape, "bsdf": {"type": "null"}, "interior": medium}}
+
+
+@pytest.mark.parametrize(
+    "bsdf",
+    [
+        DIFFUSE,
+        {"type": "twosided", "bsdf": DIFFUSE},
+        {"type": "mask", "opacity": 0.5, "nested": {"type": "twosided", "bsdf": DIFFUSE}},
+        {"type": "bumpmap", "texture": {"type": "checkerboard"}, "bsdf": DIFFUSE},
+        {"type": "blendbsdf", "weight": 0.5, "a": DIFFUSE, "b": DIFFUSE},
+    ],
+)
+def test_lambertian_scenes_need_no_view_direction(bsdf: Description) -> None:
+    need = needs(scene_of(bsdf))["view_direction"]
+    assert not need.needed
+    assert "Lambertian" in need.reason
+
+
+@pytest.mark.parametrize("kind", ["plastic", "dielectric", "roughconductor", "principled", "not_invented_yet"])
+def test_one_shiny_part_needs_it(kind: str) -> None:
+    wrapped = {"type": "twosided", "bsdf": {"type": "blendbsdf", "a": DIFFUSE, "b": {"type": kind}}}
+    need = needs(scene_of(wrapped))["view_direction"]
+    assert need.needed
+    assert kind in need.reason
+
+
+def test_a_shape_without_material_is_diffuse() -> None:
+    assert not needs({"sky": SKY, "thing": {"type": "sphere"}})["view_direction"].needed
+
+
+def test_media_need_the_volumetric_integrator() -> None:
+    found = needs(fog(1.0))
+    assert found["participating_media"].needed
+    assert found["view_direction"].needed
+    assert "homogeneous" in found["participating_media"].reason
+    assert not needs(scene_of(DIFFUSE))["participating_media"].needed
+
+
+def test_only_surfaces_have_a_depth() -> None:
+    assert needs(scene_of(DIFFUSE))["depth_metric"].needed
+    assert not needs(fog(1.0))["depth_metric"].needed
+    assert needs(fog(1.0) | scene_of(DIFFUSE))["depth_metric"].needed
+    assert not needs({"sky": SKY})["depth_metric"].needed
+
+
+def test_a_shape_that_glows_is_a_surface_whatever_its_material() -> None:
+    lamp = {"type": "sphere", "bsdf": {"type": "null"}, "emitter": {"type": "area", "radiance": 3.0}}
+    assert needs({"lamp": lamp})["depth_metric"].needed
+
+
+@pytest.mark.parametrize(
+    ("description", "bin_is_stiff", "ray_is_opaque"),
+    [
+        (scene_of(DIFFUSE), True, True),
+        (fog(1e-3), False, False),
+        (fog(5.0), False, True),  # 17 along the diagonal, 0.27 a bin
+        (fog(50.0), True, True),
+        (fog({"type": "rgb", "value": [0.1, 50.0, 1.0]}), True, True),
+        (fog(0.5, scale=100.0), True, True),
+        (fog({"type": "gridvolume", "data": np.full((2, 2, 2, 1), 50.0)}), True, True),
+        ({"sky": SKY}, False, False),
+    ],
+)
+def test_what_follows_from_the_optical_depth(description: Description, bin_is_stiff: bool, ray_is_opaque: bool) -> None:
+    found = needs(description, BOX)
+    assert found["fine_pass"].needed == bin_is_stiff
+    assert found["linear_quadrature"].needed == bin_is_stiff
+    # what lies behind opaque matter is what can be left out
+    assert found["behind_opaque"].needed == (not ray_is_opaque)
+
+
+def test_a_medium_that_fills_the_box_leaves_no_space_empty() -> None:
+    assert needs(fog(1.0), BOX)["empty_space"].needed
+    assert not needs(fog(1.0, "sphere"), BOX)["empty_space"].needed
+    assert not needs(scene_of(DIFFUSE), BOX)["empty_space"].needed
+
+
+@pytest.mark.parametrize(
+    ("lights", "needed"),
+    [
+        ([], False),
+        ([{"type": "constant", "radiance": 0.4}], False),
+        ([{"type": "constant"}, {"type": "area", "radiance": {"type": "rgb", "value": [50.0, 50, 50]}}], False),
+        ([{"type": "constant"}, {"type": "area", "radiance": {"type": "rgb", "value": [1e6, 1e6, 1e6]}}], True),
+        ([{"type": "area", "radiance": 7.0}], False),
+        ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[1e3] * 3]], np.float32)}], True),
+        ([{"type": "envmap", "data": np.array([[[1.0] * 3] * 9 + [[9.0] * 3]], np.float32)}], False),
+        ([{"type": "constant", "radiance": 0.0}, {"type": "area", "radiance": 1.0}], True),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": 0.5}}], False),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": 1e-5}}], True),
+        ([LAMP, {"type": "rectangle", "bsdf": {"type": "conductor"}}], False),
+    ],
+)
+def test_bright_over_median_light(lights: list[Description], needed: bool) -> None:
+    description = {f"light{i}": light for i, light in enumerate(lights)}
+    assert needs(description)["hdr_metrics"].needed == needed
+
+
+def test_a_manifest_keeps_them() -> None:
+    found = needs(fog(50.0), BOX, 0.02)
+    assert needs_from_rows(json.loads(json.dumps(as_rows(found)))) == found
+    assert needs_from_rows({"view_direction": True}) == {}
+    assert needs_from_rows(None) == {}

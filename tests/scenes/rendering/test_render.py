@@ -1,0 +1,296 @@
+"""Mitsuba's rays are ours, its radiance is the known one, and the noise that we state is the noise there is."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from scenes.files.errors import InputError
+from scenes.modelling.scene import Description
+from scenes.modelling.solids import ball, box, mesh
+from scenes.rendering.render import LoadedScene, RenderedView, RenderError, combine, even_spp, render_views, seed_from
+from scenes.rendering.variant import Variant
+from scenes.view_sets.pixels import display_from_linear, over_white
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
+
+WHITE_SKY = {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+
+
+def grey(albedo: float) -> Description:
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [albedo] * 3}}
+
+
+def sphere(radius: float, bsdf: Description, center: tuple[float, float, float] = (0, 0, 0)) -> Description:
+    return {"type": "sphere", "radius": radius, "center": list(center), "bsdf": bsdf}
+
+
+@pytest.fixture
+def seen(scalar: Variant) -> Callable[..., RenderedView]:
+    """One view of some shapes under a white sky."""
+
+    def see(
+        shapes: Description, pose: np.ndarray | None = None, size: int = 24, spp: int = 64, max_depth: int = 6,
+        seed: int = 0, width: int | None = None,
+    ) -> RenderedView:  # fmt: skip
+        description = {"sky": WHITE_SKY, **shapes}
+        scene = LoadedScene(description, scalar, max_depth, width or size, size)
+        pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))[0] if pose is None else pose
+        return next(render_views(scene, pose[None], spp, [seed], ["view"]))
+
+    return see
+
+
+def projected(point: np.ndarray, camera_to_world: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Column and row by our pinhole: OpenGL axes, pixel centres at +0.5, square pixels, centred optical axis."""
+    focal = 0.5 * width / math.tan(0.5 * FOV_X_RADIANS)
+    x, y, z = (np.linalg.inv(camera_to_world) @ [*point, 1.0])[:3]
+    return np.array([width / 2 + focal * x / -z, height / 2 - focal * y / -z])
+
+
+@pytest.mark.parametrize("pose", [*all_poses("test")[[0, 31, 77, 150]], *all_poses("train", "sphere")[:3]])
+@pytest.mark.parametrize(("width", "height"), [(48, 48), (47, 30)])
+def test_mitsubas_rays_are_ours(seen: Callable[..., RenderedView], pose: np.ndarray, width: int, height: int) -> None:
+    point = np.array([0.35, -0.28, 0.22])
+    view = seen({"dot": sphere(0.06, grey(0.5), tuple(point))}, pose, size=height, width=width, spp=128)
+    alpha = view.rgba[..., 3].astype(np.float64)
+    rows, columns = np.mgrid[:height, :width] + 0.5
+    centroid = np.array([(columns * alpha).sum(), (rows * alpha).sum()]) / alpha.sum()
+    assert np.abs(centroid - projected(point, pose, width, height)).max() < 0.05  # half a pixel off would be 0.5
+
+
+def test_depth_is_the_distance_along_the_unit_ray(seen: Callable[..., RenderedView]) -> None:
+    pose, size, radius, pieces = poses_on_sphere(np.array([0.2]), np.array([0.6]))[0], 40, 1.0, 10
+    view = seen({"ball": sphere(radius, grey(0.5))}, pose, size=size, spp=256)
+    focal = 0.5 * size / math.tan(0.5 * FOV_X_RADIANS)
+    fine = (np.arange(size * pieces) + 0.5) / pieces
+    x, y = np.meshgrid((fine - size / 2) / focal, -(fine - size / 2) / focal)
+    direction = np.stack([x, y, -np.ones_like(x)], axis=-1)
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True) @ pose[:3, :3].T
+    along = -(direction @ pose[:3, 3])
+    inside = along**2 - pose[:3, 3] @ pose[:3, 3] + radius**2
+    with np.errstate(invalid="ignore"):
+        exact = along - np.sqrt(inside)
+    expected = exact.reshape(size, pieces, size, pieces).mean((1, 3))
+    hit = np.isfinite(expected)
+    assert hit.sum() > 300
+    steep = (np.abs(np.gradient(np.where(hit, expected, np.nan))) > 0.03).any(axis=0)
+    calm = hit & ~steep & np.isfinite(np.gradient(np.where(hit, expected, np.nan))).all(axis=0)
+    assert np.abs(view.depth - expected)[calm].max() < 1e-3
+    assert abs((view.depth - expected)[calm].mean()) < 1e-4  # Mitsuba's near plane alone would be 1e-3
+    assert (view.depth[view.rgba[..., 3] == 0] == 0).all()
+    point = pose[:3, 3] + direction[5::10, 5::10] * view.depth[..., None]
+    normal = point / np.linalg.norm(point, axis=-1, keepdims=True)
+    assert np.abs(view.normal - normal)[calm].max() < 0.06
+    assert (np.linalg.norm(view.normal, axis=-1)[view.rgba[..., 3] == 0] == 0).all()
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.18, 0.5, 1.0])
+def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(
+    seen: Callable[..., RenderedView], albedo: float
+) -> None:
+    view = seen({"ball": sphere(0.9, grey(albedo))}, spp=128)
+    whole = view.rgba[..., 3] == 1
+    assert whole.sum() > 50
+    assert view.rgba[whole][:, :3].mean() == pytest.approx(albedo, abs=0.004)
+    assert (view.rgba[view.rgba[..., 3] == 0] == 0).all()
+
+
+def test_a_white_furnace_is_white(seen: Callable[..., RenderedView]) -> None:
+    """Light that only bounces between white bodies keeps its radiance, however often."""
+    pair = {"a": sphere(0.6, grey(1.0), (0, 0.6, 0)), "b": mesh(box(1, 1, 1).moved(y=-0.6), grey(1.0))}
+    view = seen(pair, spp=128, max_depth=200)
+    whole = view.rgba[..., 3] == 1
+    assert view.rgba[whole][:, :3].mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_mesh_is_the_shape_that_it_describes(seen: Callable[..., RenderedView]) -> None:
+    """Vertices, faces, normals and uv reach Mitsuba: a fine mesh of a ball looks like the ball."""
+    bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.7, 0.2, 0.1]}}
+    exact = seen({"ball": sphere(0.8, bsdf)}, spp=64)
+    meshed = seen({"ball": mesh(ball(0.8, 96), bsdf)}, spp=64)
+    assert np.abs(exact.rgba - meshed.rgba).mean() < 0.01
+    assert np.abs(exact.depth - meshed.depth)[exact.rgba[..., 3] == 1].max() < 0.02
+    assert np.abs(exact.normal - meshed.normal)[exact.rgba[..., 3] == 1].max() < 0.2
+
+
+def test_textures_are_linear_colour_at_the_right_place(seen: Callable[..., RenderedView]) -> None:
+    picture = np.zeros((2, 2, 3), np.float32)
+    picture[0], picture[1] = [0.2, 0.0, 0.0], [0.0, 0.4, 0.0]
+    floor: Description = {
+        "type": "mesh",
+        "vertices": np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
+        "faces": np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+        "uv": np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "bitmap", "data": picture, "filter_type": "nearest"}},
+    }
+    above = poses_on_sphere(np.array([-np.pi / 2]), np.array([np.pi / 2 - 1e-3]))[0]  # x to the right, y up
+    view = seen({"floor": floor}, above, spp=64)
+    middle = view.rgba[:, 12, :3]
+    rows = np.flatnonzero(middle.sum(-1) > 0.1)
+    upper, lower = middle[rows[1]], middle[rows[-2]]
+    assert upper == pytest.approx([0.0, 0.4, 0.0], abs=0.02)  # the first row of a picture lies at v = 0
+    assert lower == pytest.approx([0.2, 0.0, 0.0], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "bsdf", [{"type": "dielectric"}, {"type": "roughdielectric", "alpha": 0.1}, {"type": "conductor"}]
+)
+def test_glass_is_an_object_and_not_a_hole(seen: Callable[..., RenderedView], bsdf: Description) -> None:
+    view = seen({"glass": sphere(0.9, bsdf)}, spp=32, max_depth=12)
+    assert view.rgba[12, 12, 3] == 1
+    assert view.rgba[0, 0, 3] == 0
+    assert view.rgba[10:14, 10:14, :3].mean() > 0.3
+
+
+def test_half_covered_pixels_have_half_the_alpha(seen: Callable[..., RenderedView]) -> None:
+    pose = poses_on_sphere(np.array([0.0]), np.array([0.0]))[0]  # looks along −x; y to the right
+    view = seen({"block": mesh(box(0.01, 4, 4).moved(y=2), grey(0.5))}, pose, size=9, spp=256)
+    assert view.rgba[4, :, 3] == pytest.approx([0, 0, 0, 0, 0.5, 1, 1, 1, 1], abs=0.02)
+
+
+def test_the_stated_variance_is_the_variance(scalar: Variant, description: Description) -> None:
+    scene = LoadedScene(description, scalar, 4, 16, 16)
+    pose = all_poses("test")[:1]
+    truth = next(render_views(scene, pose, 16384, [99], ["truth"]))
+    views = list(render_views(scene, np.repeat(pose, 40, 0), 8, range(40), [str(n) for n in range(40)]))
+    stated = np.mean([view.variance for view in views], axis=0)
+    found = np.mean([(view.rgba - truth.rgba) ** 2 for view in views], axis=0)
+    for channel in range(4):
+        assert found[..., channel].sum() / stated[..., channel].sum() == pytest.approx(1.0, abs=0.1)
+    noisy = stated[..., 0] > stated[..., 0].max() / 10
+    assert np.quantile(found[noisy][:, 0] / stated[noisy][:, 0], [0.05, 0.95]) == pytest.approx([0.7, 1.4], abs=0.35)
+    shown = over_white(display_from_linear(truth.rgba))
+    error = np.mean([np.mean((over_white(display_from_linear(view.rgba)) - shown) ** 2) for view in views])
+    assert error / np.mean([view.noise_mse for view in views]) == pytest.approx(1.0, abs=0.15)
+    mean = np.mean([view.rgba for view in views], axis=0)
+    z = (mean - truth.rgba)[noisy][:, :3] / np.sqrt(stated[noisy][:, :3] / 40)
+    assert abs(z.mean()) < 4 / np.sqrt(z.size)  # no bias
+    assert z.std() == pytest.approx(1.0, abs=0.2)
+
+
+def test_the_same_seed_gives_the_same_image_and_another_does_not(seen: Callable[..., RenderedView]) -> None:
+    shapes = {"ball": sphere(0.8, grey(0.5))}
+    one, same, other = (seen(shapes, spp=8, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.rgba, same.rgba)
+    assert not np.array_equal(one.rgba, other.rgba)
+    assert len({seed_from(scene, split, n) for scene in "ab" for split in "cd" for n in range(1000)}) == 4000
+
+
+def test_passes_add_up_to_the_same_mean(
+    scalar: Variant, description: Description, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = LoadedScene(description, scalar, 4, 12, 12)
+    pose = all_poses("test")[3]
+    whole = scene.colour(pose, 1024, 1)
+    monkeypatch.setattr("scenes.rendering.render.LARGEST_WAVEFRONT", 12 * 12 * 64)
+    scene._vectorised = True
+    assert scene._passes(1024) == (16, 64)
+    assert scene.actual_spp(2048) == 2048
+    assert np.abs(scene.colour(pose, 1024, 2) - whole).mean() < 0.01
+
+
+def test_sample_counts_fit_the_strata() -> None:
+    for spp in range(1, 300):
+        chosen = even_spp(spp)
+        columns = math.isqrt(spp)
+        assert spp <= chosen < spp + columns
+        assert chosen % columns == 0
+
+
+@pytest.mark.parametrize(
+    "matrix", [np.full((4, 4), np.nan), np.zeros((4, 4)), np.diag([1.0, 1, 0, 1]), np.diag([3.0, 3, 3, 1])]
+)
+def test_poses_that_mitsuba_would_show_as_background_are_refused(
+    scalar: Variant, description: Description, matrix: np.ndarray
+) -> None:
+    scene = LoadedScene(description, scalar, 4, 8, 8)
+    poses = np.stack([all_poses("test")[0], matrix])
+    with pytest.raises(InputError, match="second"):
+        next(render_views(scene, poses, 4, [0, 1], ["first", "second"]))
+    with pytest.raises(InputError, match="1 samples"):
+        next(render_views(scene, poses[:1], 1, [0], ["first"]))
+
+
+@pytest.mark.parametrize("radiance", [float("nan"), float("inf")])
+def test_an_image_that_is_not_finite_is_never_stored(scalar: Variant, radiance: float) -> None:
+    sky = {"type": "constant", "radiance": {"type": "rgb", "value": [radiance, 1.0, 1.0]}}
+    try:
+        scene = LoadedScene({"sky": sky, "ball": sphere(0.9, grey(0.5))}, scalar, 4, 8, 8)
+    except RuntimeError:
+        return  # Mitsuba itself refuses
+    with pytest.raises(RenderError, match=r"view: .* not finite"):
+        next(render_views(scene, all_poses("test")[:1], 4, [0], ["view"]))
+
+
+def test_the_box_holds_all_shapes(scalar: Variant, description: Description) -> None:
+    bounds = LoadedScene(description, scalar, 4, 8, 8).bounds()
+    assert bounds == pytest.approx(np.array([[-1.021, -1.021, -0.721], [1.021, 1.021, 0.621]]), abs=1e-5)
+    with pytest.raises(RenderError, match="no shape"):
+        LoadedScene({"sky": WHITE_SKY}, scalar, 4, 8, 8).bounds()
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"type": "checkerboard", "data": np.zeros((2, 2, 3), np.float32)},
+        {"type": "mesh", "vertices": np.zeros((3, 3)), "faces": np.zeros((1, 3)), "colour": 1},
+    ],
+)
+def test_what_a_description_cannot_say_is_refused(scalar: Variant, entry: Description) -> None:
+    with pytest.raises(RenderError, match=r"checkerboard|colour"):
+        LoadedScene({"sky": WHITE_SKY, "thing": entry}, scalar, 4, 8, 8)
+
+
+def test_combining_two_halves() -> None:
+    a, b = np.zeros((1, 1, 4)), np.zeros((1, 1, 4))
+    a[0, 0], b[0, 0] = [0.2, 0.4, 0.6, 1.0], [0.4, 0.4, 0.2, 0.5]
+    view = combine(a, b, np.full((1, 1), 3.0), np.zeros((1, 1, 3)))
+    assert view.rgba[0, 0] == pytest.approx([0.3, 0.4, 0.4, 0.75])
+    assert view.variance[0, 0] == pytest.approx([0.01, 0.0, 0.04, 0.0625])
+    shown = [over_white(display_from_linear(half))[0, 0] for half in (a, b)]
+    assert view.noise_mse == pytest.approx(np.mean((shown[0] - shown[1]) ** 2) / 4, rel=1e-5)
+
+
+@pytest.mark.parametrize("fov", [0.0, -1.0, math.pi, math.nan])
+def test_a_lens_that_is_none_is_refused_before_anything_is_loaded(scalar: Variant, fov: float) -> None:
+    with pytest.raises(InputError, match="field of view"):
+        LoadedScene({"nothing": {"type": "no such plugin"}}, scalar, 2, 4, 4, fov)
+
+
+def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> None:
+    glow = {"type": "area", "radiance": {"type": "rgb", "value": [0.3, 0.2, 0.1]}}
+    lamp = {"lamp": {**sphere(0.8, grey(0.0)), "emitter": glow}}
+    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
+    for shown in (False, True):
+        scene = LoadedScene(lamp, scalar, 3, 9, 9, emitters_seen=shown)
+        view = next(render_views(scene, pose, 4, [0], ["view"]))
+        expected = [0.3, 0.2, 0.1, 1.0] if shown else [0.0] * 4
+        assert view.rgba[4, 4] == pytest.approx(expected, abs=1e-6)
+        assert view.rgba[0, 0] == pytest.approx([0.0] * 4)
+
+
+def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal(scalar: Variant) -> None:
+    """A lamp between the camera and a ball, and beside it: geometry is that of the ball alone, wherever colour is."""
+    thing = {"ball": sphere(0.4, grey(0.6)), "sky": WHITE_SKY}
+    glow = {"type": "area", "radiance": {"type": "rgb", "value": [3.0, 3.0, 3.0]}}
+    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
+    lamp = {**sphere(0.3, grey(0.0), tuple((0.3 * pose[0, :3, 3]).tolist())), "emitter": glow}
+    lit, plain = (
+        next(render_views(LoadedScene(one, scalar, 3, 15, 15), pose, 8, [0], ["view"]))
+        for one in ({**thing, "lamp": lamp}, thing)
+    )
+    assert np.array_equal(lit.depth, plain.depth)
+    assert np.array_equal(lit.normal, plain.normal)
+    assert (lit.depth[7, 7], lit.depth[0, 0]) == (pytest.approx(RADIUS - 0.4, abs=0.02), 0)
+    assert (lit.depth[lit.rgba[..., 3] == 0] == 0).all()
+    assert lit.rgba[7, 7, 0] > plain.rgba[7, 7, 0] + 0.1  # it does light the ball
+
+
+def test_instances_beside_a_lamp_are_refused(scalar: Variant) -> None:
+    lamp = {"lamp": {**sphere(0.3, grey(0.0), (0, 0, 2)), "emitter": {"type": "area"}}}
+    group = {"group": {"type": "shapegroup", "ball": sphere(0.4, grey(0.5))}}
+    placed = {"placed": {"type": "instance", "of": {"type": "ref", "id": "group"}}}
+    LoadedScene({**group, **placed, "sky": WHITE_SKY}, scalar, 3, 4, 4)
+    with pytest.raises(InputError, match="instances beside a shape that glows"):
+        LoadedScene({**group, **placed, **lamp}, scalar, 3, 4, 4)

@@ -1,0 +1,275 @@
+"""The cache: what is whole is used again, what is not never is."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scenes
+from scenes.files.digest import digest_of
+from scenes.files.errors import InputError
+from scenes.modelling.normalise import Similarity
+from scenes.modelling.scene import Scene
+from scenes.rendering import store
+from scenes.rendering.store import Order, Standing, checked_order, is_complete
+from scenes.view_sets.manifest import check_all
+from scenes.view_sets.view_set import read_view_set
+
+ROOT = Path(scenes.__file__).parents[1]
+Render = Callable[..., Path]
+
+
+def test_a_whole_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[Standing] = []
+    first = render_tiny(tmp_path, progress=steps.append)
+    assert [(one.done, one.total, one.kept) for one in steps] == [(n, 6, 0) for n in range(7)]
+    assert first.name.startswith("tiny-16px-")
+    assert len(first.name) == len("tiny-16px-") + 12
+    check_all(first)
+    assert first.stat().st_mode & 0o777 == 0o755
+    monkeypatch.setattr(store, "write_view_set", lambda *_: pytest.fail("rendered again"))
+    monkeypatch.setattr(store, "choose_variant", lambda *_: pytest.fail("probed"))
+    assert render_tiny(tmp_path) == first
+    assert render_tiny(tmp_path, variant=None) == first
+    assert sorted(path.name for path in tmp_path.iterdir()) == [first.name]
+
+
+def test_rendering_is_deterministic(render_tiny: Render, tmp_path: Path) -> None:
+    one, two = render_tiny(tmp_path / "a"), render_tiny(tmp_path / "b")
+    assert one.name == two.name
+    a, b = (json.loads((path / "view_set.json").read_text()) for path in (one, two))
+    assert {k: v["noise_mse"] for k, v in a["views"].items()} == {k: v["noise_mse"] for k, v in b["views"].items()}
+    for split in ("train", "val", "test"):
+        views = [np.stack(list(getattr(read_view_set(path), split).rgba)) for path in (one, two)]
+        assert np.array_equal(*views)
+
+
+@pytest.mark.parametrize("damage", ["flip", "cut", "remove", "manifest", "no manifest"])
+def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: str) -> None:
+    path = render_tiny(tmp_path)
+    before = read_view_set(path).test.rgba[0]
+    victim = path / ("view_set.json" if "manifest" in damage else "test/r_1.exr")
+    data = bytearray(victim.read_bytes())
+    if damage in ("remove", "no manifest"):
+        victim.unlink()
+    elif damage == "cut":
+        victim.write_bytes(data[:-10])
+    else:
+        data[len(data) // 2] ^= 8
+        victim.write_bytes(data)
+    assert not is_complete(path)
+    assert render_tiny(tmp_path) == path
+    assert is_complete(path)
+    assert np.array_equal(read_view_set(path).test.rgba[0], before)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
+
+
+def order_of(scene: Scene, monkeypatch: pytest.MonkeyPatch, **changes: object) -> Order:
+    monkeypatch.setattr(store, "scene_named", lambda name: scene)
+    options: dict[str, object] = {
+        "resolution": 8, "counts": {"train": 3, "val": 0, "test": 2}, "spp": {"train": 4, "val": 4, "test": 4},
+        **changes,
+    }  # fmt: skip
+    return checked_order("tiny", **options)  # type: ignore[arg-type]
+
+
+def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    description = tiny_scene.build()
+    base = order_of(tiny_scene, monkeypatch)
+    digests = [base.digest("scalar_rgb"), base.digest("llvm_ad_rgb")]
+    moved = {**description, "ball": {**description["ball"], "radius": 0.6000001}}
+    vertices = description["floor"]["vertices"].copy()
+    vertices[0, 0] = np.nextafter(vertices[0, 0], 2)
+    bent = {**description, "floor": {**description["floor"], "vertices": vertices}}
+    for scene in (
+        replace(tiny_scene, build=lambda: moved),
+        replace(tiny_scene, build=lambda: bent),
+        replace(tiny_scene, max_depth=5),
+        replace(tiny_scene, view_from="sphere"),
+    ):
+        digests.append(order_of(scene, monkeypatch).digest("scalar_rgb"))
+    for change in (
+        {"resolution": 9},
+        {"counts": {"train": 4, "val": 0, "test": 2}},
+        {"spp": {"train": 4, "val": 4, "test": 5}},
+    ):
+        digests.append(order_of(tiny_scene, monkeypatch, **change).digest("scalar_rgb"))
+    monkeypatch.setattr("scenes.rendering.order.versions", lambda: {"mitsuba": "9.9.9"})
+    digests.append(order_of(tiny_scene, monkeypatch).digest("scalar_rgb"))
+    assert len(set(digests)) == len(digests)
+    monkeypatch.undo()
+    assert order_of(tiny_scene, monkeypatch).digest("scalar_rgb") == digests[0]
+
+
+def test_values_that_look_alike_hash_differently() -> None:
+    values = [
+        1, 1.0, True, "1", None, [1], [[1]], {"1": 1}, {"a": 1, "b": 2}, {"b": 2, "a": 1}, ["ab", "c"], ["a", "bc"],
+        np.array([1]), np.array([1.0]), np.array([1.0], np.float32), np.array([[1.0]], np.float32),
+    ]  # fmt: skip
+    assert len({digest_of(value) for value in values}) == len(values)
+    assert digest_of(np.arange(6).reshape(2, 3).T) == digest_of(np.ascontiguousarray(np.arange(6).reshape(2, 3).T))
+
+
+def test_what_cannot_be_hashed_is_refused() -> None:
+    for value in (object(), {"a": lambda: 0}, np.array([object()])):
+        with pytest.raises(TypeError, match="plain data"):
+            digest_of(value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"resolution": 0}, "resolution 0"),
+        ({"resolution": 100_000}, "resolution 100000"),
+        ({"counts": {"train": 101, "val": 0, "test": 0}}, "101 train views"),
+        ({"counts": {"train": -1, "val": 0, "test": 0}}, "--train -1"),
+        ({"counts": {"train": 0, "val": 0, "test": 0}}, "at least one"),
+        ({"counts": {"train": 1}}, "one number each"),
+        ({"spp": {"train": 1, "val": 4, "test": 4}}, "--spp-train 1"),
+        ({"spp": {"train": 10**9, "val": 4, "test": 4}}, "--spp-train 1000000000"),
+        ({"variant": "fast"}, "unknown Mitsuba variant"),
+    ],
+)
+def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        render_tiny(tmp_path / "cache", **changes)
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.ENOSPC, "disk is full"),
+        (errno.EROFS, "not writable"),
+        (errno.EACCES, "not writable"),
+        (errno.EIO, "cannot"),
+    ],
+)
+def test_a_disk_that_refuses_is_bad_input_and_leaves_nothing(
+    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, said: str
+) -> None:
+    def refuse(file: Path, _: object) -> None:
+        raise OSError(number, os.strerror(number), str(file))
+
+    monkeypatch.setattr(store, "write_channels", refuse)
+    with pytest.raises(InputError, match=f"{said}.*--view-sets"):
+        render_tiny(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_of_the_cache(render_tiny: Render, tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(InputError, match="--view-sets"):
+        render_tiny(tmp_path / "cache")
+
+
+def test_a_faster_process_is_not_disturbed(
+    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the look into the cache and the renaming, another process puts its own set there."""
+    plain = store.write_view_set
+
+    def overtaken(partial: Path, order: Order, *rest: object) -> None:
+        plain(partial, order, *rest)  # type: ignore[arg-type]
+        monkeypatch.setattr(store, "write_view_set", plain)
+        faster.append(render_tiny(tmp_path).stat().st_ino)
+
+    faster: list[int] = []
+    monkeypatch.setattr(store, "write_view_set", overtaken)
+    path = render_tiny(tmp_path)
+    assert is_complete(path)
+    assert [path.stat().st_ino] == faster  # the folder that was there is still the one
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
+
+
+def command(cache: Path) -> list[str]:
+    return [
+        sys.executable, "-m", "scenes", "render", "materials", "--resolution", "24", "--train", "40", "--val", "0",
+        "--test", "1", "--spp-train", "4", "--spp-test", "4", "--view-sets", str(cache), "--variant", "scalar_rgb",
+    ]  # fmt: skip
+
+
+def test_a_killed_rendering_leaves_nothing_that_is_used(tmp_path: Path) -> None:
+    running = subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    assert [json.loads(running.stdout.readline())["done"] for _ in range(2)] == [0, 1]
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    running.stdout.close()
+    left = [path.name for path in tmp_path.iterdir()]
+    assert len(left) == 2, "a folder and its lock"
+    assert left[0].startswith(".")
+    with pytest.raises(InputError):
+        read_view_set(tmp_path / left[0])
+    done = subprocess.run(command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=True)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    first = lines[0]
+    assert first["done"] == first["kept"] >= 1, "the view of the killed one is kept"
+    assert (first["scene"], first["total"], first["share"]) == ("materials", 41, 0.0)
+    assert lines[-1]["variant"] == "scalar_rgb"
+    assert is_complete(Path(lines[-1]["path"]))
+    assert [path.name for path in tmp_path.iterdir()] == [Path(lines[-1]["path"]).name]
+    assert done.stderr == ""
+
+
+def test_two_processes_at_once(tmp_path: Path) -> None:
+    both = [subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    paths = [json.loads(process.communicate()[0].splitlines()[-1])["path"] for process in both]
+    assert paths[0] == paths[1]
+    assert is_complete(Path(paths[0]))
+    assert [str(path) for path in tmp_path.iterdir()] == [paths[0]]
+
+
+def test_a_scene_in_another_unit_is_normalised_and_the_manifest_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts, spp = {"train": 1, "val": 0, "test": 1}, {"train": 4, "val": 4, "test": 4}
+    for name, scale in (("tiny", 1e4), ("huge", 1e-4)):
+        path = store.ensure_view_set(
+            name, resolution=8, counts=counts, spp=spp, cache_folder=tmp_path, variant="scalar_rgb"
+        )
+        found = read_view_set(path)
+        assert found.rendered["normalised"]["scale"] == pytest.approx(scale, rel=1e-6)
+        assert np.abs(found.bounds).max() == pytest.approx(1.021, abs=1e-3)
+    shift = found.rendered["normalised"]["shift"]
+    assert shift == pytest.approx([-10.0, 10.0, -5.0], abs=1e-5)
+
+
+def test_an_empty_scene_has_the_box_that_it_declares(tmp_path: Path) -> None:
+    counts, spp = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
+    path = store.ensure_view_set(
+        "empty", resolution=8, counts=counts, spp=spp, cache_folder=tmp_path, variant="scalar_rgb"
+    )
+    found = read_view_set(path)
+    assert found.bounds == pytest.approx(np.array([[-1.021] * 3, [1.021] * 3]))
+    assert not any(rgba.any() for rgba in found.train.rgba)
+    assert found.rendered["normalised"] is None
+
+
+def test_whether_emitters_are_seen_and_the_box_are_part_of_the_name(tiny_scene: Scene) -> None:
+    order = store.Order(tiny_scene, tiny_scene.build(), None, 8, {"train": 1, "val": 0, "test": 0}, dict.fromkeys(
+        ("train", "val", "test"), 2))  # fmt: skip
+    digests = {
+        replace(order, scene=scene, similarity=change).digest("scalar_rgb")
+        for scene, change in (
+            (tiny_scene, None),
+            (replace(tiny_scene, emitters_seen=True), None),
+            (replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))), None),
+            (tiny_scene, Similarity(2.0, (0.0, 0.0, 0.0))),
+        )
+    }
+    assert len(digests) == 4
+
+
+@pytest.mark.parametrize(("near", "far"), [(2.0, 2.0), (6.0, 2.0), (0.0, 1.0), (-1.0, 1.0), (1.0, float("inf"))])
+def test_a_scene_without_an_interval_of_distances_is_refused(near: float, far: float) -> None:
+    with pytest.raises(InputError, match="near"):
+        Scene("s", "A scene", dict, near=near, far=far)

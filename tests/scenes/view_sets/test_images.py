@@ -1,0 +1,154 @@
+"""Image files: round trips, and every way in which one can be bad."""
+
+import re
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenes.files.errors import InputError
+from scenes.view_sets import images
+from scenes.view_sets.images import read_channels, read_image, write_channels, write_png
+
+
+def random_rgba(height: int = 7, width: int = 11) -> np.ndarray:
+    rgba = np.random.default_rng(5).uniform(size=(height, width, 4)).astype(np.float32)
+    rgba[0, :, 3] = 0.0
+    return rgba
+
+
+def test_png_keeps_straight_alpha_as_others_read_it(tmp_path: Path) -> None:
+    rgba = random_rgba()
+    write_png(tmp_path / "a.png", rgba)
+    levels = np.round(rgba * 255).astype(np.uint8)
+    assert np.array_equal(np.array(Image.open(tmp_path / "a.png")), levels)
+    assert np.abs(read_image(tmp_path / "a.png") - levels / 255).max() < 1e-6
+
+
+def test_16_bit_png(tmp_path: Path) -> None:
+    levels = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
+    Image.fromarray(levels).save(tmp_path / "c.png")
+    assert read_image(tmp_path / "c.png")[..., 0] == pytest.approx(levels / 65535, abs=1e-6)
+
+
+def test_channels_round_trip_bit_for_bit(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    channels = {name: random.normal(size=(5, 9)).astype(np.float32) for name in ("R", "G", "B", "A", "Z", "N.X", "V.A")}
+    channels["R"][0, 0] = 1e30
+    channels["V.A"][0, 1] = 1e-30
+    write_channels(tmp_path / "d.exr", channels)
+    found = read_channels(tmp_path / "d.exr")
+    assert set(found) == set(channels)
+    assert all(np.array_equal(found[name], channels[name]) for name in channels)
+
+
+def chunk(kind: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def png_claiming(width: int, height: int) -> bytes:
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+@pytest.mark.parametrize("kept", [0.0, 0.02, 0.5, 0.99])
+def test_truncated_files_are_refused(
+    tmp_path: Path, suffix: str, kept: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    whole, cut = tmp_path / f"whole.{suffix}", tmp_path / f"cut.{suffix}"
+    rgba = random_rgba(40, 40)
+    if suffix == "png":
+        write_png(whole, rgba)
+    else:
+        write_channels(whole, {name: rgba[..., i] for i, name in enumerate("RGBA")})
+    data = whole.read_bytes()
+    cut.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(InputError, match=f"cut.{suffix}"):
+        read_image(cut)
+    assert capfd.readouterr() == ("", "")  # one clear message: libraries print nothing beside it
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty"),
+        (b"hello", "not an image"),
+        (png_claiming(100_000, 100_000), "not an image|larger"),
+        (png_claiming(20_000, 10_000), "larger"),
+        (png_claiming(0, 5), "bad.png"),
+    ],
+)
+def test_what_is_no_image_is_refused_by_name(tmp_path: Path, content: bytes, said: str) -> None:
+    file = tmp_path / "bad.png"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"bad\.png") as caught:
+        read_image(file)
+    assert re.search(said, str(caught.value))
+
+
+def test_a_flipped_bit_is_noticed(tmp_path: Path) -> None:
+    write_png(tmp_path / "a.png", random_rgba())
+    data = bytearray((tmp_path / "a.png").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(InputError, match="damaged"):
+        read_image(tmp_path / "a.png")
+
+
+def test_a_damaged_header_is_refused_or_read(tmp_path: Path) -> None:
+    file = tmp_path / "a.exr"
+    write_channels(file, {name: random_rgba(4, 4)[..., i] for i, name in enumerate("RGBA")})
+    whole = file.read_bytes()
+    refused = 0
+    for place in range(0, 400, 3):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x80]) + whole[place + 1 :])
+        try:
+            read_channels(file)
+        except InputError as error:
+            assert "a.exr" in str(error)  # noqa: PT017 - some flips do not matter
+            refused += 1
+    assert refused > 20
+
+
+def test_writing_where_nothing_can_be_written_is_an_os_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    for write in (write_png, lambda file, rgba: write_channels(file, {"R": rgba[..., 0]})):
+        for target in ("no/such/folder/x.png", "file/x.png"):
+            with pytest.raises(OSError, match=r"x\.png"):
+                write(tmp_path / target, random_rgba())
+
+
+_FULL_DISK = """
+import resource, signal, sys
+import numpy as np
+from pathlib import Path
+from scenes.view_sets.images import write_channels, write_png
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+noise = np.random.default_rng(0).uniform(size=(100, 100, 4))
+folder = Path(sys.argv[1])
+for write in (
+    lambda: write_png(folder / "full.png", noise),
+    lambda: write_channels(folder / "full.exr", {c: noise[..., i] for i, c in enumerate("RGBA")}),
+):
+    try:
+        write()
+    except OSError as error:
+        print("refused")
+"""
+
+
+def test_a_full_disk_is_noticed(tmp_path: Path) -> None:
+    """The system cuts files off at 3000 bytes, as a full disk does; OpenImageIO says nothing for a PNG."""
+    pytest.importorskip("resource")
+    root = Path(images.__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", _FULL_DISK, str(tmp_path)], cwd=root, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["refused", "refused"]

@@ -1,0 +1,193 @@
+"""`transforms.json` of others: pixels and rays, splits, alpha, the region found, refusals."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes.files.errors import InputError
+from scenes.view_sets.export import export
+from scenes.view_sets.images import write_png
+from scenes.view_sets.source import Region
+from scenes.view_sets.view_set import read_view_set
+from scenes.view_sets.viewpoints import all_poses
+from tests.harness.ball import write_ball
+from tests.scenes.captures import Edit, capture, edit
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    return write_ball(tmp_path / "ball", size=12, train=4, test=2)
+
+
+@pytest.fixture
+def studio(tmp_path: Path, ball: Path) -> Path:
+    export(ball, "nerfstudio", tmp_path / "studio")
+    return tmp_path / "studio"
+
+
+# --- pixels and rays
+
+
+def test_a_known_point_is_seen_where_opencv_projects_it(tmp_path: Path) -> None:
+    """u = fl_x · X / Z + cx from the image's corner, with OpenCV's axes: our rays go through pixel centres at + 0.5."""
+    import torch
+
+    from harness.training.batches import Cameras
+
+    poses = all_poses("train")[:20]
+    focal, size = 20.0, np.array([16, 8])
+    point = np.array([0.11, -0.07, 0.05])
+    folder = capture(tmp_path / "dots", 20, poses, channels=4)
+    pixels = []
+    for i, pose in enumerate(poses):
+        x, y, z = (np.diag([1.0, -1.0, -1.0]) @ pose[:3, :3].T @ (point - pose[:3, 3])).tolist()
+        u, v = focal * x / z + 8.0, focal * y / z + 4.0
+        pixels.append((math.floor(u), math.floor(v), u, v))
+        image = np.zeros((8, 16, 4))
+        image[math.floor(v), math.floor(u)] = 1.0
+        write_png(folder / "images" / f"frame_{i:05d}.png", image)
+    found = read_view_set(folder)
+    cameras = Cameras.of(found.train.camera_to_world, found.width, found.height, found.focal, 1.0, 9.0)
+    for i, name in enumerate(found.train.names):
+        column, row, u, v = pixels[int(name.rsplit("_", 1)[1])]
+        assert np.argwhere(found.train.rgba[i][..., 3] > 0).tolist() == [[row, column]]
+        rays = cameras.all_rays(i)
+        away = torch.as_tensor(point, dtype=torch.float32) - rays.origins
+        nearest = torch.linalg.cross(away, rays.directions).norm(dim=-1).argmin()
+        assert divmod(int(nearest), 16) == (row, column)
+        # half a pixel off would be found: the ray misses the point by just what u and v are off the centre
+        miss = torch.linalg.cross(away, rays.directions).norm(dim=-1)[nearest] / away[nearest].norm() * focal
+        off = np.hypot(u - column - 0.5, v - row - 0.5)
+        assert float(miss) == pytest.approx(off, abs=0.12 * off + 2e-3)
+    assert tuple(size) == (found.width, found.height)
+
+
+# --- captures of others: splits, alpha, region
+
+
+def test_a_capture_without_splits_alpha_and_region(tmp_path: Path) -> None:
+    poses = all_poses("train")[:21]
+    found = read_view_set(capture(tmp_path / "desk", 21, poses))
+    # nerfstudio's default: ceil(0.9 n) by linspace over the sorted names, the rest is evaluated on
+    trained = np.linspace(0, 20, 19, dtype=int)
+    assert found.train.names == tuple(f"images/frame_{i:05d}" for i in trained)
+    assert found.test.names == tuple(f"images/frame_{i:05d}" for i in range(21) if i not in trained)
+    assert np.array_equal(found.test.camera_to_world, poses[[i for i in range(21) if i not in trained]])
+    assert all((rgba[..., 3] == 1).all() for rgba in found.train.rgba)
+    assert found.focal == pytest.approx(20.0, rel=1e-12)
+    said = " ".join(found.notes)
+    for words in ("19 of 21 views", "no alpha", "found from the cameras"):
+        assert words in said
+
+
+def test_the_region_found_holds_every_ray_and_is_the_same_for_every_split(tmp_path: Path) -> None:
+    poses = all_poses("train")[:21].copy()
+    poses[:, :3, 3] = 10 * poses[:, :3, 3] + [100.0, 50, -20]
+    folder = capture(tmp_path / "far", 21, poses)
+    found, tested = read_view_set(folder), read_view_set(folder, splits=("test",), test_count=1)
+    assert np.array_equal(found.bounds, tested.bounds)
+    assert (found.near, found.far) == (tested.near, tested.far)
+    assert np.allclose(found.bounds.mean(axis=0), [100, 50, -20], atol=1e-6)
+    half = (found.bounds[1] - found.bounds[0]) / 2
+    # the corner ray passes the centre at 40.311 · sin of its angle
+    assert half == pytest.approx(np.full(3, 40.3112887 * math.sin(math.atan(math.hypot(0.4, 0.2)))), rel=1e-6)
+    away = np.linalg.norm(poses[:, :3, 3] - [100, 50, -20], axis=1)
+    assert found.near <= (away - half.max()).min()
+    assert found.far >= away.max()
+
+
+@pytest.mark.parametrize(
+    ("turn", "said"),
+    [
+        (
+            lambda poses: np.repeat(poses[:1], 10, axis=0) + np.eye(4)[3] * np.arange(10)[:, None, None] * 0.0,
+            "--bounds",
+        ),
+        (lambda poses: poses @ np.diag([-1.0, 1, -1, 1]), "look away"),
+    ],
+)
+def test_cameras_that_look_at_nothing_in_common(
+    tmp_path: Path, turn: Callable[[np.ndarray], np.ndarray], said: str
+) -> None:
+    folder = capture(tmp_path / "walk", 10, turn(all_poses("train")[:10]))
+    with pytest.raises(InputError, match=said):
+        read_view_set(folder)
+    found = read_view_set(folder, region=Region((-5, -5, -5, 5, 5, 5), 0.1, 20))
+    assert (found.near, found.far, found.bounds.tolist()) == (0.1, 20, [[-5] * 3, [5] * 3])
+    assert read_view_set(folder, region=Region((-1, -1, -1, 1, 1, 1))).far > 4
+
+
+def test_what_the_user_says_overrules_the_file(studio: Path, ball: Path) -> None:
+    for folder in (studio, ball):
+        found = read_view_set(folder, region=Region(far=9.0))
+        assert (found.near, found.far) == (2.0, 9.0)
+
+
+@pytest.mark.parametrize(
+    "region",
+    [((0, 0, 0, 1, 1, 0), None, None), ((0, 0, 0), None, None), (None, -1, None), (None, 3, 2), (None, None, math.inf)],
+)
+def test_a_region_that_is_none(region: tuple[Any, Any, Any]) -> None:
+    with pytest.raises(InputError, match=r"bounds|near"):
+        Region(*region)
+
+
+def test_intrinsics_a_frame_and_val_for_test(tmp_path: Path) -> None:
+    def move(data: dict[str, Any]) -> None:
+        names = sorted(frame["file_path"] for frame in data["frames"])
+        data["train_filenames"], data["val_filenames"] = names[:7], names[7:]
+        lens = {key: data.pop(key) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+        for frame in data["frames"]:
+            frame.update(lens)
+
+    found = read_view_set(edit(capture(tmp_path / "a", 10, all_poses("train")[:10]), move))
+    assert len(found.train.names) == 7
+    assert sorted(found.test.names) == [f"images/frame_{i:05d}" for i in (7, 8, 9)]
+    assert any("val views are the test views" in note for note in found.notes)
+
+
+def set_frame(**more: Any) -> Edit:
+    return lambda data: data["frames"][1].update(more)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data.update(k1=0.01), "k1 is 0.01.*undistort"),
+        (lambda data: data.update(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE.*undistort"),
+        (lambda data: data.update(camera_model=["OPENCV"]), "camera_model"),
+        (lambda data: data.update(cx=9.0), "cx is .* off the centre"),
+        (lambda data: data.update(fl_y=14.0), "fl_y 14.0 differ"),
+        (lambda data: data.update(fl_x=-3.0), "fl_x is -3.0"),
+        (lambda data: data.update(w=0), "w is 0"),
+        (lambda data: data.pop("w"), "fl_x without w"),
+        (lambda data: data.pop("fl_x"), "without fl_x, camera_angle_x"),
+        (lambda data: data.pop("h"), "cy without h"),
+        (lambda data: data.update(camera_angle_y=0.5), "camera_angle_y is 0.5.*square"),
+        (lambda data: data.update(is_fisheye=True), "is_fisheye is True"),
+        (set_frame(distortion_params=[0.2]), r"distortion_params\[0\] is 0.2.*undistort"),
+        (lambda data: data.update(h=24, cy=12), "h / w"),
+        (lambda data: data.update(frames=[]), "frames"),
+        (lambda data: data.update(frames=[3]), "frame 0 is 3"),
+        (set_frame(mask_path="masks/1.png"), "mask_path.*alpha"),
+        (set_frame(file_path="../ball/train/r_0.png"), "leaves the folder"),
+        (set_frame(file_path="train/r_0.png"), "list each image once"),
+        (set_frame(transform_matrix=[[1, 0], [0, 1]]), "four rows"),
+        (lambda data: data.update(train_filenames="train/r_0.png"), "train_filenames is"),
+        (lambda data: data.update(test_filenames=[], val_filenames=[]), "test_filenames is missing or empty"),
+        (lambda data: data.update(test_filenames=["train/r_0.png"]), "training and a test view"),
+        (lambda data: [data.pop(f"{split}_filenames") for split in ("train", "val", "test")], "6 views without"),
+        (lambda data: data["view_region"].update(near=7.0), "near 7.0 and far"),
+        (lambda data: data["view_region"].update(bounds=[1, 2]), "bounds"),
+        (lambda data: data.update(view_region=3), "view_region is 3"),
+    ],
+)
+def test_what_cannot_be_trusted_is_refused(studio: Path, change: Edit, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        read_view_set(edit(studio, change))
+    assert str(studio) in str(caught.value)
+    assert "\n" not in str(caught.value)

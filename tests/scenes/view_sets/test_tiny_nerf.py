@@ -1,0 +1,111 @@
+"""The `.npz` of the tiny-NeRF notebook, and files that only look like it."""
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes.files.errors import InputError
+from scenes.view_sets.view_set import read_view_set
+from scenes.view_sets.viewpoints import all_poses
+
+
+def tiny(file: Path, count: int = 12, **change: Any) -> Path:
+    arrays = {
+        "images": np.random.default_rng(1).uniform(size=(count, 6, 6, 3)).astype(np.float32),
+        "poses": np.tile(all_poses("train")[:10], (11, 1, 1))[:count].astype(np.float32),
+        "focal": np.array(8.3),
+    }
+    np.savez(file, **{name: value for name, value in {**arrays, **change}.items() if value is not None})
+    return file
+
+
+def test_the_notebook_s_file(tmp_path: Path) -> None:
+    found = read_view_set(tiny(tmp_path / "tiny_nerf_data.npz", 106))
+    images = np.load(tmp_path / "tiny_nerf_data.npz")["images"]
+    assert (found.name, found.near, found.far) == ("tiny_nerf_data", 2.0, 6.0)
+    assert len(found.train.names) == 100
+    assert found.test.names == tuple(f"images/{i}" for i in range(100, 106))
+    assert np.array_equal(found.test.rgba[1][..., :3], images[101])
+    assert (found.test.rgba[1][..., 3] == 1).all()
+    assert found.focal == pytest.approx(8.3, rel=1e-12)
+    assert "no alpha" in " ".join(found.notes)
+    assert found.bounds[1].max() > 1.5
+
+
+def test_any_order_of_reading_and_compressed(tmp_path: Path) -> None:
+    data = dict(np.load(tiny(tmp_path / "a.npz", 106)))
+    np.savez_compressed(tmp_path / "b.npz", **data)
+    found = read_view_set(tmp_path / "b.npz", train_count=3, splits=("test", "train"))
+    for i, name in enumerate(found.train.names):
+        assert np.array_equal(found.train.rgba[i][..., :3], data["images"][int(name.rpartition("/")[2])])
+
+
+def bomb(file: Path) -> None:
+    """A kilobyte that says it holds a terabyte."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        head, {"descr": "<f4", "fortran_order": False, "shape": (100, 50_000, 50_000, 3)}
+    )
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("images.npy", head.getvalue() + bytes(100_000))
+
+
+def pickled(file: Path) -> None:
+    np.savez(file, images=np.array([{"a": 1}], dtype=object), allow_pickle=True)
+
+
+def cut(file: Path) -> None:
+    tiny(file)
+    file.write_bytes(file.read_bytes()[:2000])
+
+
+def flipped(file: Path) -> None:
+    tiny(file)
+    data = bytearray(file.read_bytes())
+    data[1500] ^= 1
+    file.write_bytes(data)
+
+
+def unparsable(file: Path) -> None:
+    """Numpy reads such a header with Python's tokenizer, whose error is none of numpy's."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f4", "fortran_order": False, "shape": (12, 6, 6, 3)})
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("images.npy", head.getvalue().replace(b"}  ", b"} )"))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (unparsable, "images cannot be read"),
+        (bomb, "more than .* bytes"),
+        (pickled, "images holds object"),
+        (cut, "cannot be read"),
+        (flipped, "images is damaged"),
+        (lambda file: file.write_text("hello"), "cannot be read"),
+        (lambda file: tiny(file, focal=None), "no array 'focal'"),
+        (lambda file: tiny(file, focal=np.array([1.0, 2.0])), "focal must be one"),
+        (lambda file: tiny(file, focal=np.array(-1.0)), "focal must be one"),
+        (lambda file: tiny(file, focal=np.array(np.nan)), "focal holds NaN"),
+        (lambda file: tiny(file, poses=np.zeros((12, 3, 4))), "poses is"),
+        (lambda file: tiny(file, poses=np.zeros((12, 4, 4))), "pose 0"),
+        (lambda file: tiny(file, images=np.zeros((12, 6, 6), dtype=np.float32)), "images is"),
+        (lambda file: tiny(file, images=np.full((12, 6, 6, 3), 200.0)), "must lie in 0 … 1"),
+        (lambda file: tiny(file, images=np.full((12, 6, 6, 3), np.nan)), "NaN"),
+        (lambda file: tiny(file, 5), "too few"),
+        (lambda file: tiny(file, i_train=np.arange(5), i_test=np.arange(4, 8)), "share views"),
+        (lambda file: tiny(file, i_train=np.arange(5), i_test=np.array([99])), "i_test must name"),
+        (lambda file: tiny(file, bounds=np.zeros(6)), "bounds"),
+        (lambda file: tiny(file, alpha=np.zeros(3)), "alpha is"),
+    ],
+)
+def test_a_tiny_file_that_cannot_be_trusted(tmp_path: Path, make: Callable[[Path], Any], said: str) -> None:
+    make(tmp_path / "bad.npz")
+    with pytest.raises(InputError, match=said) as caught:
+        read_view_set(tmp_path / "bad.npz")
+    assert str(tmp_path / "bad.npz") in str(caught.value)

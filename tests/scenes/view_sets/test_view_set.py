@@ -1,0 +1,330 @@
+"""Reading view sets: our own after writing, and those of others at any size."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import scenes
+from scenes.files.errors import InputError
+from scenes.view_sets.images import read_channels, read_image, write_png
+from scenes.view_sets.manifest import DamagedViewSet, write_manifest
+from scenes.view_sets.pixels import area_average, decode_srgb, over_white
+from scenes.view_sets.transforms import write_transforms
+from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses, camera_to_world
+
+
+def test_round_trip(stored_once: Path) -> None:
+    found = read_view_set(stored_once, geometry=("train", "val", "test"))
+    assert (found.name, found.title, found.width, found.height) == ("tiny", "A ball on a floor", 16, 16)
+    assert (found.near, found.far, found.fov_x_radians) == (2.0, 6.0, FOV_X_RADIANS)
+    assert found.focal == pytest.approx(1111.11 * 16 / 800, abs=1e-3)
+    assert found.bounds == pytest.approx(np.array([[-1.021, -1.021, -0.721], [1.021, 1.021, 0.621]]), abs=1e-5)
+    for split in ("train", "val", "test"):
+        views = getattr(found, split)
+        poses = camera_to_world(split, count=len(views.names))  # type: ignore[arg-type]
+        assert np.array_equal(views.camera_to_world, poses)
+        assert views.rgba[0].dtype == np.float32
+        assert views.rgba.shape == (len(poses), 16, 16, 4)
+        assert views.depth.shape == views.rgba.shape[:3]
+        assert views.normal.shape == (*views.rgba.shape[:3], 3)
+        assert (views.noise_mse > 0).all()
+        for name, rgba, depth in zip(views.names, views.rgba, views.depth, strict=True):
+            png = read_image(stored_once / f"{name}.png")
+            assert np.abs(over_white(png) - over_white(rgba)).max() < 1.01 / 255
+            exr = read_channels(stored_once / f"{name}.exr")
+            assert set(exr) == {*"RGBA", "Z", "N.X", "N.Y", "N.Z", "V.R", "V.G", "V.B", "V.A"}
+            linear = np.stack([exr[c] for c in "RGB"], axis=-1)
+            bright = (linear < exr["A"][..., None]) & (exr["A"][..., None] > 0)
+            assert np.abs(decode_srgb(rgba[..., :3]) * exr["A"][..., None] - linear)[bright.squeeze()].max() < 1e-5
+            assert np.array_equal(depth, exr["Z"])
+            assert ((depth > 0) == (np.linalg.norm(views.normal[0], axis=-1) > 0)).mean() > 0.5
+    assert found.rendered["counts"] == {"train": 3, "val": 1, "test": 2}
+    assert found.rendered["variant"] == "scalar_rgb"
+    assert {row["what"] for row in found.rendered["left_out"]} >= {"view-direction branch", "volumetric integrator"}
+
+
+def test_reading_does_not_import_mitsuba(stored_once: Path) -> None:
+    script = (
+        "import sys; from scenes.view_sets.view_set import read_view_set; read_view_set(sys.argv[1]); "
+        "print([name for name in sys.modules if name.split('.')[0] in ('mitsuba', 'drjit', 'torch', 'trimesh')])"
+    )
+    root = Path(scenes.__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, "-c", script, stored_once], cwd=root, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+    assert done.stderr == ""  # no leak warnings at exit
+
+
+def test_a_smaller_size_is_the_mean_in_linear_light(stored_once: Path) -> None:
+    small = read_view_set(stored_once, resolution=4)
+    assert small.test.rgba.shape == (2, 4, 4, 4)
+    assert small.focal == pytest.approx(1111.11 * 4 / 800, abs=1e-3)
+    exr = read_channels(stored_once / "test/r_0.exr")
+    linear = area_average(np.stack([exr[c] for c in "RGBA"], axis=-1), 4)
+    shown = small.test.rgba[0]
+    below = (linear[..., :3] < linear[..., 3:]) & (linear[..., 3:] > 0)
+    error = np.abs(decode_srgb(shown[..., :3]) * shown[..., 3:] - linear[..., :3])
+    assert error[below].max() < 1e-5
+    assert small.test.noise_mse == pytest.approx(read_view_set(stored_once).test.noise_mse / 16)
+    hit = small.test.depth[0] > 0
+    assert 3.0 < small.test.depth[0][hit].min() < small.test.depth[0].max() < 6.0
+
+
+def test_counts_take_subsets_spread_over_azimuth(stored_once: Path) -> None:
+    found = read_view_set(stored_once, splits=("train", "test"), train_count=2, test_count=1)
+    assert len(found.train.names) == 2
+    assert len(found.test.names) == 1
+    assert found.val.rgba.shape == (0, 16, 16, 4)
+    assert len(read_view_set(stored_once, train_count=999).train.names) == 3
+
+
+def test_geometry_is_read_where_it_is_asked_for(stored_once: Path) -> None:
+    found = read_view_set(stored_once)
+    assert found.train.depth is None
+    assert found.test.depth is not None
+
+
+# --- folders of others
+
+
+@pytest.fixture
+def foreign(tmp_path: Path) -> Path:
+    """As `nerf_synthetic/lego` is: 40 × 40 RGBA PNGs, no EXR, no manifest, no val, extra files by the test views."""
+    root = tmp_path / "lego"
+    for split, count in (("train", 5), ("test", 8)):
+        (root / split).mkdir(parents=True)
+        for number in range(count):
+            random = np.random.default_rng(number)
+            write_png(root / split / f"r_{number}.png", random.uniform(size=(40, 40, 4)))
+        paths = [f"./{split}/r_{number}" for number in range(count)]
+        write_transforms(root / f"transforms_{split}.json", FOV_X_RADIANS, paths, all_poses(split)[:count])
+    write_png(root / "test" / "r_0_depth_0001.png", np.zeros((9, 9, 4)))
+    return root
+
+
+def test_a_folder_of_the_field_is_read(foreign: Path) -> None:
+    found = read_view_set(foreign)
+    assert isinstance(found, ViewSet)
+    assert (found.name, found.rendered, found.near, found.far) == ("lego", {}, 2.0, 6.0)
+    assert found.bounds.tolist() == [[-1.5] * 3, [1.5] * 3]
+    assert found.train.rgba.shape == (5, 40, 40, 4)
+    assert found.val.names == ()
+    assert found.test.depth is None
+    assert found.test.noise_mse is None
+    assert found.test.names == tuple(f"test/r_{n}" for n in range(8))
+    assert np.array_equal(found.train.camera_to_world, all_poses("train")[:5])
+    assert np.abs(found.train.rgba[2] * 255 - np.array(Image.open(foreign / "train/r_2.png"))).max() < 1e-3
+
+
+@pytest.mark.parametrize("size", [40, 20, 17, 1])
+def test_at_any_size(foreign: Path, size: int) -> None:
+    found = read_view_set(foreign, resolution=size, test_count=3)
+    assert found.test.rgba.shape == (3, size, size, 4)
+    name = found.test.names[1]
+    full = over_white(read_image(foreign / f"{name}.png"))
+    assert np.abs(over_white(found.test.rgba[1]) - area_average(full, size)).max() < 1e-5
+    assert found.focal == pytest.approx(1111.11 * size / 800, rel=1e-5)
+
+
+def test_bounds_can_be_given(foreign: Path) -> None:
+    box = np.array([[-1.0, -2, -3], [1, 2, 3]])
+    assert np.array_equal(read_view_set(foreign, bounds=box).bounds, box)
+    for bad in (box[::-1], np.full((2, 3), np.nan), np.zeros((2, 2))):
+        with pytest.raises(InputError, match="bounds"):
+            read_view_set(foreign, bounds=bad)
+
+
+def test_ours_without_manifest_is_anyones(view_set: Path) -> None:
+    (view_set / "view_set.json").unlink()
+    for exr in view_set.glob("*/*.exr"):
+        exr.unlink()
+    found = read_view_set(view_set)
+    assert found.rendered == {}
+    assert found.train.rgba.shape == (3, 16, 16, 4)
+
+
+def no_alpha(folder: Path) -> None:
+    Image.new("RGB", (40, 40)).save(folder / "train/r_3.png")
+
+
+def grey(folder: Path) -> None:
+    Image.new("L", (40, 40)).save(folder / "train/r_3.png")
+
+
+def mixed_sizes(folder: Path) -> None:
+    write_png(folder / "train/r_3.png", np.zeros((40, 41, 4)))
+
+
+def sizes_differ(folder: Path) -> None:
+    for number in range(8):
+        write_png(folder / f"test/r_{number}.png", np.zeros((20, 20, 4)))
+
+
+def truncated(folder: Path) -> None:
+    file = folder / "train/r_3.png"
+    file.write_bytes(file.read_bytes()[:999])
+
+
+def text(folder: Path) -> None:
+    (folder / "train/r_3.png").write_text("hello")
+
+
+def missing(folder: Path) -> None:
+    (folder / "train/r_3.png").unlink()
+
+
+def no_test(folder: Path) -> None:
+    (folder / "transforms_test.json").unlink()
+
+
+def another_angle(folder: Path) -> None:
+    file = folder / "transforms_test.json"
+    file.write_text(file.read_text().replace("0.6911112070083618", "0.5"))
+
+
+def leak(folder: Path) -> None:
+    file = folder / "transforms_test.json"
+    file.write_text(file.read_text().replace("./test/r_0", "./train/r_0"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (no_alpha, "r_3.png: 3 channels, no alpha"),
+        (grey, "r_3.png: 1 channels, no alpha"),
+        (mixed_sizes, "r_3.png: 41 × 40 pixels.*40 × 40"),
+        (sizes_differ, "test/r_0.png: 20 × 20 pixels"),
+        (truncated, "r_3.png: .*truncated"),
+        (text, "r_3.png: not an image"),
+        (missing, "no image .*r_3"),
+        (no_test, "transforms_test.json: missing"),
+        (another_angle, "camera_angle_x differs"),
+        (leak, "training and a test view"),
+    ],
+)
+def test_bad_folders_are_refused(foreign: Path, damage: object, said: str) -> None:
+    damage(foreign)  # type: ignore[operator]
+    with pytest.raises(InputError, match=said) as caught:
+        read_view_set(foreign)
+    assert str(foreign) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("resolution", [0, -5, 41])
+def test_sizes_that_cannot_be_had(foreign: Path, resolution: int) -> None:
+    with pytest.raises(InputError, match="resolution"):
+        read_view_set(foreign, resolution=resolution)
+
+
+def test_nothing_left_to_read(foreign: Path) -> None:
+    with pytest.raises(InputError, match="no view"):
+        read_view_set(foreign, splits=("train",), train_count=0)
+    with pytest.raises(InputError, match="0 or more"):
+        read_view_set(foreign, train_count=-1)
+    with pytest.raises(InputError, match="no such folder"):
+        read_view_set(foreign / "nothing")
+
+
+def test_more_than_the_disk_has_room_for_is_refused(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=100_000))
+    with pytest.raises(InputError, match=r"0 MiB are free.*make room"):
+        read_view_set(foreign, scratch=foreign)
+    assert read_view_set(foreign, resolution=10, scratch=foreign).width == 10
+
+
+def test_a_scratch_folder_that_cannot_be_written_is_named(foreign: Path) -> None:
+    with pytest.raises(InputError, match=r"r_0\.png: the decoded images cannot be put there \(Not a directory\)"):
+        read_view_set(foreign, scratch=foreign / "train" / "r_0.png")
+
+
+# --- our own, damaged
+
+
+def test_another_version_is_refused(view_set: Path) -> None:
+    manifest = json.loads((view_set / "view_set.json").read_text())
+    manifest["schema"] = 99
+    (view_set / "view_set.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"schema 99.*render the view set again"):
+        read_view_set(view_set)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "something else"}'])
+def test_a_manifest_that_is_none_is_refused(view_set: Path, content: str) -> None:
+    (view_set / "view_set.json").write_text(content)
+    with pytest.raises(InputError, match=r"view_set\.json"):
+        read_view_set(view_set)
+
+
+def test_a_changed_manifest_is_noticed(view_set: Path) -> None:
+    file = view_set / "view_set.json"
+    file.write_text(file.read_text().replace('"near": 2.0', '"near": 1.0'))
+    with pytest.raises(DamagedViewSet, match="checksum"):
+        read_view_set(view_set)
+
+
+@pytest.mark.parametrize("name", ["train/r_0.exr", "transforms_test.json"])
+@pytest.mark.parametrize("how", ["flip", "cut", "remove"])
+def test_a_damaged_file_is_noticed(view_set: Path, name: str, how: str) -> None:
+    file = view_set / name
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 4
+    if how == "flip":
+        file.write_bytes(data)
+    elif how == "cut":
+        file.write_bytes(data[: len(data) // 2])
+    else:
+        file.unlink()
+    with pytest.raises(InputError, match=name):
+        read_view_set(view_set)
+
+
+def test_a_swapped_file_is_noticed(view_set: Path) -> None:
+    shutil.copy(view_set / "train/r_1.exr", view_set / "train/r_0.exr")
+    with pytest.raises(DamagedViewSet, match=r"train/r_0\.exr"):
+        read_view_set(view_set)
+
+
+def test_views_that_are_there_twice_are_reported(foreign: Path) -> None:
+    assert read_view_set(foreign).repeated_views == ()
+    train, test = (json.loads((foreign / f"transforms_{split}.json").read_text()) for split in ("train", "test"))
+    train["frames"][1]["transform_matrix"] = train["frames"][0]["transform_matrix"]
+    test["frames"][0]["transform_matrix"] = train["frames"][-1]["transform_matrix"]
+    for split, data in (("train", train), ("test", test)):
+        (foreign / f"transforms_{split}.json").write_text(json.dumps(data))
+    said = read_view_set(foreign).repeated_views
+    assert len(said) == 2
+    assert said[0].startswith("train: ")
+    assert " has the camera of train: " in said[0]
+    assert said[1].startswith("test: ")
+    assert " has the camera of train: " in said[1]
+    assert read_view_set(foreign, splits=("test",)).repeated_views == ()
+
+
+def rewritten(view_set: Path, **changes: object) -> None:
+    """The manifest with other facts and a right checksum."""
+    manifest = json.loads((view_set / "view_set.json").read_text())
+    files = [view_set / name for name in manifest["files"]]
+    own = ("checksum", "format", "schema", "files")
+    write_manifest(view_set, {**{key: manifest[key] for key in manifest if key not in own}, **changes}, files)
+
+
+def test_an_interval_of_distances_that_is_none_is_refused(view_set: Path) -> None:
+    rewritten(view_set, near=6.0, far=2.0)
+    with pytest.raises(InputError, match=r"near 6.0 and far 2.0"):
+        read_view_set(view_set)
+
+
+@pytest.mark.parametrize("key", ["empty_splits", "needs", "left_out", "views"])
+def test_facts_that_are_null_are_refused(view_set: Path, key: str) -> None:
+    rewritten(view_set, **{key: None})
+    with pytest.raises(DamagedViewSet, match=f"{key} is missing or null"):
+        read_view_set(view_set)
