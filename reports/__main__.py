@@ -8,16 +8,15 @@ Several outputs are compared in outputs.html, each with the first.
 
 import argparse
 import sys
+from functools import partial as partial_of
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.records.cells import records_folder
-from harness.records.evidence_record import EVIDENCE_FILE, EvidenceRecord, failed_checks
 from harness.records.json_record import DamagedRecord
 from harness.records.judgements import JUDGEMENT_FILE, read_judgement
 from harness.records.serving_record import SERVING_FILE
-from harness.records.speed_record import SpeedRecord
-from harness.records.stability_record import STABILITY_FILE, StabilityRecord, broken
+from harness.records.study import SHELVES, Studies
 from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
 
@@ -87,48 +86,45 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
     """Reads, writes, prints, with `partial` of a damaged run what is sound; what is heavy is imported last."""
     if (out / JUDGEMENT_FILE).is_file():
         code = build_judgement(out)
-        others = (out / file for file in ("speed.json", STABILITY_FILE, EVIDENCE_FILE, records_folder(out).name))
+        others = (out / file for file in (*SHELVES.values(), records_folder(out).name))
         if not any(other.exists() for other in others):
             return code
 
     from reports.data.beside import Beside
     from reports.data.load import NoRecords, NotForPublishing, if_sound, read_records, refuse_quick
     from reports.data.serving_load import find_serving, is_whole
-    from reports.data.studies_load import FILE, find_evidence, find_speed, find_stability
+    from reports.data.studies_load import find_studies
 
     try:
         if partial and publish is not None:
             raise NotForPublishing("--partial: goes without --publish; finish the run first")
         damaged: list[str] | None = [] if partial else None
-        speed, stability = (
-            if_sound(lambda: find_speed(out), None, damaged),
-            if_sound(lambda: find_stability(out), None, damaged),
-        )
-        evidence, serving = (
-            if_sound(lambda: find_evidence(out), None, damaged),
-            if_sound(lambda: find_serving(out), None, damaged),
-        )
-        with_pages = {FILE: speed, STABILITY_FILE: stability, EVIDENCE_FILE: evidence}
+        studies = {
+            shelf: found
+            for shelf in SHELVES
+            if (found := if_sound(partial_of(find_studies, out, shelf), None, damaged)) is not None
+        }
+        serving = if_sound(lambda: find_serving(out), None, damaged)
         if publish is not None:
-            for file, found in {**with_pages, SERVING_FILE: serving}.items():
-                if found is not None:
-                    refuse_quick(found.settings, out / file)
-            if evidence is not None and not evidence.finished:
+            for shelf, record in studies.items():
+                refuse_quick(record.settings, out / SHELVES[shelf])
+            if serving is not None:
+                refuse_quick(serving.settings, out / SERVING_FILE)
+            if "evidence" in studies and not studies["evidence"].finished:
                 raise NotForPublishing(
-                    f"{out / EVIDENCE_FILE}: not finished; let `nox -s evidence` end, or leave out --publish"
+                    f"{out / SHELVES['evidence']}: not finished; let `nox -s evidence` end, or leave out --publish"
                 )
             if serving is not None and not is_whole(serving):
                 raise NotForPublishing(
                     f"{out / SERVING_FILE}: not whole; run `python -m harness serving {out}`, or leave out --publish"
                 )
-        alone = all(found is None for found in with_pages.values())
-        if alone and out.is_dir() and not records_folder(out).is_dir():
+        if not studies and out.is_dir() and not records_folder(out).is_dir():
             raise NoRecords(
-                f"{out}: no {records_folder(out).name}/, no {FILE}, no {STABILITY_FILE} and no {EVIDENCE_FILE} in it; "
+                f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; "
                 "give the output folder of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for "
                 "instance out/latest"
             )
-        records = read_records(out, partial) if alone or holds_run(out) else None
+        records = read_records(out, partial) if not studies or holds_run(out) else None
         left_out = damaged or []
         if partial and records is not None:
             from reports.data.kept_pictures import damaged as damaged_pictures
@@ -142,14 +138,13 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
         return BAD_INPUT
 
     codes = []
-    if speed is not None:
-        codes.append(build_speed(speed, out, publish, records is not None))
-    if stability is not None:
-        codes.append(build_stability(stability, out, quiet, publish, records is not None))
-    if evidence is not None:
-        codes.append(build_evidence(evidence, out, quiet, publish, records is not None))
+    builders = {"speed": build_speed, "stability": build_stability, "evidence": build_evidence}
+    for shelf, build_shelf in builders.items():
+        if shelf in studies:
+            codes.append(build_shelf(studies[shelf], out, quiet, publish, records is not None))
     if records is not None:
-        codes.append(build_report(records, quiet, publish, Beside(stability, evidence, serving)))
+        beside = Beside(studies.get("stability"), studies.get("evidence"), serving)
+        codes.append(build_report(records, quiet, publish, beside))
     return max(codes)
 
 
@@ -198,7 +193,7 @@ def build_judgement(out: Path) -> int:
     return 0
 
 
-def build_speed(record: SpeedRecord, out: Path, publish: Path | None, beside_report: bool) -> int:
+def build_speed(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """The page about speed."""
     from reports.page.shell import SPEED_PAGE
     from reports.studies.speed_page import write_speed_page
@@ -212,7 +207,7 @@ def build_speed(record: SpeedRecord, out: Path, publish: Path | None, beside_rep
     return 0
 
 
-def build_stability(record: StabilityRecord, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_stability(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """The page about stability; 3 where something of ours failed."""
     from reports.studies.stability_matrix import headline
     from reports.studies.stability_page import failure, write_stability_page
@@ -224,13 +219,13 @@ def build_stability(record: StabilityRecord, out: Path, quiet: bool, publish: Pa
         write_published_stability(record, publish)
     if not quiet:
         print(headline(record))
-        for one in broken(record):
-            print(failure(one))
+        for case, one in record.broken:
+            print(failure(case, one))
     print(page)
-    return SOME_FAILED if broken(record) else 0
+    return SOME_FAILED if record.broken else 0
 
 
-def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_evidence(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """What the studies found, on a page of its own where no report is built; 3 where a check does not hold."""
     from reports.studies.evidence_page import check_said, headline
 
@@ -240,13 +235,13 @@ def build_evidence(record: EvidenceRecord, out: Path, quiet: bool, publish: Path
         write_published_evidence(record, publish)
     if not quiet:
         print(headline(record))
-        for study, check in failed_checks(record):
+        for study, check in record.broken:
             print(f"{study.info.id}: {check_said(check)}")
     if not beside_report:
         from reports.studies.evidence_page import write_evidence_page
 
         print(write_evidence_page(record, out))
-    return SOME_FAILED if failed_checks(record) else 0
+    return SOME_FAILED if record.broken else 0
 
 
 def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:

@@ -288,7 +288,7 @@ def run_module(*arguments: str) -> str:
         run_module("harness", "stability", "--list"),
         run_module("reports", "--help"),
         run_module("scenes", "--help"),
-        "import harness.records.cells, harness.records.stability_record, harness.records.speed_record",
+        "import harness.records.cells, harness.records.study",
         "import scenes.modelling.needs, harness.studies.stability.cases",
     ],
 )

@@ -5,154 +5,136 @@ Nothing heavy is imported to show the help.
 
 import argparse
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.records.speed_record import QUESTIONS
+from harness.studies.evidence import evidence_studies
+from harness.studies.framework import Shelf, list_lines
+from harness.studies.speed import questions
+from harness.studies.stability import cases
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
 
-def add_evidence_options(command: argparse.ArgumentParser) -> None:
+def _add_study_options(command: argparse.ArgumentParser, shelf: Shelf, beside: str = "") -> None:
+    """The options that every shelf of studies has, named the same way."""
     add = command.add_argument
-    add("--studies", nargs="+", metavar="STUDY", help="calibration factorial …: studies to do (default: all)")
+    former = {"stability": ["--cases"], "speed": ["--items"]}.get(shelf.name, [])
+    some = " ".join(list(shelf.studies)[:3])
+    add("--studies", *former, nargs="+", metavar="NAME", help=f"{some} …: {shelf.noun} to do (default: all)")
     add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
+    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add("--out", type=Path, metavar="DIR", help=f"output folder{beside} (default: a fresh out/{shelf.name}-TIME)")
+    add("--resume", action="store_true", help="do what --out lacks")
+    add("--list", action="store_true", help=f"print the {shelf.noun}, do nothing")
+    add("--quiet", action="store_true", help="no progress")
+
+
+def _asked(options: argparse.Namespace, shelf: Shelf) -> list[str] | None:
+    """The studies to do; `None` where they were to be listed alone. Raises `InputError`."""
+    if options.list:  # before anything that imports torch
+        sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
+        return None
+    from harness.plan.profiles import known_names
+    from scenes.files.errors import InputError
+
+    if options.resume and options.out is None:
+        raise InputError("--resume: name the folder to go on with, --out DIR")
+    chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
+    return [name for name in shelf.studies if name in chosen]
+
+
+def add_evidence_options(command: argparse.ArgumentParser) -> None:
+    _add_study_options(command, evidence_studies.SHELF, "; that of a finished run gets the studies into its report")
+    add = command.add_argument
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     add("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="output folder; that of a finished run gets the studies into its report (default: a fresh one)",
-    )
-    add("--resume", action="store_true", help="do what --out lacks")
-    add("--list", action="store_true", help="print the studies, do nothing")
-    add("--quiet", action="store_true", help="no progress")
 
 
 def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
     """0, or 3 where a check fails; raises `InputError` for what cannot be."""
-    from harness.studies.evidence.evidence_run import STUDIES
-
-    if options.list:
-        for study in STUDIES.values():
-            print(f"{study.info.id:18} {study.seconds / 60:3.0f} min  {study.info.question}")
+    studies = _asked(options, shelf := evidence_studies.SHELF)
+    if studies is None:
         return 0
-
     from harness.machine.device import available_cores, chosen_device
-    from harness.plan.profiles import Machine, known_names
-    from harness.records.evidence_record import EVIDENCE_FILE
+    from harness.plan.profiles import Machine
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
+    from harness.studies.evidence.evidence_context import run
     from scenes.files.errors import InputError
 
-    studies = known_names("--studies", options.studies or list(STUDIES), list(STUDIES))
-    if options.resume and options.out is None:
-        raise InputError("--resume: name the folder to go on with, --out DIR")
     if options.workers is not None and not 1 <= options.workers <= 256:
         raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
-
-    from harness.studies.evidence.evidence_run import run
-
     device, cores = chosen_device(options.device), available_cores()
     workers = options.workers or (cores if device.type == "cpu" else 1)
     machine = Machine(device.type, workers, max(1, cores // workers))
     out = options.out or fresh_folder("evidence", resume=False)
     with locked_folder(out):
-        code = run(list(studies), out, options.view_sets, machine, options.quick, options.resume, show)
-    show.line(f"studies in {out / EVIDENCE_FILE}")
+        code = run(studies, out, options.view_sets, machine, options.quick, options.resume, show)
+    show.line(f"studies in {out / shelf.file}")
     return code
 
 
 def add_stability_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add("--cases", nargs="+", metavar="CASE", help="Q1 Q2 … R1: cases to try (default: all)")
-    add("--methods", nargs="+", metavar="METHOD", help="methods to try them on (default: those worth comparing)")
-    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the catalogue itself")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/stability-TIME)")
-    add("--resume", action="store_true", help="try what --out lacks")
-    add("--list", action="store_true", help="print the catalogue, try nothing")
-    add("--quiet", action="store_true", help="no progress")
+    _add_study_options(command, cases.SHELF)
+    command.add_argument(
+        "--methods", nargs="+", metavar="METHOD", help="methods to try them on (default: those worth comparing)"
+    )
 
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """0, or 3 where a case that must pass failed; raises `InputError` for what cannot be."""
-    from harness.studies.stability.cases import CASES
-
-    if options.list:  # before anything that imports torch
-        for case in CASES.values():
-            print(f"{case.info.id:4} {case.info.title}: {case.info.bar}")
+    studies = _asked(options, shelf := cases.SHELF)
+    if studies is None:
         return 0
-
     from baselines.catalog import CATALOG
     from harness.plan.profiles import known_names
-    from harness.records.stability_record import STABILITY_FILE
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
-    from harness.studies.stability.stability_context import METHODS
-    from scenes.files.errors import InputError
+    from harness.studies.stability.stability_context import METHODS, run
 
-    cases = known_names("--cases", options.cases or list(CASES), list(CASES))
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-    if options.resume and options.out is None:
-        raise InputError("--resume: name the folder to go on with, --out DIR")
-
-    from harness.studies.stability.stability_run import run
-
     out = options.out or fresh_folder("stability", resume=False)
     with locked_folder(out):
-        code = run(list(cases), methods, out, options.view_sets, options.quick, options.resume, show)
-    show.line(f"outcomes in {out / STABILITY_FILE}")
+        code = run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
+    show.line(f"outcomes in {out / shelf.file}")
     return code
 
 
-PLAIN_SECONDS = 420.0
-QUICK_PLAIN_SECONDS = 1.5
-
-
 def add_speed_options(command: argparse.ArgumentParser) -> None:
+    _add_study_options(command, questions.SHELF)
     add = command.add_argument
-    questions = "; ".join(f"{number} {title}" for number, title in QUESTIONS.items())
-    add("--items", nargs="+", type=int, metavar="N", help=f"questions to answer (default: all). {questions}")
-    add("--plain-seconds", type=float, metavar="S", help=f"training of the plain side, question 3 ({PLAIN_SECONDS:g})")
-    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the benchmark itself")
+    usual = f"{questions.PLAIN_SECONDS:g}"
+    add("--plain-seconds", type=float, metavar="S", help=f"training of the plain side, question 3 ({usual})")
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/speed-TIME)")
-    add("--resume", action="store_true", help="answer what --out lacks")
-    add("--quiet", action="store_true", help="no progress")
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     """0; raises `InputError` for what cannot be."""
+    studies = _asked(options, shelf := questions.SHELF)
+    if studies is None:
+        return 0
     from harness.machine.device import chosen_device
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
     from scenes.files.errors import InputError
 
-    items = options.items or list(QUESTIONS)
-    unknown = [str(item) for item in items if item not in QUESTIONS]
-    if unknown:
-        raise InputError(f"--items {' '.join(unknown)}: choose from {' '.join(map(str, QUESTIONS))}")
     seconds = options.plain_seconds
     if seconds is None:
-        seconds = QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS
+        seconds = questions.QUICK_PLAIN_SECONDS if options.quick else questions.PLAIN_SECONDS
     if not (math.isfinite(seconds) and 1.0 <= seconds <= 86400.0):
         raise InputError(f"--plain-seconds {seconds:g}: must lie between 1 and 86400")
-    if options.resume and options.out is None:
-        raise InputError("--resume: name the folder to go on with, --out DIR")
     device = chosen_device(options.device)
 
-    from harness.studies.speed.speed_run import run, speed_file
+    from harness.studies.speed.speed_run import run
 
     out = options.out or fresh_folder("speed", resume=False)
     with locked_folder(out):
-        run(sorted(set(items)), out, device, options.view_sets, seconds, options.quick, options.resume, show)
-    show.line(f"figures in {speed_file(out)}")
-    return 0
+        code = run(studies, out, device, options.view_sets, seconds, options.quick, options.resume, show)
+    show.line(f"figures in {out / shelf.file}")
+    return code
 
 
 NARROWEST, WIDEST = 8, 4096
@@ -268,8 +250,8 @@ def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
     """Prints the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
     import sys
 
-    from harness.records.speed_record import read_speed
+    from harness.records.study import read_studies
     from harness.studies.full_setting import page
 
-    sys.stdout.write(page(read_speed(options.speed)))
+    sys.stdout.write(page(read_studies(options.speed)))
     return 0

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 from harness.plan.profiles import PROFILES, Plan
-from harness.records.speed_record import SpeedRecord
-from harness.studies.speed.matrix_rate import step_flops
+from harness.records.study import Studies
+from harness.studies.speed.throughput import step_flops
 from scenes.files.errors import InputError
 
 FORWARD_OF_A_STEP = 3
@@ -111,15 +111,15 @@ def wall_hours(work: Work, cell_hours: float, places: int, methods: int, split: 
     return ceil(pieces / places) * hours
 
 
-def measured_rate(speed: SpeedRecord) -> float:
+def measured_rate(speed: Studies) -> float:
     """FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError` without it."""
     return value_of(speed, "matrix.paper.rate") * 1e12
 
 
-def render_seconds(speed: SpeedRecord) -> tuple[float, float]:
+def render_seconds(speed: Studies) -> tuple[float, float]:
     """Seconds a megasample: least and most over the scenes measured, of the fastest variant that works there."""
     found: dict[str, list[float]] = {}
-    for one in speed.measurements:
+    for _, one in speed.checks():
         parts = one.id.split(".")
         if len(parts) == 4 and parts[0] == "render" and parts[3] == "seconds" and one.value is not None:
             found.setdefault(parts[1], []).append(one.value)
@@ -129,9 +129,9 @@ def render_seconds(speed: SpeedRecord) -> tuple[float, float]:
     return min(fastest), max(fastest)
 
 
-def value_of(speed: SpeedRecord, name: str) -> float:
+def value_of(speed: Studies, name: str) -> float:
     """Raises `InputError` where it was not measured."""
-    for one in speed.measurements:
+    for _, one in speed.checks():
         if one.id == name and one.value is not None:
             return one.value
     raise InputError(f"the speed record has no {name}; run `nox -s speed` again")
@@ -141,7 +141,7 @@ PLACES = (1, 8, 64)
 COMBINATIONS = 8
 
 
-def page(speed: SpeedRecord) -> str:
+def page(speed: Studies) -> str:
     """Markdown."""
     plan = paper_table()
     work = work_of(plan)
@@ -279,7 +279,7 @@ def _wall_table(work: Work) -> list[str]:
     return _table(heads, rows)
 
 
-def _rendering(work: Work, speed: SpeedRecord) -> list[str]:
+def _rendering(work: Work, speed: Studies) -> list[str]:
     low, high = (seconds * work.megasamples / 3600 for seconds in render_seconds(speed))
     cores = speed.provenance["cores"]
     return [

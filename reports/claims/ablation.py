@@ -6,11 +6,10 @@ combination of the parts. Listing 2 is the paper's amplifier; what Eq. 4 gives s
 
 from dataclasses import replace
 
-from harness.records.evidence_record import Effect, EvidenceRecord
+from harness.records.study import Effect, Studies
 from reports.claims.ledger import LEAST_PAIRS, MARGINS, Bench, Finding, Printed, judge_gain
 from reports.claims.scores import PAIRED, gain
 from reports.data.wording import UNTESTED, counted, interval, signed
-from reports.studies.evidence_page import is_quick
 
 STUDY = "factorial"
 TRUSTED_BY = (STUDY, "calibration")
@@ -45,7 +44,7 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
     )
 
 
-def doubts(evidence: EvidenceRecord) -> str:
+def doubts(evidence: Studies) -> str:
     """What speaks against taking the study's effects as they stand; nothing where nothing does."""
     failed = [
         f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {name}"
@@ -57,15 +56,15 @@ def doubts(evidence: EvidenceRecord) -> str:
     return "; ".join(parts)
 
 
-def effect_of(evidence: EvidenceRecord | None, scene: str, method: str, against: str, metric: str) -> Effect | None:
+def effect_of(evidence: Studies | None, scene: str, method: str, against: str, metric: str) -> Effect | None:
     """At equal steps, from the factorial study; a quick one says nothing."""
-    study = evidence.study(STUDY) if evidence and not is_quick(evidence) else None
+    study = evidence.study(STUDY) if evidence and not evidence.is_quick else None
     wanted = (method, against, scene, metric, "steps")
     found = (one for one in (study.effects if study else []) if one.difference is not None)
     return next((one for one in found if (one.name, one.against, one.scene, one.metric, one.budget) == wanted), None)
 
 
-def _other_reading(evidence: EvidenceRecord, scene: str, method: str, against: str, metric: str, digits: int) -> str:
+def _other_reading(evidence: Studies, scene: str, method: str, against: str, metric: str, digits: int) -> str:
     """The same with the amplifier of Eq. 4, where the row has an amplifier."""
     if method not in EQUATION_4:
         return ""

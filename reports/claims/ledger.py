@@ -14,9 +14,9 @@ from functools import cached_property
 from statistics import NormalDist
 from typing import Any
 
-from harness.records.evidence_record import EvidenceRecord
 from harness.records.json_record import DamagedRecord
 from harness.records.serving_record import ServingRecord
+from harness.records.study import Studies
 from harness.records.targets import TargetsRecord
 from harness.verdicts.statistics import critical
 from reports.data.load import REMEDY, Records
@@ -82,7 +82,7 @@ class Bench:
     """What claims are judged by."""
 
     records: Records
-    evidence: EvidenceRecord | None
+    evidence: Studies | None
     targets: TargetsRecord | None
     serving: ServingRecord | None = None
 

@@ -2,17 +2,16 @@
 
 from dataclasses import dataclass
 
-from harness.records.evidence_record import EvidenceRecord
 from harness.records.serving_record import ServingRecord
-from harness.records.stability_record import StabilityRecord
+from harness.records.study import Studies
 
 
 @dataclass(frozen=True)
 class Beside:
     """None is what was not measured."""
 
-    stability: StabilityRecord | None = None
-    evidence: EvidenceRecord | None = None
+    stability: Studies | None = None
+    evidence: Studies | None = None
     serving: ServingRecord | None = None
 
 

@@ -21,8 +21,8 @@ from harness.records.cells import (
     read_run,
     records_folder,
 )
-from harness.records.charts import Series, Table
 from harness.records.json_record import DamagedRecord, first_mismatch, shown
+from harness.records.study import Series, Table
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
 from harness.verdicts.comparisons import compare
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
-from harness.records.charts import Series
+from harness.records.study import Series
 from reports.data.wording import of_any_size
 from reports.drawing.figure import padded, svg
 from reports.drawing.palette import Pen, key, pens_of
@@ -44,24 +44,23 @@ class Chart:
     wide: bool = False
 
 
-def charts(series: list[Series], item: int, prefix: str) -> list[Chart]:
-    """Charts of one question or chapter in the order of their first series; a panel without points is left out.
+def charts(series: list[Series], prefix: str) -> list[Chart]:
+    """Charts in the order of their first series; a panel without points is left out.
 
     `prefix` makes ids unique in a page.
     """
-    drawn = of_item(series, item)
+    drawn = with_points(series)
     pens = pens_in(drawn)
     found = []
     for place, (title, group) in enumerate(panels_of(drawn)):
         keys = [(name, key(pens[name])) for name in dict.fromkeys(one.name for one in group)]
         made = panel(title, group, pens)
-        found.append(Chart(title, keys, svg(made, f"{prefix}-{item}-{place}"), notes(made), made.size == WIDE))
+        found.append(Chart(title, keys, svg(made, f"{prefix}-{place}"), notes(made), made.size == WIDE))
     return found
 
 
-def of_item(series: list[Series], item: int) -> list[Series]:
-    """The series of one question or chapter that have points."""
-    return [one for one in series if one.item == item and one.x]
+def with_points(series: list[Series]) -> list[Series]:
+    return [one for one in series if one.x]
 
 
 def panels_of(drawn: list[Series]) -> list[tuple[str, list[Series]]]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from harness.records.charts import Table
+from harness.records.study import Table
 from reports.data.selection import Selection
 
 
@@ -52,9 +52,9 @@ class Grid:
 EMPTY = Entry("–", tone="muted")
 
 
-def tables_grids(tables: list[Table], item: int, write: Callable[[float], str]) -> list[Grid]:
-    """Those of one question or chapter; a column of nothing but numbers is set to the right, as `write` writes them."""
-    return [_grid(one, write) for one in tables if one.item == item and one.rows and one.columns]
+def tables_grids(tables: list[Table], write: Callable[[float], str]) -> list[Grid]:
+    """The tables that are not empty; a column of nothing but numbers is set to the right, as `write` writes them."""
+    return [_grid(one, write) for one in tables if one.rows and one.columns]
 
 
 def _grid(table: Table, write: Callable[[float], str]) -> Grid:

@@ -118,6 +118,12 @@ START = "start.js"
 """The last script of a page."""
 
 
+def anchor(kind: str, name: str) -> str:
+    """The id of a section: readable where the name is a plain word, and no code whatever the name is."""
+    readable = name if re.fullmatch("[A-Za-z0-9_]+", name) else "-" + name.encode().hex()
+    return f"{kind}-{readable}".replace("_", "-")
+
+
 def environment() -> Environment:
     """Escapes whatever comes from data, and stops at a name that nobody gave."""
     made = Environment(

@@ -5,7 +5,7 @@ It is built from the ledger, the run's comparisons and, where it lies beside, th
 
 from dataclasses import dataclass
 
-from harness.records.evidence_record import Check, EvidenceRecord
+from harness.records.study import Check, Studies
 from reports.claims.estimands import SENSES, between, sense_of
 from reports.claims.estimands import said as difference_said
 from reports.claims.headline import roles, smallest_detectable
@@ -100,7 +100,7 @@ def _line(words: str, claim: Claim, here: str) -> Line:
     )
 
 
-def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
+def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """The interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
     said = []
     cast = roles(records)
@@ -115,17 +115,17 @@ def how_sure(records: Records, evidence: EvidenceRecord | None) -> list[str]:
     return [*said, *calibration(evidence)]
 
 
-def calibration(evidence: EvidenceRecord | None) -> list[str]:
+def calibration(evidence: Studies | None) -> list[str]:
     """What the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study(CALIBRATION) if evidence else None
     if study is None:
         return ["The intervals' own error rate was not checked beside this run (`nox -s evidence` does)."]
-    return [*study.findings[:1], *(_checked(check) for check in study.checks if not check.holds)]
+    return [*study.answers[:1], *(_checked(check) for check in study.checks if not check.holds)]
 
 
 def _checked(check: Check) -> str:
     digits = _enough(check)
-    figure = NOTHING if check.figure is None else _figure(check.figure, check, digits)
+    figure = NOTHING if check.value is None else _figure(check.value, check, digits)
     limits = [
         f"{words} {_figure(limit, check, _least(check))}"
         for words, limit in (("at least", check.low), ("at most", check.high))
@@ -153,7 +153,7 @@ def _least(check: Check) -> int:
 
 def _enough(check: Check) -> int:
     """Decimals that tell a figure that fails from its limits."""
-    least, figure = _least(check), check.figure
+    least, figure = _least(check), check.value
     if figure is None or check.holds:
         return least
     limits = [limit for limit in (check.low, check.high) if limit is not None]

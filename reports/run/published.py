@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import Any
 
-from harness.records.evidence_record import failed_checks, read_evidence
+from harness.records.study import Studies, read_studies
 from reports.claims.estimands import BUDGETS, SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import VERDICTS, counted, interval, listed, number, signed, significant
@@ -257,9 +257,9 @@ def evidence(published: Published) -> str:
     """The answer of each study, in the words that were made from its figures, and which checks do not hold."""
     if not published.current("reduced/evidence.json"):
         return ""
-    record = read_evidence(published.docs / "reduced/evidence.json")
-    checks, broken = list(record.checks()), failed_checks(record)
-    lines = [f"* **{study.info.title}** {study.findings[0]}" for study in record.studies if study.findings]
+    record = read_studies(published.docs / "reduced/evidence.json")
+    checks, broken = list(record.checks()), record.broken
+    lines = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
     drawn = {"What each part does": "reduced/evidence_effects.png", "Frequencies": "reduced/bandwidth.png"}
@@ -269,35 +269,37 @@ def evidence(published: Published) -> str:
 
 def stability(published: Published) -> str:
     """How many checks came out how, by whose formula it is."""
-    cases = published.current("stability.json").get("cases", [])
-    if not cases:
+    if not published.current("stability.json"):
         return ""
-    many = Counter((one["whose"], one["status"]) for case in cases for one in case["outcomes"])
+    cases = read_studies(published.docs / "stability.json").studies
+    many = Counter((one.owner, one.status) for case in cases for one in case.checks)
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     return (
         f"In {len(cases)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
         f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}. It took {sum(one['seconds'] for one in cases) / 60:.0f} minutes.\n\n"
+        f"{tried['usual']}. It took {sum(one.seconds for one in cases) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
 
 
 def speed(published: Published) -> str:
     """Ratios and memory, with their targets; none of them depends on what is trained."""
-    record = published.read("speed.json")
-    found = {one["id"]: one for one in record.get("measurements", [])}
+    if not published.read("speed.json"):
+        return ""
+    record: Studies = read_studies(published.docs / "speed.json")
+    found = {one.id: one for _, one in record.checks()}
     met = {True: "met", False: "**missed**"}
     rows = [
         (
-            one["title"],
-            f"{number(one['value'])} {one['unit']} [{number(one['low'])}, {number(one['high'])}]",
-            f"{one['target']:g} {one['unit']}, {met[one['met']]}",
+            one.what,
+            f"{number(one.value)} {one.unit} [{number(one.spread[0])}, {number(one.spread[1])}]",
+            f"{one.limit:g} {one.unit}, {met[one.holds]}",
         )
         for name in ("training.dense.ratio", "matrix.paper.share", "matrix.reduced.share", "memory.worker.nerf.peak")
-        if (one := found.get(name)) and one["value"] is not None
+        if (one := found.get(name)) and one.value is not None and one.spread
     ]
-    where = record["provenance"] if rows else {}
+    where = record.provenance
     return table((f"{where['cores']} cores, {where['processor']}", "measured", "target"), rows) if rows else ""
 
 

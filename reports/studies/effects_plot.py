@@ -11,7 +11,7 @@ from itertools import accumulate
 
 from matplotlib.ticker import MaxNLocator
 
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect
 from reports.data.table import METRICS, Metric
 from reports.data.wording import after, counted, interval, signed
 from reports.drawing.figure import tick

@@ -1,13 +1,12 @@
 """An evidence record → evidence.html and the sections of the report, as self-contained."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
-from harness.records.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord, failed_checks
+from harness.records.study import Check, Effect, Studies, StudyInfo, StudyRecord
 from reports.data import wording
 from reports.data.wording import after, counted, duration, interval, listed, number, of_any_size, signed
 from reports.drawing.series_charts import Chart, charts
@@ -53,29 +52,25 @@ class Evidence:
     studies: list[StudyShown]
 
 
-def evidence(record: EvidenceRecord) -> Evidence:
+def evidence(record: Studies) -> Evidence:
     return Evidence(
         headline=headline(record),
-        failed=[(anchor(study), f"{study.info.title} {check_said(check)}") for study, check in failed_checks(record)],
+        failed=[(anchor(study), f"{study.info.title} {check_said(check)}") for study, check in record.broken],
         finished=record.finished,
-        quick=is_quick(record),
+        quick=record.is_quick,
         studies=[study_shown(study, of_interest(record)) for study in record.studies],
     )
 
 
-def is_quick(record: EvidenceRecord) -> bool:
-    return bool(record.settings.get("quick"))
-
-
-def of_interest(record: EvidenceRecord) -> dict[str, float]:
+def of_interest(record: Studies) -> dict[str, float]:
     """Metric → the smallest effect of interest, as far as the record knows it."""
     known: Any = record.settings.get("smallest_of_interest")
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
 
 
-def headline(record: EvidenceRecord) -> str:
+def headline(record: Studies) -> str:
     """What a reader takes home: whether the rest may be trusted."""
-    every, lost = list(record.checks()), failed_checks(record)
+    every, lost = list(record.checks()), record.broken
     if not every:
         return f"Evidence: {counted(len(record.studies), 'study', 'studies')}, without a check"
     if lost:
@@ -85,15 +80,13 @@ def headline(record: EvidenceRecord) -> str:
 
 
 def anchor(study: StudyRecord) -> str:
-    """The id of its section: readable where the study's own id is a plain word."""
-    name = study.info.id
-    return f"study-{name if re.fullmatch('[A-Za-z0-9_]+', name) else '-' + name.encode().hex()}".replace("_", "-")
+    return shell.anchor("study", study.info.id)
 
 
 def study_shown(study: StudyRecord, of_interest: dict[str, float]) -> StudyShown:
     drawn = forests(study.effects, of_interest)
     first = len({one.budget for one in study.effects if one.metric == study.effects[0].metric}) if drawn else 0
-    answer, *findings = study.findings or ["It gave no answer in words."]
+    answer, *findings = study.answers or ["It gave no answer in words."]
     return StudyShown(
         anchor=anchor(study),
         info=study.info,
@@ -106,8 +99,8 @@ def study_shown(study: StudyRecord, of_interest: dict[str, float]) -> StudyShown
         forests=drawn[:first],
         others=drawn[first:],
         effects=effects_grid(study.effects) if study.effects else None,
-        charts=charts(study.series, 0, anchor(study)),
-        tables=tables_grids(study.tables, 0, of_any_size),
+        charts=charts(study.series, anchor(study)),
+        tables=tables_grids(study.tables, of_any_size),
         seconds=duration(study.seconds) if study.seconds else "",
     )
 
@@ -135,15 +128,15 @@ def check_said(one: Check) -> str:
 
 def figure_said(one: Check) -> str:
     """With as many digits as it takes to tell a failing one from its limits."""
-    if one.figure is None:
+    if one.value is None:
         return "no figure"
     limits = [limit for limit in (one.low, one.high) if limit is not None]
     enough = (
         digits
         for digits in range(3, 16)
-        if one.holds or all(of_any_size(one.figure, digits) != of_any_size(limit, digits) for limit in limits)
+        if one.holds or all(of_any_size(one.value, digits) != of_any_size(limit, digits) for limit in limits)
     )
-    return f"{of_any_size(one.figure, next(enough, 16))}{after(one.unit)}"
+    return f"{of_any_size(one.value, next(enough, 16))}{after(one.unit)}"
 
 
 def wanted(one: Check) -> str:
@@ -196,7 +189,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
     return Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note)
 
 
-def sentences(record: EvidenceRecord) -> list[str]:
+def sentences(record: Studies) -> list[str]:
     """How much was asked, and how long it took."""
     if not record.studies:
         return ["No study is whole."]
@@ -207,7 +200,7 @@ def sentences(record: EvidenceRecord) -> list[str]:
     return [f"{counted(len(record.studies), 'study', 'studies')} with {listed(parts)}{took}."]
 
 
-def evidence_page(record: EvidenceRecord) -> str:
+def evidence_page(record: Studies) -> str:
     """The whole page as text."""
     shown = evidence(record)
     return (
@@ -226,13 +219,13 @@ def evidence_page(record: EvidenceRecord) -> str:
     )
 
 
-def provenance(record: EvidenceRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
     """Groups of name and value: how to get the same again, and how long that takes."""
     spent = [(study.info.title, wording.duration(study.seconds)) for study in record.studies if study.seconds]
     return shell.groups_of(record.provenance, record.settings, spent)
 
 
-def write_evidence_page(record: EvidenceRecord, out: Path) -> Path:
+def write_evidence_page(record: Studies, out: Path) -> Path:
     """Into `out`; gives the page's path."""
     path = out / shell.EVIDENCE_PAGE
     shell.write_whole(evidence_page(record), path)

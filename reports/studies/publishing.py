@@ -7,22 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import msgspec
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from harness.records.charts import Series
-from harness.records.evidence_record import EVIDENCE_FILE, Effect, EvidenceRecord, write_evidence
 from harness.records.serving_record import SERVING_FILE, AttentionRecord, Measure, ServingRecord, write_serving
-from harness.records.speed_record import Measurement, SpeedRecord, write_speed
-from harness.records.stability_record import STABILITY_FILE, CaseRecord, StabilityRecord, write_stability
-from reports.data.studies_load import FILE
+from harness.records.study import SHELVES, Check, Effect, Picture, Series, Studies, StudyRecord, write_studies
 from reports.data.wording import with_unit
 from reports.drawing import palette
 from reports.drawing.figure import STYLE, padded, paint, subdivisions, tick
 from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, Pen, pens_of
-from reports.drawing.series_charts import of_item, panel, panels_of, pens_in, points
+from reports.drawing.series_charts import panel, panels_of, pens_in, points, with_points
 from reports.drawing.traces import Panel
 from reports.studies.effects_plot import BUDGETS, Axis, axis_of, metric_of
 from reports.studies.evidence_page import of_interest
@@ -50,11 +47,11 @@ LEAST_WIDTH = 9.0
 LEGEND_WIDTH = 40.0
 
 
-def write_published_stability(record: StabilityRecord, folder: Path) -> list[Path]:
+def write_published_stability(record: Studies, folder: Path) -> list[Path]:
     """The record without its pictures, which stay behind, and a PNG for each of what there is to draw."""
     folder.mkdir(parents=True, exist_ok=True)
-    written = [folder / STABILITY_FILE]
-    write_stability(written[0], replace(record, cases=[replace(case, pictures=[]) for case in record.cases]))
+    written = [folder / SHELVES["stability"]]
+    write_studies(written[0], without(record, Picture))
     with matplotlib.rc_context(STYLE):
         for name, figure in ((MATRIX, miniature(record)), (CURVES, curves(record))):
             if figure is not None:
@@ -63,9 +60,18 @@ def write_published_stability(record: StabilityRecord, folder: Path) -> list[Pat
     return written
 
 
-def miniature(record: StabilityRecord) -> Figure | None:
+def without(record: Studies, kind: type) -> Studies:
+    """The record without its findings of one kind."""
+    kept = [
+        msgspec.structs.replace(study, findings=[one for one in study.findings if not isinstance(one, kind)])
+        for study in record.studies
+    ]
+    return msgspec.structs.replace(record, studies=kept)
+
+
+def miniature(record: Studies) -> Figure | None:
     """A row a case; a square a subject, under whose form it is, marked by what became of it."""
-    cases = [case for case in record.cases if case.outcomes]
+    cases = [case for case in record.studies if case.checks]
     if not cases:
         return None
     widths = {whose: max(len(squares(case, whose)) for case in cases) for whose in OWNERS}
@@ -86,13 +92,13 @@ def miniature(record: StabilityRecord) -> Figure | None:
         for whose in owners:
             for place, tone in enumerate(squares(case, whose)):
                 _square(axes, starts[whose] + place, line, tone)
-    _legend(axes, len(cases) + 0.6, {tone_of(one) for one in record.outcomes()})
+    _legend(axes, len(cases) + 0.6, {tone_of(one) for _, one in record.checks()})
     return figure
 
 
-def squares(case: CaseRecord, whose: str) -> list[Tone]:
+def squares(case: StudyRecord, whose: str) -> list[Tone]:
     """What became of each subject of one owner."""
-    chosen = [one for one in case.outcomes if one.whose == whose]
+    chosen = [one for one in case.checks if one.owner == whose]
     subjects = dict.fromkeys(one.subject for one in chosen)
     return [cell([one for one in chosen if one.subject == subject]).tone for subject in subjects]
 
@@ -113,10 +119,10 @@ def _legend(axes: Axes, y: float, tones: set[Tone]) -> None:
             x += 2.4 + 0.31 * len(said)
 
 
-def curves(record: StabilityRecord) -> Figure | None:
+def curves(record: Studies) -> Figure | None:
     """The first chart of each chosen chapter, side by side."""
-    series = [one for case in record.cases for one in case.series]
-    chosen = [found for item in CHAPTERS_DRAWN if (found := first_chart(of_item(series, item)))]
+    series = [one for case in record.studies for one in case.series]
+    chosen = [found for item in CHAPTERS_DRAWN if (found := first_chart([one for one in series if one.item == item]))]
     if not chosen:
         return None
     across = min(2, len(chosen))
@@ -139,8 +145,9 @@ def chart(axes: Axes, title: str, group: list[Series], pens: dict[str, Pen]) -> 
 
 def first_chart(series: list[Series]) -> tuple[str, list[Series], dict[str, Pen]] | None:
     """Title, lines and pens of the first chart of a chapter, where it has one."""
-    charts = panels_of(series)
-    return (*charts[0], pens_in(series)) if charts else None
+    drawn = with_points(series)
+    charts = panels_of(drawn)
+    return (*charts[0], pens_in(drawn)) if charts else None
 
 
 def keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
@@ -161,13 +168,13 @@ LARGEST = 500_000
 """Bytes of a published record; a longer one is left without its lines."""
 
 
-def write_published_evidence(record: EvidenceRecord, folder: Path) -> list[Path]:
+def write_published_evidence(record: Studies, folder: Path) -> list[Path]:
     """The record, and a PNG for each of what there is to draw; gives what was written."""
     folder.mkdir(parents=True, exist_ok=True)
-    written = [folder / EVIDENCE_FILE]
-    write_evidence(written[0], record)
+    written = [folder / SHELVES["evidence"]]
+    write_studies(written[0], record)
     if written[0].stat().st_size > LARGEST:
-        write_evidence(written[0], replace(record, studies=[replace(one, series=[]) for one in record.studies]))
+        write_studies(written[0], without(record, Series))
     with matplotlib.rc_context(STYLE):
         for name, figure in ((EFFECTS, effects_figure(record)), (BANDWIDTH, bandwidth_figure(record))):
             if figure is not None:
@@ -176,7 +183,7 @@ def write_published_evidence(record: EvidenceRecord, folder: Path) -> list[Path]
     return written
 
 
-def effects_figure(record: EvidenceRecord) -> Figure | None:
+def effects_figure(record: Studies) -> Figure | None:
     """What each part does to PSNR over all scenes, at equal steps and at equal time, side by side."""
     study = record.study("factorial")
     effects = [one for one in study.effects if (one.metric, one.scene) == ("psnr", "all")] if study else []
@@ -228,10 +235,10 @@ def _row(axes: Axes, one: Effect, axis: Axis, place: int) -> None:
     axes.plot([one.difference or 0.0], [place], "o", ms=5.5, mec=colour, mfc=colour if settled else "white", mew=1.4)
 
 
-def bandwidth_figure(record: EvidenceRecord) -> Figure | None:
+def bandwidth_figure(record: Studies) -> Figure | None:
     """The first chart of the study: how far φ and its controls are from NeRF, over resolution."""
     study = record.study("bandwidth")
-    found = first_chart(of_item(study.series, 0)) if study else None
+    found = first_chart(study.series) if study else None
     if found is None:
         return None
     figure = Figure(figsize=(5.4, 4.2), layout="constrained")
@@ -300,25 +307,27 @@ def _chart(axes: Axes, title: str, panel: Panel, pens: dict[str, Pen]) -> None:
     keys(axes, pens, pens)
 
 
-TIME_TO_TARGET = 3
+TIME_TO_TARGET = "3"
 DASHED: dict[str, Any] = {"color": MUTED.light, "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 1}
 
 
-def write_published_speed(record: SpeedRecord, folder: Path) -> list[Path]:
+def write_published_speed(record: Studies, folder: Path) -> list[Path]:
     """speed.json and, where there is something to draw, speed.png; gives what was written."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_speed(folder / FILE, record)
+    path = folder / SHELVES["speed"]
+    write_studies(path, record)
     with matplotlib.rc_context(STYLE):
         figure = time_to_target(record) or ratios(record)
         if figure is None:
-            return [folder / FILE]
+            return [path]
         save(figure, folder / "speed.png")
-    return [folder / FILE, folder / "speed.png"]
+    return [path, folder / "speed.png"]
 
 
-def time_to_target(record: SpeedRecord) -> Figure | None:
+def time_to_target(record: Studies) -> Figure | None:
     """The curves of question 3, a panel each; dashed, the best that the first line of a panel reached."""
-    drawn = [one for one in record.series if one.item == TIME_TO_TARGET and one.x and min(one.x) > 0]
+    study = record.study(TIME_TO_TARGET)
+    drawn = [one for one in study.series if one.x and min(one.x) > 0] if study else []
     if not drawn:
         return None
     panels = list(dict.fromkeys(one.panel for one in drawn))
@@ -366,30 +375,30 @@ def short(titles: list[str]) -> list[str]:
     return [" ".join(one[shared:]) for one in words]
 
 
-def ratios(record: SpeedRecord) -> Figure | None:
+def ratios(record: Studies) -> Figure | None:
     """Every ratio with a target: what was measured, and a bar where the target stands."""
-    chosen = [one for one in record.measurements if (one.unit, one.sense) == ("×", "at_least") and one.target]
+    chosen = [one for _, one in record.checks() if one.unit == "×" and one.low]
     drawn = [one for one in chosen if one.value is not None and one.value > 0]
     if not drawn:
         return None
     figure = Figure(figsize=(6.6, 0.9 + 0.42 * len(drawn)), layout="constrained")
     axes = figure.add_subplot()
     pen = pens_of(["measured"])["measured"]
-    edges = [v for one in drawn for v in (one.value, one.low, one.high, one.target) if v is not None and v > 0]
+    edges = [v for one in drawn for v in (one.value, *(one.spread or ()), one.low) if v is not None and v > 0]
     low, high = padded(edges, log=True) or (1.0, 10.0)
     for place, one in enumerate(drawn):
-        axes.vlines(one.target or 0.0, place - 0.3, place + 0.3, color=INK.light, linewidth=1.6)
+        axes.vlines(one.low or 0.0, place - 0.3, place + 0.3, color=INK.light, linewidth=1.6)
         _dot(axes, one, place, pen, with_unit(one.value, one.unit))
-    _rows(axes, [one.title for one in drawn])
+    _rows(axes, [one.what for one in drawn])
     _log(axes, low / 1.1, high * 1.1)
     axes.set_xlabel("times as fast (upright bar: the target)")
     return figure
 
 
-def _dot(axes: Axes, one: Measurement, place: int, pen: Pen, words: str) -> None:
+def _dot(axes: Axes, one: Check, place: int, pen: Pen, words: str) -> None:
     value = one.value if one.value is not None else 0.0
-    if one.low is not None and one.high is not None and one.low > 0:
-        axes.hlines(place, one.low, one.high, color=pen.colour.light, linewidth=3.0, alpha=0.35)
+    if one.spread is not None and one.spread[0] > 0:
+        axes.hlines(place, *one.spread, color=pen.colour.light, linewidth=3.0, alpha=0.35)
     axes.plot([value], [place], **_marker(pen))
     axes.annotate(
         words, (value, place), (0, 6), textcoords="offset points", ha="center", fontsize=8, color=pen.colour.light

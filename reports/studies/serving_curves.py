@@ -1,7 +1,7 @@
 """Curves of a picture while it is refined, and of its error over the number of samples, as plain data."""
 
-from harness.records.charts import Series
 from harness.records.serving_record import Allocation, Anytime, Measure, Order, Reaching
+from harness.records.study import Series
 from reports.data.wording import of_any_size
 from reports.drawing import palette
 from reports.drawing.figure import padded, with_common_limits

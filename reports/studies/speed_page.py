@@ -7,9 +7,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from harness.records.speed_record import QUESTIONS, Measurement, SpeedRecord
+from harness.records.study import Check, Studies, StudyRecord
 from reports.data import wording
-from reports.data.studies_load import is_quick
 from reports.data.wording import NARROW, NOTHING, after, count, counted, figure, number, significant, with_unit
 from reports.drawing.series_charts import Chart, charts
 from reports.page import shell
@@ -20,37 +19,38 @@ SMALL_FACTOR = 2.0
 """Up to here a distance from the target is a percentage, beyond it a factor."""
 
 
-def spread(one: Measurement) -> str:
+def spread(one: Check) -> str:
     """`7.11–7.63×`, or nothing where it was not repeated."""
-    if one.low is None or one.high is None or one.value is None:
+    if one.spread is None or one.value is None:
         return ""
-    if one.repeats < 2 and one.low == one.high:
+    low, high = one.spread
+    if one.repeats < 2 and low == high:
         return ""
-    join = " to " if min(one.low, one.high) < 0 else "–"
-    return f"{figure(one.low)}{join}{figure(one.high)}{after(one.unit)}"
+    join = " to " if min(low, high) < 0 else "–"
+    return f"{figure(low)}{join}{figure(high)}{after(one.unit)}"
 
 
-def target(one: Measurement) -> str:
+def target(one: Check) -> str:
     """`≥ 10×`: without digits that nobody asked for."""
-    if one.target is None:
+    if one.limit is None:
         return ""
-    short = f"{one.target:.6g}"
-    text = count(round(one.target)) if float(short).is_integer() else short if "e" not in short else figure(one.target)
-    return f"{'≥' if one.sense == 'at_least' else '≤'} {text}{after(one.unit)}"
+    short = f"{one.limit:.6g}"
+    text = count(round(one.limit)) if float(short).is_integer() else short if "e" not in short else figure(one.limit)
+    return f"{'≤' if one.low is None else '≥'} {text}{after(one.unit)}"
 
 
-def outcome(one: Measurement) -> str:
+def outcome(one: Check) -> str:
     """`met, 12 % above`, `missed by 6.9 points`, `no figure, so not met`; nothing without a target."""
-    if one.target is None:
+    if one.limit is None:
         return ""
     if one.value is None:
         return "no figure, so not met"
-    if one.value == one.target:
+    if one.value == one.limit:
         return "met exactly"
-    return _met(one.value, one.target, one) if one.met else f"missed{_shortfall(one.value, one.target, one.unit)}"
+    return _met(one.value, one.limit, one) if one.holds else f"missed{_shortfall(one.value, one.limit, one.unit)}"
 
 
-def _met(value: float, goal: float, one: Measurement) -> str:
+def _met(value: float, goal: float, one: Check) -> str:
     side = "above" if value > goal else "below"
     if one.unit == "%":
         return f"met, {_points(value - goal)} {side}"
@@ -71,15 +71,15 @@ def _shortfall(value: float, goal: float, unit: str) -> str:
     return f" by a factor of {significant(factor, 2)}" if factor > SMALL_FACTOR else f" by {_share(value, goal)}"
 
 
-def in_repetitions(one: Measurement) -> str:
+def in_repetitions(one: Check) -> str:
     """Where the spread straddles the target: the median alone says too little."""
-    if one.target is None or one.met is None or one.low is None or one.high is None:
+    if one.limit is None or one.value is None or one.spread is None:
         return ""
-    worst, best = (one.low, one.high) if one.sense == "at_least" else (one.high, one.low)
-    reached = [(edge >= one.target if one.sense == "at_least" else edge <= one.target) for edge in (worst, best)]
-    if one.met and not reached[0]:
+    worst, best = one.spread if one.high is None else reversed(one.spread)
+    reached = [(edge >= one.limit if one.high is None else edge <= one.limit) for edge in (worst, best)]
+    if one.holds and not reached[0]:
         return "not in every repetition"
-    if not one.met and reached[1]:
+    if not one.holds and reached[1]:
         return "reached in the best repetition"
     return ""
 
@@ -102,7 +102,11 @@ def _two_digits(value: float) -> str:
     return significant(value, 2) if value < 10 else number(value, 0)
 
 
-TONES = {True: "met", False: "missed", None: "unmeasured"}
+def tone_of(one: Check) -> str:
+    """`met`, `missed` or `unmeasured`; `muted` without a target."""
+    if one.limit is None:
+        return "muted"
+    return "unmeasured" if one.value is None else "met" if one.holds else "missed"
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class Aim:
     """One target and what became of it."""
 
     title: str
-    item: int
+    item: str
     question: str
     value: str
     spread: str
@@ -121,40 +125,35 @@ class Aim:
     small: str
 
 
-def question(item: int) -> str:
-    return QUESTIONS.get(item, f"Question {item}")
-
-
-def items(record: SpeedRecord) -> list[int]:
-    """Questions that have something to show: in their own order, then those that this version does not know."""
-    known = list(QUESTIONS)
-    found = {one.item for one in record.measurements}
-    found |= {one.item for one in record.series if one.x}
-    found |= {one.item for one in record.tables if one.rows and one.columns}
-    return sorted(found, key=lambda item: (known.index(item) if item in known else len(known), item))
-
-
-def aims(record: SpeedRecord) -> list[Aim]:
-    """Every target, by question."""
-    order = items(record)
-    chosen = sorted((one for one in record.measurements if one.target is not None), key=lambda m: order.index(m.item))
+def asked(record: Studies) -> list[StudyRecord]:
+    """The questions that have something to show."""
     return [
-        Aim(
-            title=one.title,
-            item=one.item,
-            question=question(one.item),
-            value=with_unit(one.value, one.unit),
-            spread=_repeated(one),
-            target=target(one),
-            tone=TONES[one.met],
-            outcome=outcome(one),
-            small=in_repetitions(one) if one.met is not None else one.detail or "no reason recorded",
-        )
-        for one in chosen
+        one
+        for one in record.studies
+        if one.checks or any(line.x for line in one.series) or any(table.rows and table.columns for table in one.tables)
     ]
 
 
-def _repeated(one: Measurement) -> str:
+def aims(record: Studies) -> list[Aim]:
+    """Every target, by question."""
+    return [
+        Aim(
+            title=one.what,
+            item=study.info.id,
+            question=study.info.title,
+            value=with_unit(one.value, one.unit),
+            spread=_repeated(one),
+            target=target(one),
+            tone=tone_of(one),
+            outcome=outcome(one),
+            small=in_repetitions(one) if one.value is not None else one.why or "no reason recorded",
+        )
+        for study, one in record.checks()
+        if one.limit is not None
+    ]
+
+
+def _repeated(one: Check) -> str:
     if one.value is None:
         return ""
     return spread(one) or ("measured once" if one.repeats == 1 else counted(one.repeats, "repetition"))
@@ -171,46 +170,46 @@ def headline(found: list[Aim]) -> str:
     return ", ".join(parts)
 
 
-def measurements_grid(record: SpeedRecord, item: int) -> Grid | None:
+def measurements_grid(study: StudyRecord) -> Grid | None:
     """Every figure of a question; columns that would be empty are left out."""
-    chosen = [one for one in record.measurements if one.item == item]
+    chosen = study.checks
     if not chosen:
         return None
     with_spread = any(spread(one) for one in chosen)
     with_repeats = any(one.repeats > 1 for one in chosen)
-    with_target = any(one.target is not None for one in chosen)
+    with_target = any(one.limit is not None for one in chosen)
     columns = [Column("figure", numeric=False), Column("median" if with_repeats else "value")]
     columns += [Column("smallest – largest")] if with_spread else []
     columns += [Column("repetitions")] if with_repeats else []
     columns += [Column("target"), Column("outcome", numeric=False)] if with_target else []
     rows = []
     for one in chosen:
-        row = [Entry(one.title, one.detail), _value(one)]
+        row = [Entry(one.what, one.why), _value(one)]
         row += [Entry(spread(one)) if spread(one) else EMPTY] if with_spread else []
         row += [Entry(figure(one.repeats)) if one.value is not None else EMPTY] if with_repeats else []
         if with_target:
-            tone = TONES[one.met] if one.target is not None else "muted"
-            row += [Entry(target(one)) if target(one) else EMPTY, Entry(outcome(one), in_repetitions(one), tone)]
+            row += [Entry(target(one)) if target(one) else EMPTY]
+            row += [Entry(outcome(one), in_repetitions(one), tone_of(one))]
         rows.append(row)
-    return Grid(f"{question(item)}: figures", columns, rows)
+    return Grid(f"{study.info.title}: figures", columns, rows)
 
 
-def _value(one: Measurement) -> Entry:
+def _value(one: Check) -> Entry:
     if one.value is None:
-        return Entry(NOTHING, "no figure" if one.detail else "no figure, no reason recorded", "unmeasured")
+        return Entry(NOTHING, "no figure" if one.why else "no figure, no reason recorded", "unmeasured")
     return Entry(with_unit(one.value, one.unit))
 
 
 @dataclass(frozen=True)
 class Section:
-    item: int
+    item: str
     title: str
     measurements: Grid | None
     charts: list[Chart]
     tables: list[Grid]
 
 
-def speed_page(record: SpeedRecord, beside_report: bool = False) -> str:
+def speed_page(record: Studies, beside_report: bool = False) -> str:
     """The whole page as text; `beside_report` says that report.html lies in the same folder."""
     targets = aims(record)
     return (
@@ -224,22 +223,22 @@ def speed_page(record: SpeedRecord, beside_report: bool = False) -> str:
             title=headline(targets),
             machine=machine(record.provenance),
             effort=effort(record),
-            quick=is_quick(record),
+            quick=record.is_quick,
             report=shell.RUN_PAGE if beside_report else "",
             aims=targets,
-            sections=[section(record, item) for item in items(record)],
+            sections=[section(study) for study in asked(record)],
             provenance=provenance(record),
         )
     )
 
 
-def section(record: SpeedRecord, item: int) -> Section:
+def section(study: StudyRecord) -> Section:
     return Section(
-        item,
-        question(item),
-        measurements_grid(record, item),
-        charts(record.series, item, "speed"),
-        tables_grids(record.tables, item, wording.figure),
+        study.info.id,
+        study.info.title,
+        measurements_grid(study),
+        charts(study.series, shell.anchor("speed", study.info.id)),
+        tables_grids(study.tables, wording.figure),
     )
 
 
@@ -260,16 +259,16 @@ def machine(origin: dict[str, Any]) -> str:
     return f"{words}."
 
 
-def effort(record: SpeedRecord) -> str:
+def effort(record: Studies) -> str:
     """`32 figures in 12 min 05 s.`"""
-    measured = sum(one.value is not None for one in record.measurements)
-    if not record.measurements:
+    figures = [one.value for _, one in record.checks()]
+    if not figures:
         return "No figure was recorded."
-    total = record.seconds.get("total")
-    words = wording.counted(measured, "figure")
-    lost = len(record.measurements) - measured
+    lost = figures.count(None)
+    words = wording.counted(len(figures) - lost, "figure")
     words += f", {wording.count(lost)} more could not be measured" if lost else ""
-    return f"{words}; the run took {wording.duration(total)}." if total is not None else f"{words}."
+    total = sum(one.seconds for one in record.studies)
+    return f"{words}; the run took {wording.duration(total)}." if total else f"{words}."
 
 
 def _known(origin: dict[str, Any], name: str) -> str:
@@ -277,16 +276,12 @@ def _known(origin: dict[str, Any], name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def provenance(record: SpeedRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
     """Groups of name and value: how to get the same again, and how long that takes."""
-    spent = [(_named(name), wording.duration(seconds)) for name, seconds in record.seconds.items()]
-    return shell.groups_of(record.provenance, record.settings, spent)
+    spent = [(study.info.title, wording.duration(study.seconds)) for study in record.studies if study.seconds]
+    total = [("total", wording.duration(sum(study.seconds for study in record.studies)))] if spent else []
+    return shell.groups_of(record.provenance, record.settings, [*spent, *total])
 
 
-def _named(key: str) -> str:
-    """Seconds are kept by a question's number."""
-    return question(int(key)) if key.isascii() and key.isdecimal() else key
-
-
-def write_speed_page(record: SpeedRecord, path: Path, beside_report: bool = False) -> None:
+def write_speed_page(record: Studies, path: Path, beside_report: bool = False) -> None:
     shell.write_whole(speed_page(record, beside_report), path)

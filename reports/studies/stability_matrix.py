@@ -4,12 +4,12 @@ A table stands for each group of cases with the subjects that recur in it. A sub
 of one cell: it stands below the row of its case instead.
 """
 
-import re
 from dataclasses import dataclass
 from typing import Literal
 
-from harness.records.stability_record import CaseRecord, Outcome, StabilityRecord, broken
+from harness.records.study import Check, Studies, StudyRecord
 from reports.data.wording import MINUS, RAISED, after, counted, listed, of_any_size
+from reports.page import shell
 
 Tone = Literal["passes", "fails", "property", "unsettled", "absent", "spared"]
 """What became of an outcome; `property`: a formula that is not ours fails, which is what it was tried for."""
@@ -30,7 +30,7 @@ LEGEND: tuple[tuple[Tone, str], ...] = (
 )
 
 
-def tone_of(one: Outcome) -> Tone:
+def tone_of(one: Check) -> Tone:
     if one.status == "inconclusive":
         return "unsettled"
     if one.status == "not_available":
@@ -39,34 +39,34 @@ def tone_of(one: Outcome) -> Tone:
         return "spared"
     if one.status == "pass":
         return "passes"
-    return "fails" if one.must_pass else "property"
+    return "fails" if one.must_hold else "property"
 
 
-def verdict(one: Outcome) -> str:
+def verdict(one: Check) -> str:
     """`passes`, `fails`, `fails: a property of the paper’s form as printed`, …"""
     tone = tone_of(one)
     if tone == "property":
-        return f"fails: a property of {OWNERS[one.whose]}"
+        return f"fails: a property of {OWNERS[one.owner]}"
     words = {"unsettled": "inconclusive", "absent": "not available", "spared": "not applicable"}
     return words.get(tone, tone)
 
 
-def written(one: Outcome, digits: int = 3) -> str:
+def written(one: Check, digits: int = 3) -> str:
     """The figure with its unit, or nothing; with as many digits as it takes to tell a failing one from its bar."""
-    if one.figure is None:
+    if one.value is None:
         return ""
-    if one.status == "fail" and one.bar is not None:
-        figure, bar = one.figure, one.bar
+    if one.status == "fail" and one.limit is not None:
+        figure, bar = one.value, one.limit
         apart = (more for more in range(digits, 16) if of_any_size(figure, more) != of_any_size(bar, more))
         digits = next(apart, digits)
-    return f"{of_any_size(one.figure, digits)}{after(one.unit)}"
+    return f"{of_any_size(one.value, digits)}{after(one.unit)}"
 
 
-def wanted(one: Outcome) -> str:
+def wanted(one: Check) -> str:
     """`≤ 10⁻⁶`, or nothing."""
-    if one.bar is None:
+    if one.limit is None:
         return ""
-    return f"{'≤' if one.sense == 'at_most' else '≥'} {round_figure(one.bar)}{after(one.unit)}"
+    return f"{'≤' if one.low is None else '≥'} {round_figure(one.limit)}{after(one.unit)}"
 
 
 def round_figure(value: float) -> str:
@@ -81,25 +81,25 @@ def round_figure(value: float) -> str:
     return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
 
 
-def strain(one: Outcome) -> float:
+def strain(one: Check) -> float:
     """How near to its bar or how far beyond it: 1 at the bar, more where it fails; to find the worst of several."""
-    if one.figure is None or one.bar is None:
+    if one.value is None or one.limit is None:
         return float("inf") if one.status == "fail" else 0.0
-    large, small = (one.figure, one.bar) if one.sense == "at_most" else (one.bar, one.figure)
+    large, small = (one.value, one.limit) if one.low is None else (one.limit, one.value)
     return large / small if small > 0 else float(large > small)
 
 
-def told(one: Outcome) -> str:
+def told(one: Check) -> str:
     """Everything that is known of an outcome in a line: for whoever points at a cell."""
-    figures = " ".join(filter(None, (written(one), f"(wanted {wanted(one)})" if one.bar is not None else "")))
+    figures = " ".join(filter(None, (written(one), f"(wanted {wanted(one)})" if one.limit is not None else "")))
     said = "; ".join(filter(None, (one.what, one.why)))
-    return f"{one.subject} ({OWNERS[one.whose]}): " + ", ".join(filter(None, (verdict(one), figures, said)))
+    return f"{one.subject} ({OWNERS[one.owner]}): " + ", ".join(filter(None, (verdict(one), figures, said)))
 
 
-def headline(record: StabilityRecord) -> str:
+def headline(record: Studies) -> str:
     """What a reader takes home: ours first."""
-    ours = [one for one in record.outcomes() if one.must_pass and one.status in ("pass", "fail")]
-    lost = broken(record)
+    ours = [one for _, one in record.checks() if one.must_hold and one.status in ("pass", "fail")]
+    lost = record.broken
     if not ours:
         return "Numerical stability: nothing of this harness was tried"
     if lost:
@@ -110,19 +110,21 @@ def headline(record: StabilityRecord) -> str:
     return f"{every} of this harness {'pass' if len(ours) > 1 else 'passes'}"
 
 
-def sentences(record: StabilityRecord) -> list[str]:
+def sentences(record: Studies) -> list[str]:
     """How much was tried, what of ours failed, what was found of the others, what could not be tried."""
-    outcomes = list(record.outcomes())
+    outcomes = [one for _, one in record.checks()]
     if not outcomes:
-        return [f"{counted(len(record.cases), 'case')} tried, without an outcome."]
+        return [f"{counted(len(record.studies), 'case')} tried, without an outcome."]
     subjects = {one.subject for one in outcomes}
     found = [
-        f"{counted(len(record.cases), 'case')} on {counted(len(subjects), 'subject')} (methods, formulas and the "
+        f"{counted(len(record.studies), 'case')} on {counted(len(subjects), 'subject')} (methods, formulas and the "
         f"harness as a whole): {counted(len(outcomes), 'outcome')}."
     ]
-    ours = [one for one in outcomes if one.must_pass and one.status in ("pass", "fail")]
-    lost = broken(record)
-    names = listed([f"{one.case} {one.subject}" for one in lost[:4]] + ([f"{len(lost) - 4} more"] if lost[4:] else []))
+    ours = [one for one in outcomes if one.must_hold and one.status in ("pass", "fail")]
+    lost = record.broken
+    names = listed(
+        [f"{case.info.id} {one.subject}" for case, one in lost[:4]] + ([f"{len(lost) - 4} more"] if lost[4:] else [])
+    )
     found.append(
         f"Of the {counted(len(ours), 'check')} on what is ours, {len(lost)} {'fails' if len(lost) == 1 else 'fail'}: "
         f"{names}."
@@ -142,11 +144,11 @@ def sentences(record: StabilityRecord) -> list[str]:
     return [*found, *([f"Not tried: {listed(aside)}; each says why."] if aside else [])]
 
 
-def _others(outcomes: list[Outcome]) -> str:
+def _others(outcomes: list[Check]) -> str:
     """What was found of the forms that are not ours."""
     parts = []
     for whose, words in (("paper", "the paper’s forms as printed"), ("usual", "the field’s usual forms")):
-        tried = [one for one in outcomes if one.whose == whose and one.status in ("pass", "fail")]
+        tried = [one for one in outcomes if one.owner == whose and one.status in ("pass", "fail")]
         if tried:
             parts.append(f"{words} miss the bar in {sum(one.status == 'fail' for one in tried)} of {len(tried)} checks")
     if not parts:
@@ -154,7 +156,7 @@ def _others(outcomes: list[Outcome]) -> str:
     return f"{listed(parts)[0].upper()}{listed(parts)[1:]}; these are properties of theirs, not failures."
 
 
-def shown(one: Outcome, digits: int = 2) -> str:
+def shown(one: Check, digits: int = 2) -> str:
     """What a cell of the matrix says: the figure, else a word."""
     words = {"passes": "pass", "unsettled": "inconclusive", "absent": "not here", "spared": "n/a"}
     lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
@@ -213,64 +215,63 @@ class Group:
     rows: list[Row]
 
 
-def groups(record: StabilityRecord) -> list[Group]:
+def groups(record: Studies) -> list[Group]:
     """By the letter of the case, in the order of the record; a case without an outcome has an empty row."""
-    letters = dict.fromkeys(letter(case) for case in record.cases)
-    return [_group(one, [case for case in record.cases if letter(case) == one]) for one in letters]
+    letters = dict.fromkeys(letter(case) for case in record.studies)
+    return [_group(one, [case for case in record.studies if letter(case) == one]) for one in letters]
 
 
-def letter(case: CaseRecord) -> str:
+def letter(case: StudyRecord) -> str:
     return case.info.id[:1]
 
 
-def anchor(case: CaseRecord) -> str:
-    """The id of its details in the page: readable where the case's own id is a plain word."""
-    name = case.info.id
-    return f"case-{name if re.fullmatch('[A-Za-z0-9]+', name) else '-' + name.encode().hex()}"
+def anchor(case: StudyRecord) -> str:
+    """The id of its details in the page."""
+    return shell.anchor("case", case.info.id)
 
 
-def _group(name: str, cases: list[CaseRecord]) -> Group:
+def _group(name: str, cases: list[StudyRecord]) -> Group:
     columns = _columns(cases)
     rows = [_row(case, columns) for case in cases]
-    every = [one for case in cases for one in case.outcomes]
+    every = [one for case in cases for one in case.checks]
     owners = {
-        subject: ", ".join(dict.fromkeys(WHOSE[one.whose] for one in every if one.subject == subject))
+        subject: ", ".join(dict.fromkeys(WHOSE[one.owner] for one in every if one.subject == subject))
         for subject in columns
     }
     return Group(GROUPS.get(name, f"Cases {name}"), list(owners.items()), rows)
 
 
-def _columns(cases: list[CaseRecord]) -> list[str]:
+def _columns(cases: list[StudyRecord]) -> list[str]:
     """Subjects of at least two cases, the most frequent where there are too many; what is ours first."""
     many = {
-        subject: sum(any(one.subject == subject for one in case.outcomes) for case in cases)
-        for subject in dict.fromkeys(one.subject for case in cases for one in case.outcomes)
+        subject: sum(any(one.subject == subject for one in case.checks) for case in cases)
+        for subject in dict.fromkeys(one.subject for case in cases for one in case.checks)
     }
     recurring = [subject for subject in many if many[subject] > 1]
     if len(cases) == 1 and len(many) <= ROW_ALONE:
         recurring = list(many)
     kept = sorted(recurring, key=lambda subject: -many[subject])[:WIDEST]
-    owner = {one.subject: list(WHOSE).index(one.whose) for case in cases for one in case.outcomes}
+    owner = {one.subject: list(WHOSE).index(one.owner) for case in cases for one in case.checks}
     return sorted(kept, key=lambda subject: (owner[subject], list(many).index(subject)))
 
 
-def _row(case: CaseRecord, columns: list[str]) -> Row:
-    by_subject: dict[str, list[Outcome]] = {}
-    for one in case.outcomes:
+def _row(case: StudyRecord, columns: list[str]) -> Row:
+    by_subject: dict[str, list[Check]] = {}
+    for one in case.checks:
         by_subject.setdefault(one.subject, []).append(one)
     cells = {subject: cell(found) for subject, found in by_subject.items()}
     return Row(
         case.info.id,
         anchor(case),
         case.info.title,
-        case.info.bar,
-        any(one.broke for one in case.outcomes),
+        case.info.facts.get("bar", ""),
+        any(one.is_broken for one in case.checks),
         [cells.get(subject) for subject in columns],
         [one for subject, one in cells.items() if subject not in columns],
     )
 
 
-def cell(found: list[Outcome]) -> Cell:
+def cell(found: list[Check]) -> Cell:
     """One cell of however many outcomes: the gravest, of equally grave ones that nearest to or furthest beyond its bar.
 
     `found` is not empty.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from harness.records.stability_record import CHAPTERS, CaseInfo, CaseRecord, Outcome, Picture, StabilityRecord, broken
+from harness.records.study import CHAPTERS, Check, Picture, Studies, StudyInfo, StudyRecord
 from reports.data import wording
 from reports.data.wording import counted, duration, of_any_size
 from reports.drawing.images import data_uri, read, smaller
@@ -59,7 +59,7 @@ class Chapter:
 @dataclass(frozen=True)
 class CaseShown:
     anchor: str
-    info: CaseInfo
+    info: StudyInfo
     tally: list[tuple[Tone, str, str]]
     """Tone, mark and how many, the gravest first."""
     failed: bool
@@ -84,81 +84,80 @@ class Stability:
     chapters: list[Chapter]
 
 
-def stability(record: StabilityRecord, out: Path) -> Stability:
+def stability(record: Studies, out: Path) -> Stability:
     """`out` is the folder that its pictures are relative to."""
-    tones = {tone_of(one) for one in record.outcomes()}
-    anchors = {case.info.id: anchor(case) for case in record.cases}
+    tones = {tone_of(one) for _, one in record.checks()}
+    anchors = {case.info.id: anchor(case) for case in record.studies}
     return Stability(
         headline=headline(record),
         sentences=sentences(record),
-        broken=[(anchors[one.case], failure(one)) for one in broken(record)],
+        broken=[(anchors[case.info.id], failure(case, one)) for case, one in record.broken],
         finished=record.finished,
-        quick=bool(record.settings.get("quick")),
+        quick=record.is_quick,
         legend=[(tone, MARKS[tone], words) for tone, words in LEGEND if tone in tones],
         groups=groups(record),
         findings=[grid for whose in ("paper", "usual") if (grid := findings_grid(record, whose)).rows],
-        cases=[case_shown(case) for case in record.cases],
+        cases=[case_shown(case) for case in record.studies],
         chapters=chapters(record, out),
     )
 
 
-def failure(one: Outcome) -> str:
+def failure(case: StudyRecord, one: Check) -> str:
     """`Q1 midpoint: 0.02, wanted ≤ 10⁻⁶ (largest relative error; …)`."""
     figure = shown(one, 3)
-    bar = f", wanted {wanted(one)}" if one.bar is not None else ""
+    bar = f", wanted {wanted(one)}" if one.limit is not None else ""
     said = "; ".join(filter(None, (one.what, one.why)))
-    return f"{one.case} {one.subject}: {figure}{bar}" + (f" ({said})" if said else "")
+    return f"{case.info.id} {one.subject}: {figure}{bar}" + (f" ({said})" if said else "")
 
 
-def findings_grid(record: StabilityRecord, whose: str) -> Grid:
+def findings_grid(record: Studies, whose: str) -> Grid:
     """Every bar that the forms of one owner miss."""
     columns = [Column("case", numeric=False), Column("form", numeric=False), Column("figure"), Column("wanted")]
     columns.append(Column("what it is", numeric=False))
-    titles = {case.info.id: case.info.title for case in record.cases}
     rows = [
         [
-            Entry(one.case, titles[one.case]),
+            Entry(case.info.id, case.info.title),
             Entry(one.subject),
             Entry(f"{MARKS['property']} {shown(one, 3)}", tone="property"),
-            Entry(wanted(one)) if one.bar is not None else EMPTY,
+            Entry(wanted(one)) if one.limit is not None else EMPTY,
             Entry(one.what or one.why, one.why if one.what else ""),
         ]
-        for one in record.outcomes()
-        if one.whose == whose and one.status == "fail"
+        for case, one in record.checks()
+        if one.owner == whose and one.status == "fail"
     ]
     return Grid(f"What fails of {OWNERS[whose]}: {counted(len(rows), 'property', 'properties')}", columns, rows)
 
 
-def case_shown(case: CaseRecord) -> CaseShown:
-    tones = [tone_of(one) for one in case.outcomes]
+def case_shown(case: StudyRecord) -> CaseShown:
+    tones = [tone_of(one) for one in case.checks]
     tally = [(tone, mark, str(tones.count(tone))) for tone, mark in MARKS.items() if tone in tones]
     seconds = duration(case.seconds) if case.seconds else ""
     return CaseShown(anchor(case), case.info, tally, "fails" in tones, outcomes_grid(case), seconds)
 
 
-def outcomes_grid(case: CaseRecord) -> Grid:
+def outcomes_grid(case: StudyRecord) -> Grid:
     columns = [Column("subject", numeric=False), Column("outcome", numeric=False), Column("figure"), Column("wanted")]
     columns.append(Column("what it is", numeric=False))
     rows = []
-    for one in case.outcomes:
+    for one in case.checks:
         tone = tone_of(one)
         rows.append(
             [
-                Entry(one.subject, OWNERS[one.whose]),
+                Entry(one.subject, OWNERS[one.owner]),
                 Entry(f"{MARKS[tone]} {verdict(one)}", tone=tone),
-                Entry(written(one)) if one.figure is not None else EMPTY,
-                Entry(wanted(one)) if one.bar is not None else EMPTY,
+                Entry(written(one)) if one.value is not None else EMPTY,
+                Entry(wanted(one)) if one.limit is not None else EMPTY,
                 Entry(one.what or one.why, one.why if one.what else ""),
             ]
         )
     return Grid(f"Outcomes of {case.info.id}", columns, rows)
 
 
-def chapters(record: StabilityRecord, out: Path) -> list[Chapter]:
+def chapters(record: Studies, out: Path) -> list[Chapter]:
     """Those with something to look at: in their own order, then numbers that this version does not know."""
-    series = [one for case in record.cases for one in case.series]
-    tables = [one for case in record.cases for one in case.tables]
-    pictures = [one for case in record.cases for one in case.pictures]
+    series = [one for case in record.studies for one in case.series]
+    tables = [one for case in record.studies for one in case.tables]
+    pictures = [one for case in record.studies for one in case.pictures]
     known = list(CHAPTERS)
     found = {one.item for one in series if one.x} | {one.item for one in tables if one.rows and one.columns}
     found |= {one.item for one in pictures}
@@ -167,8 +166,8 @@ def chapters(record: StabilityRecord, out: Path) -> list[Chapter]:
         Chapter(
             f"chapter-{item}",
             CHAPTERS.get(item, f"Chapter {item}"),
-            charts(series, item, "stability"),
-            tables_grids(tables, item, of_any_size),
+            charts([one for one in series if one.item == item], f"stability-{item}"),
+            tables_grids([one for one in tables if one.item == item], of_any_size),
             [picture_shown(one, out, side) for one in pictures if one.item == item],
         )
         for item in sorted(found, key=lambda item: (known.index(item) if item in known else len(known), item))
@@ -194,7 +193,7 @@ def side_for(out: Path, pictures: list[Picture]) -> int:
     return SIDES[-1]
 
 
-def stability_page(record: StabilityRecord, out: Path, beside_report: bool = False) -> str:
+def stability_page(record: Studies, out: Path, beside_report: bool = False) -> str:
     """The whole page as text; `beside_report` says that report.html lies in the same folder."""
     shown = stability(record, out)
     return (
@@ -213,14 +212,14 @@ def stability_page(record: StabilityRecord, out: Path, beside_report: bool = Fal
     )
 
 
-def provenance(record: StabilityRecord) -> list[tuple[str, list[tuple[str, str]]]]:
+def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
     """Groups of name and value: how to get the same again, and how long that takes."""
-    spent = [(f"{case.info.id} {case.info.title}", wording.duration(case.seconds)) for case in record.cases]
-    total = [("all cases", wording.duration(sum(case.seconds for case in record.cases)))] if spent else []
+    spent = [(f"{case.info.id} {case.info.title}", wording.duration(case.seconds)) for case in record.studies]
+    total = [("all cases", wording.duration(sum(case.seconds for case in record.studies)))] if spent else []
     return shell.groups_of(record.provenance, record.settings, [*total, *spent])
 
 
-def write_stability_page(record: StabilityRecord, out: Path, beside_report: bool = False) -> Path:
+def write_stability_page(record: Studies, out: Path, beside_report: bool = False) -> Path:
     """Into `out`, where the pictures of the record are; gives the page's path."""
     path = out / shell.STABILITY_PAGE
     shell.write_whole(stability_page(record, out, beside_report), path)

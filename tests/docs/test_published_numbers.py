@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from harness.records.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord, write_evidence
+from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, check, read_studies, write_studies
 from reports.run.published import BLOCKS, MARKED, SAYS, Published, main, pages, rewritten
 from tests.harness.shell import ROOT
 
@@ -118,6 +118,7 @@ def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest
 def written(tmp_path: Path, name: str, source: str, **more: Any) -> Published:
     """A published file as if it had been measured with this program."""
     data = {**json.loads((ROOT / "docs" / source).read_text(encoding="utf-8")), **more}
+    data.pop("digest", None)
     data["provenance"] = {**data.get("provenance", {}), "instruction_set": "AVX2"}
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text(json.dumps(data), encoding="utf-8")
@@ -127,8 +128,7 @@ def written(tmp_path: Path, name: str, source: str, **more: Any) -> Published:
 def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> None:
     for name in ("stability.json", "reduced/serving.json", "left_out.json"):
         published = written(tmp_path, name, name)
-    outcomes = [one for case in published.read("stability.json")["cases"] for one in case["outcomes"]]
-    ours = [one["status"] for one in outcomes if one["whose"] == "ours"]
+    ours = [one.status for _, one in read_studies(tmp_path / "stability.json").checks() if one.must_hold]
     passed, failed = ours.count("pass"), ours.count("fail")
     assert f" cases {passed} of {passed + failed} checks of our code pass" in BLOCKS["stability"](published)
     confusions = published.read("reduced/serving.json")["cache"]["confusions"]
@@ -142,14 +142,14 @@ def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> N
 
 def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
     info = StudyInfo("one", "Is it so?", "Is it?", "By looking.")
-    checks = [Check("share of x", 0.5, 0.0, 1.0), Check("share of y", 2.0, 0.0, 1.0)]
-    study = StudyRecord(info, findings=["It is, by 0.31 dB.", "And more."], checks=checks)
+    checks = [check("share of x", 0.5, 0.0, 1.0), check("share of y", 2.0, 0.0, 1.0)]
+    study = StudyRecord(info, findings=[Answer("It is, by 0.31 dB."), Answer("And more."), *checks])
     (tmp_path / "reduced").mkdir()
     path = tmp_path / "reduced" / "evidence.json"
-    write_evidence(path, EvidenceRecord({"instruction_set": "AVX2"}, {}, [study], True))
+    write_studies(path, Studies("evidence", {"instruction_set": "AVX2"}, {}, [study], True))
     said = BLOCKS["evidence"](Published(tmp_path))
     assert said == "* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?)."
-    write_evidence(path, EvidenceRecord({}, {}, [study], True))
+    write_studies(path, Studies("evidence", {}, {}, [study], True))
     assert BLOCKS["evidence"](Published(tmp_path)) == ""
 
 

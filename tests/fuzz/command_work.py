@@ -14,8 +14,8 @@ from unittest import mock
 WORK = {
     "harness.execution.run": ("run", "view_set_folders"),
     "harness.studies.speed.speed_run": ("run",),
-    "harness.studies.stability.stability_run": ("run",),
-    "harness.studies.evidence.evidence_run": ("run",),
+    "harness.studies.stability.stability_context": ("run",),
+    "harness.studies.evidence.evidence_context": ("run",),
     "harness.studies.serving.serving_run": ("run",),
     "harness.gate.gate_run": ("run", "renew"),
     "harness.viewer.film.film_making": ("filmed",),

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from harness.execution.progress import Quiet
-from harness.records.stability_record import Outcome
+from harness.records.study import Check
 from harness.studies.stability.rays import reference_cases
 from harness.studies.stability.rays.reference_cases import (
     COLOUR_BAR,
@@ -128,12 +128,12 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_cases, "llvm_libraries", list)
     situation = StabilityContext(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
-    outcomes = [one for one in reference_cases.independent(situation) if isinstance(one, Outcome)]
+    outcomes = [one for one in reference_cases.independent(situation) if isinstance(one, Check)]
     missing = [one for one in outcomes if one.status == "not_available"]
     assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}
     assert {one.subject for one in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
     closed = {one.subject: one for one in outcomes if "closed form" in one.subject}
     assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "none is left out"
     assert closed["midpoint, closed form"].status == "pass"
-    assert closed["left, closed form"].bar == reference_cases.FIRST_ORDER_BAR
+    assert closed["left, closed form"].limit == reference_cases.FIRST_ORDER_BAR
     assert "first order" in closed["left, closed form"].why

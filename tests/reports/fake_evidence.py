@@ -9,16 +9,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import (
-    EVIDENCE_FILE,
-    Check,
+from harness.records.study import (
+    SHELVES,
+    Answer,
     Effect,
-    EvidenceRecord,
+    Finding,
+    Series,
+    Studies,
     StudyInfo,
     StudyRecord,
-    write_evidence,
-)
+    Table,
+    check,
+    write_studies,
+)  # fmt: skip
 
 PROVENANCE: dict[str, Any] = {"commit": "0123456789ab", "python": "3.11.2", "cores": 2, "packages": {"torch": "2.15.0"}}
 SCENES = ("lego", "ficus", "hotdog")
@@ -46,7 +49,7 @@ def effect(
     )  # fmt: skip
 
 
-def fake_evidence(with_failure: bool = True, with_charts: bool = True, **changes: Any) -> EvidenceRecord:
+def fake_evidence(with_failure: bool = True, with_charts: bool = True, **changes: Any) -> Studies:
     """With `with_failure` a check fails, as in no good run; charts take most of the time of a page."""
     parts: dict[str, Any] = {
         "provenance": PROVENANCE,
@@ -55,7 +58,12 @@ def fake_evidence(with_failure: bool = True, with_charts: bool = True, **changes
                     _rendering(with_charts)],
         "finished": True,
     }  # fmt: skip
-    return EvidenceRecord(**{**parts, **changes})
+    return Studies(**{"shelf": "evidence", **parts, **changes})
+
+
+def study(info: StudyInfo, scale: str, answers: list[str], *findings: list[Any], seconds: float = 0.0) -> StudyRecord:
+    found: list[Finding] = [*map(Answer, answers), *(one for kind in findings for one in kind)]
+    return StudyRecord(info, scale, found, seconds)
 
 
 def _calibration(with_failure: bool, with_charts: bool) -> StudyRecord:
@@ -68,31 +76,52 @@ def _calibration(with_failure: bool, with_charts: bool) -> StudyRecord:
     )
     missed = 0.081 if with_failure else 0.031
     checks = [
-        Check("share of simulated A/A comparisons that are called better or worse", 0.024, high=0.05,
-              why="of 4000, drawn from the spread of 8 scenes and 6 seeds"),
-        Check("share of real A/A comparisons that are called better or worse", missed, high=0.05,
-              why="15 pairs of seeds on 8 scenes"),
-        Check("share of planted effects that are found", 0.846, low=0.8,
-              why="each as large as the smallest detectable one that its comparison prints"),
-    ]  # fmt: skip
+        check(
+            "share of simulated A/A comparisons that are called better or worse",
+            0.024,
+            high=0.05,
+            why="of 4000, drawn from the spread of 8 scenes and 6 seeds",
+        ),
+        check(
+            "share of real A/A comparisons that are called better or worse",
+            missed,
+            high=0.05,
+            why="15 pairs of seeds on 8 scenes",
+        ),
+        check(
+            "share of planted effects that are found",
+            0.846,
+            low=0.8,
+            why="each as large as the smallest detectable one that its comparison prints",
+        ),
+    ]
     sizes = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     power = [1 / (1 + math.exp(-6.5 * (size - 0.74))) for size in sizes]
     series = [
-        Series("Power: how often a planted effect is found", 0, name, "planted effect / smallest detectable",
-               "share found", sizes, [share ** exponent for share in power],
-               [max(share ** exponent - 0.03, 0) for share in power],
-               [min(share ** exponent + 0.03, 1) for share in power], False, False)
+        Series(
+            "Power: how often a planted effect is found",
+            0,
+            name,
+            "planted effect / smallest detectable",
+            "share found",
+            sizes,
+            [share**exponent for share in power],
+            [max(share**exponent - 0.03, 0) for share in power],
+            [min(share**exponent + 0.03, 1) for share in power],
+            False,
+            False,
+        )
         for name, exponent in (("a single scene, 3 seeds", 1.0), ("8 scenes × 3 seeds", 0.9))
-    ]  # fmt: skip
-    return StudyRecord(
+    ]
+    return study(
         info,
         "chair, drums, ficus, hotdog, lego, materials, mic, ship; 6 seeds; 300 steps; 100 training views of 100 px",
         ["Where there is no difference it sees one in 2.4 % of 4000 comparisons, and an effect of the printed smallest "
          "detectable size is found in 84.6 %.",
          "Between two seeds of NeRF, test PSNR spreads by 0.21 dB on hotdog and by 1.32 dB on drums."],
         checks,
-        series=series if with_charts else [],
-        tables=[Table("spread", 0, "Spread between seeds", ["scene", "SD (dB)", "range (dB)"],
+        series if with_charts else [],
+        [Table("spread", 0, "Spread between seeds", ["scene", "SD (dB)", "range (dB)"],
                       [["hotdog", 0.21, 0.52], ["drums", 1.32, 3.11], ["mic", None, None]])],
         seconds=203.0,
     )  # fmt: skip
@@ -119,13 +148,13 @@ def _factorial() -> StudyRecord:
     ]
     effects.append(effect("qnerf", "nerf", "all", -1.9, 3.4, unpaired=2, family=28))
     effects.append(Effect("qnerf", "nerf", "lego", "psnr", "seconds", None, None, None, 28, "inconclusive", None, 0, 3))
-    return StudyRecord(
+    return study(
         info,
         "lego, ficus, hotdog; 3 seeds; 500 steps; 100 training views of 100 px",
         ["The φ encoding brings +0.92 dB; the amplifier of Listing 2 costs 2.6 dB, that of Eq. 4 nothing to speak of."],
         [],
         effects,
-        tables=[
+        [
             Table("table4", 0, "Rows of Table 4", ["row", "PSNR (dB)", "the paper", "SSIM"],
                   [["Baseline NeRF", 24.31, 32.5, 0.871], ["+ φ-Encoding", 25.12, 33.2, 0.884],
                    ["+ Amplifier", "diverged", 33.8, None]])
@@ -145,20 +174,39 @@ def _bandwidth(with_charts: bool) -> StudyRecord:
               "nerf_matched": (0.93, 0.5, 0.2), "nerf_phi_far": (0.08, 0.02, -0.05)}  # fmt: skip
     pixels = [100.0, 200.0, 400.0]
     series = [
-        Series("Difference from nerf over resolution", 0, name, "pixels across", "difference in test PSNR (dB)", pixels,
-               list(found), [one - 0.2 for one in found], [one + 0.2 for one in found], True, False)
+        Series(
+            "Difference from nerf over resolution",
+            0,
+            name,
+            "pixels across",
+            "difference in test PSNR (dB)",
+            pixels,
+            list(found),
+            [one - 0.2 for one in found],
+            [one + 0.2 for one in found],
+            True,
+            False,
+        )
         for name, found in rivals.items()
     ] + [
-        Series("Difference from nerf along training, 100 px", 0, name, "training step", "difference in test PSNR (dB)",
-               [125.0, 250.0, 500.0, 1000.0], [found[0] * share for share in (1.4, 1.2, 1.1, 1.0)], log_y=False)
+        Series(
+            "Difference from nerf along training, 100 px",
+            0,
+            name,
+            "training step",
+            "difference in test PSNR (dB)",
+            [125.0, 250.0, 500.0, 1000.0],
+            [found[0] * share for share in (1.4, 1.2, 1.1, 1.0)],
+            log_y=False,
+        )
         for name, found in rivals.items()
-    ]  # fmt: skip
+    ]
     effects = [
         effect(name, "nerf", "all", found[place], 0.15, note=f"{size:.0f} px", family=12)
         for name, found in rivals.items()
         for place, size in enumerate(pixels)
     ]
-    return StudyRecord(
+    return study(
         info,
         "lego, chair; 3 seeds; 1000 steps; at 100, 200 and 400 px",
         ["What φ brings at 100 px, 2^k with the same reach brings too: +0.90 and +0.93 dB."],
@@ -178,24 +226,35 @@ def _rendering(with_charts: bool) -> StudyRecord:
     )
     samples = [2.0**k for k in range(3, 10)]
     series = [
-        Series("Error over time a frame", 0, name, "milliseconds a frame", "RMSE in linear light",
-               [0.4 * many * cost for many in samples], [gain * many**-order for many in samples])
-        for name, cost, gain, order in (("midpoint, even", 1.0, 0.4, 1.0), ("midpoint, stratified", 1.05, 0.3, 1.1),
-                                        ("linear in τ, even", 1.2, 0.3, 2.0), ("listing4, even", 1.0, 0.6, 0.5))
-    ]  # fmt: skip
-    return StudyRecord(
+        Series(
+            "Error over time a frame",
+            0,
+            name,
+            "milliseconds a frame",
+            "RMSE in linear light",
+            [0.4 * many * cost for many in samples],
+            [gain * many**-order for many in samples],
+        )
+        for name, cost, gain, order in (
+            ("midpoint, even", 1.0, 0.4, 1.0),
+            ("midpoint, stratified", 1.05, 0.3, 1.1),
+            ("linear in τ, even", 1.2, 0.3, 2.0),
+            ("listing4, even", 1.0, 0.6, 0.5),
+        )
+    ]
+    return study(
         info,
         "lego; 100 px",
         ["At 10 ms a frame the rule that is linear in τ has the smallest error."],
-        series=series if with_charts else [],
+        series if with_charts else [],
         seconds=81.0,
     )
 
 
-def write_fake_evidence(out: Path, record: EvidenceRecord | None = None) -> Path:
+def write_fake_evidence(out: Path, record: Studies | None = None) -> Path:
     """Writes the record under `out` and returns `out`."""
     out.mkdir(parents=True, exist_ok=True)
-    write_evidence(out / EVIDENCE_FILE, record or fake_evidence())
+    write_studies(out / SHELVES["evidence"], record or fake_evidence())
     return out
 
 

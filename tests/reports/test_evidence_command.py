@@ -1,16 +1,18 @@
 """python -m reports where there is an evidence.json: pages, exit codes, what is published, what is refused."""
 
 import json
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
-from harness.records.evidence_record import EVIDENCE_FILE, read_evidence
+from harness.records.study import SHELVES, read_studies
 from reports.__main__ import main
 from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence, write_fake_evidence
 from tests.reports.fake_run import write_fake_run
 from tests.reports.test_command import BUILD, HEAVY, fresh
+
+EVIDENCE_FILE = SHELVES["evidence"]
 
 GOOD = fake_evidence(with_failure=False, with_charts=False)
 BAD = fake_evidence(with_charts=False)
@@ -83,12 +85,12 @@ def spoil(out, change) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (changed(["studies", 1, "effects", 0, "difference"], float("nan")), "NaN is no number"),
-        (changed(["studies", 1, "effects", 0, "interval"], [2, 1]), "has interval [2, 1], which runs backwards"),
-        (changed(["studies", 1, "info", "id"], "calibration"), "study 'calibration' is there twice"),
-        (changed(["studies", 0, "tables", 0, "rows"], [["a"]]), "has 3 columns but a row of 1"),
+        (changed(["studies", 1, "findings", 1, "difference"], float("nan")), "NaN is no number"),
+        (changed(["studies", 1, "findings", 1, "interval"], [2, 1]), "has interval [2.0, 1.0], which runs backwards"),
+        (changed(["studies", 1, "info", "id"], "calibration"), "'calibration' is there twice"),
+        (changed(["studies", 0, "findings", -1, "rows"], [["a"]]), "has 3 columns but a row of 1"),
         (changed(["settings", "smallest_of_interest"], {"psnr": None}), "smallest_of_interest.psnr is None, not float"),
-        (changed(["studies", 0, "tables", 0, "item"], 4), "'Spread between seeds' belongs to item 4, not 0"),
+        (changed(["studies", 0, "findings", -1, "item"], 4), "'Spread between seeds' belongs to item 4, not 0"),
     ],
 )
 def test_what_no_run_writes_is_named(tmp_path, capsys, change, said):
@@ -103,8 +105,8 @@ def test_what_no_run_writes_is_named(tmp_path, capsys, change, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (changed(["studies", 0, "checks", 1, "figure"], "high"), "studies[0].checks[1].figure is 'high', not float"),
-        (changed(["studies", 1, "effects", 0, "verdict"], "great"), "verdict is 'great', not one of better, worse"),
+        (changed(["studies", 0, "findings", 3, "value"], "high"), "got `str` - at `$.studies[0].findings[3].value`"),
+        (changed(["studies", 1, "findings", 1, "verdict"], "great"), "'great' - at `$.studies[1].findings[1].verdict`"),
     ],
 )
 def test_what_is_of_another_type_is_named(tmp_path, change, said, capsys):
@@ -120,7 +122,7 @@ def test_publishing_writes_the_record_and_two_charts(tmp_path):
     out, docs = write_fake_evidence(tmp_path / "out", record), tmp_path / "docs"
     assert main([str(out), "--publish", str(docs)]) == 0
     assert names(docs) == ["bandwidth.png", EVIDENCE_FILE, "evidence_effects.png"]
-    assert read_evidence(docs / EVIDENCE_FILE) == read_evidence(out / EVIDENCE_FILE)
+    assert read_studies(docs / EVIDENCE_FILE) == read_studies(out / EVIDENCE_FILE)
     for name in ("bandwidth.png", "evidence_effects.png"):
         assert (docs / name).read_bytes().startswith(b"\x89PNG")
         assert 5_000 < (docs / name).stat().st_size < 300_000
@@ -129,7 +131,7 @@ def test_publishing_writes_the_record_and_two_charts(tmp_path):
 def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
     monkeypatch.setattr(publishing, "LARGEST", 1_000)
     publishing.write_published_evidence(fake_evidence(), tmp_path)
-    published = read_evidence(tmp_path / EVIDENCE_FILE)
+    published = read_studies(tmp_path / EVIDENCE_FILE)
     assert not any(study.series for study in published.studies)
     assert [study.checks for study in published.studies] == [study.checks for study in fake_evidence().studies]
 

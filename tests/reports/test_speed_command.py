@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from harness.records.speed_record import read_speed
+from harness.records.study import read_studies
 from reports.__main__ import main
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_speed import fake_speed, write_fake_speed
@@ -43,9 +43,7 @@ def test_neither_is_one_clear_line(tmp_path, capsys):
     assert main([str(tmp_path)]) == 2
     caught = capsys.readouterr()
     assert caught.out == ""
-    assert caught.err.startswith(
-        f"{tmp_path}: no records/, no speed.json, no stability.json and no evidence.json in it; "
-    )
+    assert caught.err.startswith(f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json in it; ")
     assert len(caught.err.splitlines()) == 1
 
 
@@ -77,18 +75,19 @@ def test_a_word_in_place_of_a_number_is_named(tmp_path, capsys):
     (out / "speed.json").write_text(json.dumps(data), encoding="utf-8")
     assert main([str(out)]) == 2
     told = capsys.readouterr().err
-    assert told == (f"{out / 'speed.json'}: measurements[1].value is 'fast', not float; run `nox -s speed` again\n")
+    assert told == (
+        f"{out / 'speed.json'}: Expected `float | null`, got `str` - at `$.studies[0].findings[1].value`; "
+        "run `nox -s speed` again\n"
+    )
 
 
 def test_publishing_speed_alone_writes_its_numbers_and_its_chart(tmp_path):
     out, docs = write_fake_speed(tmp_path / "speed"), tmp_path / "docs"
     assert main([str(out), "--publish", str(docs)]) == 0
     assert names(docs) == ["speed.json", "speed.png"]
-    assert read_speed(docs / "speed.json") == fake_speed()
+    assert read_studies(docs / "speed.json") == fake_speed()
     assert (docs / "speed.png").read_bytes().startswith(b"\x89PNG")
     assert 1000 < (docs / "speed.png").stat().st_size < 300_000
-    ratios = [row for row in json.loads((docs / "speed.json").read_text())["measurements"] if row["unit"] == "×"]
-    assert {type(row["value"]) for row in ratios} == {float, type(None)}
 
 
 def test_publishing_a_run_with_speed_writes_all(tmp_path, out):

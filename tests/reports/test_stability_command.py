@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from harness.records.stability_record import STABILITY_FILE, read_stability
+from harness.records.study import SHELVES, read_studies
 from reports.__main__ import main
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_stability import fake_stability, write_fake_stability
@@ -26,7 +26,7 @@ def test_a_stability_record_alone_gives_its_page_alone(tmp_path, capsys):
         "All 30 stability checks of this harness pass",
         str(out / "stability.html"),
     ]
-    assert names(out) == ["stability", "stability.html", STABILITY_FILE]
+    assert names(out) == ["stability", "stability.html", SHELVES["stability"]]
 
 
 def test_what_is_ours_and_fails_gives_3_and_is_named(tmp_path, capsys):
@@ -59,10 +59,10 @@ def test_records_that_hold_no_finished_cell_do_not_stop_the_page(tmp_path):
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"schema": 99}', '{"schema": 1, "cases": 3}'])
 def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
-    (out / STABILITY_FILE).write_text(content, encoding="utf-8")
+    (out / SHELVES["stability"]).write_text(content, encoding="utf-8")
     assert main([str(out)]) == 2
     caught = capsys.readouterr()
-    assert caught.err.startswith(str(out / STABILITY_FILE))
+    assert caught.err.startswith(str(out / SHELVES["stability"]))
     assert len(caught.err.splitlines()) == 1
     assert not (out / "report.html").exists()
     assert not (out / "stability.html").exists()
@@ -71,20 +71,20 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
 @pytest.mark.parametrize(
     ("was", "becomes", "said"),
     [
-        ('"figure": 0.0003', '"figure": "high"', "cases[8].outcomes[5].figure is 'high', not float"),
-        ('"figure": 0.0003', '"figure": NaN', "NaN is no number of JSON"),
-        ('"status": "not_available"', '"status": "lost"', "status is 'lost', not one of pass, fail"),
+        ('"value": 0.0003', '"value": "high"', "got `str` - at `$.studies[8].findings[5].value`"),
+        ('"value": 0.0003', '"value": NaN', "NaN is no number of JSON"),
+        ('"status": "not_available"', '"status": "lost"', "Invalid enum value 'lost'"),
     ],
 )
 def test_what_no_type_allows_is_named(tmp_path, was, becomes, said, capsys):
     out = write_fake_stability(tmp_path)
-    text = re.sub(r',\s*"digest": "[0-9a-f]{64}"', "", (out / STABILITY_FILE).read_text(encoding="utf-8"))
+    text = re.sub(r',\s*"digest": "[0-9a-f]{64}"', "", (out / SHELVES["stability"]).read_text(encoding="utf-8"))
     assert text.count(was) == 1
-    (out / STABILITY_FILE).write_text(text.replace(was, becomes), encoding="utf-8")
+    (out / SHELVES["stability"]).write_text(text.replace(was, becomes), encoding="utf-8")
     assert main([str(out)]) == 2
     told = capsys.readouterr().err
     assert said in told
-    assert told.startswith(str(out / STABILITY_FILE))
+    assert told.startswith(str(out / SHELVES["stability"]))
     assert len(told.splitlines()) == 1
 
 
@@ -92,19 +92,19 @@ def test_publishing_writes_the_record_and_two_charts(tmp_path):
     record = fake_stability(with_failure=False)
     out, docs = write_fake_stability(tmp_path / "out", record), tmp_path / "docs"
     assert main([str(out), "--publish", str(docs)]) == 0
-    assert names(docs) == [STABILITY_FILE, "stability.png", "stability_curves.png"]
-    published = read_stability(docs / STABILITY_FILE)
-    assert list(published.outcomes()) == list(GOOD.outcomes())
-    assert not any(case.pictures for case in published.cases)
+    assert names(docs) == [SHELVES["stability"], "stability.png", "stability_curves.png"]
+    published = read_studies(docs / SHELVES["stability"])
+    assert [one for _, one in published.checks()] == [one for _, one in GOOD.checks()]
+    assert not any(case.pictures for case in published.studies)
     for name in ("stability.png", "stability_curves.png"):
         assert (docs / name).read_bytes().startswith(b"\x89PNG")
         assert 5_000 < (docs / name).stat().st_size < 500_000
 
 
 def test_what_there_is_not_is_not_drawn(tmp_path):
-    out, docs = write_fake_stability(tmp_path / "out", fake_stability(cases=[])), tmp_path / "docs"
+    out, docs = write_fake_stability(tmp_path / "out", fake_stability(studies=[])), tmp_path / "docs"
     assert main([str(out), "--publish", str(docs)]) == 0
-    assert names(docs) == [STABILITY_FILE]
+    assert names(docs) == [SHELVES["stability"]]
 
 
 def test_a_quick_run_is_not_published(tmp_path, capsys):

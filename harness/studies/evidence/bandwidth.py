@@ -8,8 +8,7 @@ from baselines.catalog import CATALOG
 from baselines.composition import LADDERS as BASES
 from baselines.composition import encoding_bands
 from harness.records.cells import CellRecord
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import (
     Design,
     amount,

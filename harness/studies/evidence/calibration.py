@@ -11,8 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check
+from harness.records.study import Check, Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding
 from harness.verdicts import nested
 from harness.verdicts.comparisons import METRICS, PRIMARY
@@ -131,10 +130,10 @@ def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterato
         least, most = (end(judged, key=lambda one: one.coverage[kind]) for end in (min, max))
         why = f"of {len(judged)} kinds of study, {count} each: {{}}; 95 % is what the interval says"
         what = f"share of intervals {kind} that hold the truth"
-        yield Check(f"{what}, lowest", least.coverage[kind], low=low, high=high, why=why.format(_named(least)))
-        yield Check(f"{what}, highest", most.coverage[kind], low=low, high=high, why=why.format(_named(most)))
+        yield check(f"{what}, lowest", least.coverage[kind], low=low, high=high, why=why.format(_named(least)))
+        yield check(f"{what}, highest", most.coverage[kind], low=low, high=high, why=why.format(_named(most)))
     for effect, share in POWER.items():
-        yield Check(
+        yield check(
             f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}",
             default.found[ELSEWHERE][effect],
             low=share,

@@ -14,9 +14,8 @@ from typing import Any, Literal
 
 from harness.execution.run import view_set_folders
 from harness.records.cells import read_cells
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check
 from harness.records.json_record import DamagedRecord
+from harness.records.study import Series, Table, check
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext, Finding
 from harness.training.cell_training import REFERENCE_LIMITED_DB
@@ -184,13 +183,17 @@ def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
         f"scenes the stated ceiling is {_signed(mean)} dB off{_give_or_take(error)}, at most "
         f"{_signed(worst.difference)} dB{_give_or_take(worst.error)} ({worst.scene})."
     )
-    yield Check(
-        "ceiling stated less ceiling from new renders, mean over scenes", mean, -TOLERANCE_DB, TOLERANCE_DB, "dB",
+    yield check(
+        "ceiling stated less ceiling from new renders, mean over scenes",
+        mean,
+        -TOLERANCE_DB,
+        TOLERANCE_DB,
+        "dB",
         f"standard error {error:.3f} dB" if error is not None else "no standard error: one view a scene",
-    )  # fmt: skip
+    )
     excesses = [one.excess() for one in found]
     judged_ones = [one for one in excesses if one is not None]
-    yield Check(
+    yield check(
         f"largest excess of a scene's difference over {TOLERANCE_DB} dB",
         max(judged_ones) if len(judged_ones) == len(found) else None,
         high=_limit(found),
@@ -202,12 +205,16 @@ def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
         else "a scene with a single view has no standard error",
     )
     poorest = max(found, key=lambda one: math.inf if one.error is None else one.error)
-    yield Check(
-        "largest standard error of a scene's difference", poorest.error, high=TOLERANCE_DB, unit="dB",
+    yield check(
+        "largest standard error of a scene's difference",
+        poorest.error,
+        high=TOLERANCE_DB,
+        unit="dB",
         why=f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called "
-        "wrong would mean nothing" if poorest.error is not None
+        "wrong would mean nothing"
+        if poorest.error is not None
         else f"{poorest.scene} has a single view and no standard error",
-    )  # fmt: skip
+    )
     columns = ["scene", "stated, dB", "new renders, dB", "difference, dB", "standard error, dB",
                "formula on new renders, dB", "views"]  # fmt: skip
     yield Table(

@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from harness.records.cells import CellRecord
-from harness.records.charts import Series
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect, Series
 from harness.verdicts.comparisons import METRICS, Budget, Key, differences, family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 

@@ -1,4 +1,4 @@
-"""What every study of the evidence gets to work with, and one literal table of what they train."""
+"""What every study of the evidence gets to work with, one literal table of what they train, and their run."""
 
 import json
 from collections import Counter
@@ -7,14 +7,21 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
+import torch
+
 from harness.execution.progress import Progress
+from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_threads
+from harness.machine.provenance import provenance
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check, Effect
 from harness.records.json_record import DamagedRecord
+from harness.records.study import Check, Effect, Series, Studies, Table
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
+from harness.studies import framework
+from harness.studies.evidence.evidence_studies import SHELF, STUDIES, TRAININGS_FOLDER
+from harness.verdicts.comparisons import METRICS
 from scenes.catalog.entries import CLASSICS
 
 SEARCHED = ("chair", "ship")
@@ -106,8 +113,6 @@ def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan
 
 Finding = str | Check | Effect | Series | Table
 """A string is a sentence that answers the study's question; the first is its answer."""
-TRAININGS_FOLDER = "studies"
-"""Under OUT."""
 Measure = Callable[["EvidenceContext"], Iterator[Finding]]
 
 
@@ -232,3 +237,47 @@ def _run_of(folder: Path) -> RunRecord | None:
     with suppress(DamagedRecord):
         return read_run(folder)
     return None
+
+
+def run(
+    studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
+) -> int:
+    """Do `studies` into `out`; with `resume` only those that are not complete there, or whose trainings hold cells that
+    had no chance. 0, or 3 where a check fails.
+
+    Raises `InputError` before anything is measured where `out` cannot be used.
+    """
+    device = torch.device(machine.device)
+    use_threads(machine.threads)
+    keep_freed_memory()
+    interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
+    settings = {"quick": quick, "device": machine.device, "smallest_of_interest": interest}
+
+    def context(scratch: Path, missing: tuple[str, ...]) -> EvidenceContext:
+        return EvidenceContext(out, view_sets, scratch, machine, multiplies_bfloat16(device), quick, show)
+
+    return framework.run(
+        SHELF,
+        studies,
+        out,
+        resume,
+        settings,
+        provenance(device),
+        context,
+        show,
+        repaired=lambda record, found: _with_sound_trainings(record, studies, found),
+        scale_of=lambda study, found: found.scale(*study.trainings),
+    )
+
+
+def _with_sound_trainings(record: Studies, studies: list[str], context: EvidenceContext) -> Studies:
+    """The record without the studies, asked for now or not, on a training of `studies` that has to be resumed, as other
+    cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures."""
+    trainings = {name for study in studies for name in STUDIES[study].trainings}
+    lost = {name for name in sorted(trainings) if context.mended(name)}
+    dropped = {one.info.id: sorted(lost & set(STUDIES[one.info.id].trainings)) for one in record.studies}
+    for name, ended in dropped.items():
+        if ended:
+            context.show.line(f"{name}: its figures are dropped, as {', '.join(ended)} has to be gone on with")
+    kept = [one for one in record.studies if not dropped[one.info.id]]
+    return msgspec.structs.replace(record, studies=kept)

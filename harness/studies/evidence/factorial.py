@@ -6,8 +6,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from harness.records.cells import CellRecord
-from harness.records.charts import Table
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect, Table
 from harness.studies.evidence.contrasts import (
     Design,
     amount,

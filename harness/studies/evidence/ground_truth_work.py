@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check
+from harness.records.study import Series, Table, check
 from harness.studies.evidence.ceilings import noise_rows, scores_at_hand
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding
@@ -131,7 +130,7 @@ def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
     by_time = {one.scene: slope for one in found if (slope := one.slope_of_seconds()) is not None}
     if not by_spp:
         yield f"No slope: the error does not stand clear of the reference's ({how})."
-        yield Check("slowest fall of the error with samples a pixel", None, high=SLOPE + SLOPE_BAR, why="no slope")
+        yield check("slowest fall of the error with samples a pixel", None, high=SLOPE + SLOPE_BAR, why="no slope")
         return
     slow = max(by_spp, key=lambda name: by_spp[name])
     fast = min(by_spp, key=lambda name: by_spp[name])
@@ -150,10 +149,12 @@ def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
             f"({slow_time}), once a render takes twice as long as the shortest; below that, time is overhead and more "
             "samples cost next to nothing."
         )
-    yield Check(
-        "slowest fall of the error with samples a pixel", by_spp[slow], high=SLOPE + SLOPE_BAR,
+    yield check(
+        "slowest fall of the error with samples a pixel",
+        by_spp[slow],
+        high=SLOPE + SLOPE_BAR,
         why=f"fitted slope of log RMSE, {FITTED_FROM} samples and more, {slow}{none}",
-    )  # fmt: skip
+    )
 
 
 def room(found: Sequence[Noise], scores: dict[str, float]) -> Iterator[Finding]:

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from harness.records.cells import CellRecord
-from harness.records.charts import Table
-from harness.records.evidence_record import Check, Effect
+from harness.records.study import Check, Effect, Table, check
 from harness.studies.evidence.contrasts import amount, effects, listed, told
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding, StudyRun
 from harness.verdicts.comparisons import METRICS, Budget
@@ -122,14 +121,14 @@ def found_check(control: Control, found: list[Effect]) -> Check:
     what = f"NeRF {control.what} is found to be worse: verdicts that say so"
     rows = [one for one in (overall(found), *by_scene(found)) if one is not None]
     if not rows:
-        return Check(what, None, low=1.0, why="no scene needs what is missing")
+        return check(what, None, low=1.0, why="no scene needs what is missing")
     said = ", ".join(f"{one.scene} {one.verdict}" for one in rows)
     count = sum(one.verdict == "worse" for one in rows) if is_found(found) else 0
     chance = (
         "two families, over all scenes and on single ones: either calls a loss that is not there one in at most 2.5 % "
         "of studies"
     )
-    return Check(what, float(count), low=1.0, unit="verdicts", why=f"PSNR at equal steps: {said}; {chance}")
+    return check(what, float(count), low=1.0, unit="verdicts", why=f"PSNR at equal steps: {said}; {chance}")
 
 
 def size_check(control: Control, found: list[Effect]) -> Check:
@@ -137,7 +136,7 @@ def size_check(control: Control, found: list[Effect]) -> Check:
     loss = control.original - ORIGINAL
     least = -METRICS["psnr"].smallest_of_interest
     one = overall(found)
-    return Check(
+    return check(
         f"NeRF {control.what}: difference in PSNR over all scenes",
         None if one is None else one.difference,
         low=TIMES * loss,

@@ -24,8 +24,7 @@ from harness.plan.needed import for_scene
 from harness.plan.profiles import Plan
 from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check
+from harness.records.study import Series, Table, check
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding
 from harness.studies.stability.rays.quadrature_orders import fitted_order
@@ -315,10 +314,12 @@ def _measured(situation: EvidenceContext, origin: str, frame: Frame, size: str) 
     synchronise: Callable[[], object] = torch.cuda.synchronize if frame.background.is_cuda else lambda: None
     lines = measured_lines(frame, QUADRATURES, SAMPLERS, samples, reference, ROUNDS, synchronise)
     yield from sentences(lines, frame_words=f"{size} ({METHOD}, {origin})", rays=len(frame.rays))
-    yield Check(
-        f"own error of the reference of {finest} samples a ray", own["colour"], high=OWN_ERROR,
+    yield check(
+        f"own error of the reference of {finest} samples a ray",
+        own["colour"],
+        high=OWN_ERROR,
         why=f"RMS difference of display colour from the rendering with half as many; opacity {own['opacity']:.1e}",
-    )  # fmt: skip
+    )
     yield from charts(lines, own, len(frame.rays), size)
     yield tabled(lines, own, len(frame.rays))
 

@@ -8,8 +8,7 @@ from baselines.catalog import CATALOG
 from baselines.methods.repaired import CANDIDATES, EXCLUDED
 from baselines.numerics.encoding import PHI
 from harness.records.cells import CellRecord
-from harness.records.charts import Table
-from harness.records.evidence_record import Check, Effect
+from harness.records.study import Check, Effect, Table, check
 from harness.studies.choices.repair_search import Search, read_search
 from harness.studies.evidence.contrasts import amount, effects, listed, told
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding
@@ -133,7 +132,7 @@ def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:
     """What must hold for this to be the search's own choice, judged elsewhere, and a field that can be opaque."""
     mine = [cell for cell in cells if cell.method == REPAIRED and cell.status == "done"]
     lost = sum(cell.method == REPAIRED for cell in cells) - len(mine)
-    yield Check(
+    yield check(
         "methods that were judged and are not what the search chose",
         float(CATALOG[REPAIRED].parts != CANDIDATES[found.chosen]),
         high=0.0,
@@ -141,10 +140,12 @@ def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:
     )
     searched = {row.scene for row in found.rows}, {row.seed for row in found.rows}
     shared = {cell.scene for cell in cells} & searched[0], {cell.seed for cell in cells} & searched[1]
-    yield Check(
-        "scenes and seeds of the verdict that the choice was made on", float(len(shared[0]) + len(shared[1])), high=0.0,
+    yield check(
+        "scenes and seeds of the verdict that the choice was made on",
+        float(len(shared[0]) + len(shared[1])),
+        high=0.0,
         why=f"chosen on {listed(sorted(searched[0]))}, seeds {listed(map(str, sorted(searched[1])))}",
-    )  # fmt: skip
+    )
     yield _worst(
         "largest difference of a colour between calls of different size", mine, lost, "chunk_max_difference", CHUNK_BAR
     )
@@ -161,9 +162,9 @@ def _worst(what: str, cells: list[CellRecord], lost: int, name: str, high: float
     missing = f"; {lost} cells did not end" if lost else ""
     low = OPAQUE if high is None else None
     if not there or len(there) < len(cells):
-        return Check(what, None, low, high, why=f"measured in {len(there)} of {len(cells)} cells that ended{missing}")
+        return check(what, None, low, high, why=f"measured in {len(there)} of {len(cells)} cells that ended{missing}")
     value, where = max(there) if low is None else min(there)
-    return Check(what, value, low, high, why=f"{where} of {len(there)} cells{missing}")
+    return check(what, value, low, high, why=f"{where} of {len(there)} cells{missing}")
 
 
 def _scores(cells: list[CellRecord]) -> Table:

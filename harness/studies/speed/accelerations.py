@@ -9,8 +9,7 @@ import torch
 
 from baselines.contract import NO_ACCELERATION, Accelerations
 from harness.machine.stopwatch import Stopwatch
-from harness.records.charts import Table
-from harness.records.speed_record import Measurement
+from harness.records.study import Check, Table
 from harness.studies.speed.speed_context import (
     STREAM,
     Seconds,
@@ -27,7 +26,6 @@ from harness.training.batches import Batches, Cameras
 from harness.training.evaluate import cameras_of, render_view
 from harness.training.trainer import Trainer
 
-ITEM = 11
 OPERATORS = 15
 
 
@@ -41,7 +39,7 @@ def variants() -> dict[str, Accelerations]:
     }
 
 
-def measure(situation: SpeedContext) -> Iterator[Measurement | Table]:
+def measure(situation: SpeedContext) -> Iterator[Check | Table]:
     """Every variant goes on from the same weights with the same batches, in blocks that hold one look of the grid."""
     views, plan = views_of(situation, "lego"), reduced_plan(situation)
     batches, cameras = batches_of(views, situation.device), cameras_of(views, views.test, situation.device)
@@ -65,14 +63,13 @@ def measure(situation: SpeedContext) -> Iterator[Measurement | Table]:
             without = "without any acceleration" if name == "none" else f"without `{name}`"
             yield measured(
                 f"accelerations.{name}.{what}.ratio",
-                ITEM,
                 f"{words} {without} against with all",
                 quotients(taken[name], taken["all"]),
                 "×",
                 detail=detail,
             )
         milliseconds = [1e3 * one for one in taken["all"]]
-        yield measured(f"accelerations.all.{what}", ITEM, f"{words} with all", milliseconds, "ms", detail=detail)
+        yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail=detail)
     yield remaining_time(situation, trainers["all"], batches)
 
 
@@ -107,7 +104,7 @@ def remaining_time(situation: SpeedContext, trainer: Trainer, batches: Batches) 
     rest = total - sum(taken for _, taken, _ in largest)
     shown.append(["everything else", 100.0 * rest / total, rest / steps / 1e3, None])
     columns = ["operator", "share (%)", "ms a step", "calls a step"]
-    return Table("accelerations.profile", ITEM, "Where the time of a reduced training step goes", columns, shown)
+    return Table("accelerations.profile", 0, "Where the time of a reduced training step goes", columns, shown)
 
 
 @contextmanager

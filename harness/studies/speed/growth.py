@@ -13,8 +13,7 @@ from harness.execution.group import GroupTask
 from harness.execution.local_executor import run_locally
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
-from harness.records.charts import Series
-from harness.records.speed_record import Measurement
+from harness.records.study import Check, Series
 from harness.studies.drawn_views import FOV_X_RADIANS, poses, write_disc
 from harness.studies.speed.speed_context import (
     DENSE,
@@ -30,14 +29,13 @@ from harness.studies.speed.throughput import dense_side
 from harness.training.batches import Cameras
 from harness.training.evaluate import render_view
 
-ITEM = 9
 RAYS, SAMPLES, WIDTHS = (128, 256, 512, 1024, 2048), (16, 32, 64, 128), (32, 64, 128, 256, 512)
 RESOLUTIONS = (50, 71, 100, 141, 200)
 SCENES, SEEDS = (1, 2, 4, 8), (1, 2, 4)
 CELL_STEPS = 400
 
 
-def measure(situation: SpeedContext) -> Iterator[Measurement | Series]:
+def measure(situation: SpeedContext) -> Iterator[Check | Series]:
     steps: tuple[tuple[str, tuple[int, ...], Callable[[TrainSettings, int], TrainSettings], str], ...] = (
         ("rays", RAYS, lambda base, size: replace(base, rays=size), "rays a step"),
         ("samples", SAMPLES, lambda base, size: replace(base, bins=size, first_bins=size), "samples a ray"),
@@ -88,12 +86,12 @@ def exponent(x: list[float], y: list[float]) -> tuple[float, float, float]:
 
 def _reported(
     situation: SpeedContext, name: str, x_label: str, y_label: str, seconds: dict[int, list[float]]
-) -> Iterator[Measurement | Series]:
+) -> Iterator[Check | Series]:
     x = [float(size) for size in seconds]
     y = [statistics.median(values) for values in seconds.values()]
     yield Series(
         panel=f"Seconds against {name}",
-        item=ITEM,
+        item=0,
         name=y_label,
         x_label=x_label,
         y_label=y_label,
@@ -105,7 +103,6 @@ def _reported(
     slope, low, high = exponent(x, y)
     fitted = measured(
         f"growth.{name}.exponent",
-        ITEM,
         f"Growth of {y_label} with {x_label}",
         [slope],
         "exponent",

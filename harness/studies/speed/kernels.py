@@ -18,7 +18,7 @@ from baselines.contract import NO_ACCELERATION
 from baselines.numerics.encoding import PHI, encode, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import Rule as QuadratureRule
 from baselines.numerics.quadrature import listing4, midpoint
-from harness.records.speed_record import Measurement
+from harness.records.study import Check
 from harness.studies.speed.speed_context import (
     SpeedContext,
     interleaved,
@@ -37,12 +37,11 @@ from harness.training.lockstep import box_of
 from scenes.files.errors import InputError
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 
-ENCODINGS = 5
 POINTS = 65536
 """Of a step of the paper."""
 
 
-def encodings(situation: SpeedContext) -> Iterator[Measurement]:
+def encodings(situation: SpeedContext) -> Iterator[Check]:
     points = 512 if situation.quick else POINTS
     x = 2.0 * torch.rand(points, 3, generator=torch.Generator().manual_seed(0)) - 1.0
     x = x.to(situation.device)
@@ -51,7 +50,7 @@ def encodings(situation: SpeedContext) -> Iterator[Measurement]:
             yield from _compare(situation, name, base, bands, x)
 
 
-def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Tensor) -> Iterator[Measurement]:
+def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Tensor) -> Iterator[Check]:
     ladder = frequency_ladder(base, bands).to(x.device)
     seconds = interleaved(
         {
@@ -68,7 +67,6 @@ def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Ten
     detail = f"{len(x)} points of 3 axes, float32, {situation.threads} threads"
     yield measured(
         f"{id}.ratio",
-        ENCODINGS,
         f"Encoding {what}, recurrence against direct sines and cosines",
         quotients(seconds["direct"], seconds["recurrence"]),
         "×",
@@ -77,7 +75,6 @@ def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Ten
     )
     yield measured(
         f"{id}.sines.ratio",
-        ENCODINGS,
         f"Encoding {what}, `encode` without recurrence against direct",
         quotients(seconds["direct"], seconds["sines"]),
         "×",
@@ -89,7 +86,6 @@ def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Ten
     ):
         yield measured(
             f"{id}.{side}.error",
-            ENCODINGS,
             f"Largest error of {what} against float64, {side}",
             [largest_error(features, x, base, bands)],
             "",
@@ -106,7 +102,7 @@ def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
 """Densities, points and fenceposts → weights and what is left of the light."""
 
-QUADRATURE = 6
+
 SIZE = (4096, 192)
 """Rays, and bins of each."""
 
@@ -141,7 +137,7 @@ RULES: dict[str, tuple[str, Rule]] = {
 }
 
 
-def quadrature(situation: SpeedContext) -> Iterator[Measurement]:
+def quadrature(situation: SpeedContext) -> Iterator[Check]:
     rays, bins = (64, 16) if situation.quick else SIZE
     generator = torch.Generator().manual_seed(0)
     t_edges = torch.linspace(2.0, 6.0, bins + 1).expand(rays, -1).contiguous()
@@ -170,7 +166,6 @@ def quadrature(situation: SpeedContext) -> Iterator[Measurement]:
         if name != "midpoint":
             yield measured(
                 f"quadrature.{name}.ratio",
-                QUADRATURE,
                 f"Quadrature with closed-form gradient against {title}",
                 quotients(seconds[name], seconds["midpoint"]),
                 "×",
@@ -178,19 +173,11 @@ def quadrature(situation: SpeedContext) -> Iterator[Measurement]:
             )
     milliseconds = [1e3 * one for one in seconds["midpoint"]]
     yield measured(
-        "quadrature.midpoint.milliseconds",
-        QUADRATURE,
-        "Quadrature with closed-form gradient",
-        milliseconds,
-        "ms",
-        detail=detail,
+        "quadrature.midpoint.milliseconds", "Quadrature with closed-form gradient", milliseconds, "ms", detail=detail
     )
 
 
-RENDERING = 4
-
-
-def rendering(situation: SpeedContext) -> Iterator[Measurement]:
+def rendering(situation: SpeedContext) -> Iterator[Check]:
     """The same weights, with and without; and the paper's network, every sample evaluated."""
     views = views_of(situation, "lego")
     cameras = cameras_of(views, views.test, situation.device)
@@ -218,7 +205,6 @@ def rendering(situation: SpeedContext) -> Iterator[Measurement]:
     settings = f"reduced settings after {fast.step} steps, {plan.train.precision} on both sides, chunks of {chunk} rays"
     yield measured(
         "rendering.reduced.ratio",
-        RENDERING,
         f"A view of {pixels}, accelerations on against off",
         quotients(seconds["off"], seconds["on"]),
         "×",
@@ -226,12 +212,7 @@ def rendering(situation: SpeedContext) -> Iterator[Measurement]:
     )
     for name, title in (("on", "all accelerations"), ("off", "none")):
         yield measured(
-            f"rendering.reduced.{name}.seconds",
-            RENDERING,
-            f"A view of {pixels}, {title}",
-            seconds[name],
-            "s",
-            detail=settings,
+            f"rendering.reduced.{name}.seconds", f"A view of {pixels}, {title}", seconds[name], "s", detail=settings
         )
     whole = interleaved(
         {name: partial(render_view, one, cameras, view, chunk) for name, one in (("on", dense), ("off", plain))},
@@ -241,18 +222,14 @@ def rendering(situation: SpeedContext) -> Iterator[Measurement]:
     words = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples a ray, every one evaluated"
     yield measured(
         "rendering.paper.ratio",
-        RENDERING,
         f"A view of {pixels}, paper's network, {paper.precision} against float32 without accelerations",
         quotients(whole["off"], whole["on"]),
         "×",
         detail=words,
     )
-    yield measured(
-        "rendering.paper.seconds", RENDERING, f"A view of {pixels}, paper's network", whole["on"], "s", detail=words
-    )
+    yield measured("rendering.paper.seconds", f"A view of {pixels}, paper's network", whole["on"], "s", detail=words)
 
 
-GROUND_TRUTH = 7
 SCENES = ("lego", "hotdog")
 REFERENCE = "scalar_rgb"
 
@@ -270,7 +247,7 @@ class Order:
         return self.resolution**2 * self.spp / 1e6
 
 
-def ground_truth(situation: SpeedContext) -> Iterator[Measurement]:
+def ground_truth(situation: SpeedContext) -> Iterator[Check]:
     """Seconds a megasample in the steady state: without the first view of each process, which loads and compiles."""
     order = Order(16, 3, 4) if situation.quick else Order(100, 7, 64)
     scenes = SCENES[:1] if situation.quick else SCENES
@@ -279,9 +256,7 @@ def ground_truth(situation: SpeedContext) -> Iterator[Measurement]:
         try:
             usable.append(choose_variant(name))
         except InputError as refusal:
-            yield not_measured(
-                f"render.{name}.seconds", GROUND_TRUTH, f"Ground truth, {name}", "s/megasample", str(refusal)
-            )
+            yield not_measured(f"render.{name}.seconds", f"Ground truth, {name}", "s/megasample", str(refusal))
     repeats = 1 if situation.quick else 3
     for scene in scenes:
         taken: dict[str, list[float]] = {variant.name: [] for variant in usable}
@@ -295,7 +270,6 @@ def ground_truth(situation: SpeedContext) -> Iterator[Measurement]:
         for variant in usable:
             yield measured(
                 f"render.{scene}.{variant.name}.seconds",
-                GROUND_TRUTH,
                 f"Ground truth of {scene}, {variant.name}",
                 taken[variant.name],
                 "s/megasample",
@@ -304,7 +278,6 @@ def ground_truth(situation: SpeedContext) -> Iterator[Measurement]:
             if variant.name != REFERENCE:
                 yield measured(
                     f"render.{scene}.{variant.name}.ratio",
-                    GROUND_TRUTH,
                     f"Ground truth of {scene}, {variant.name} against {REFERENCE}",
                     quotients(taken[REFERENCE], taken[variant.name]),
                     "×",

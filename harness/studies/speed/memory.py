@@ -10,13 +10,11 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from harness.records.charts import Series, Table
-from harness.records.speed_record import Measurement
+from harness.records.study import Check, Series, Table
 from harness.studies.drawn_views import write_noise
 from harness.studies.speed.memory_worker import Request
 from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, reduced_plan, views_of
 
-ITEM = 8
 MEBIBYTE = 1 << 20
 LIMIT_GB = 2.0
 IMAGES, RESOLUTIONS = (25, 100), (50, 100, 200)
@@ -36,7 +34,7 @@ class Peak:
     whole_anonymous: float
 
 
-def measure(situation: SpeedContext) -> Iterator[Measurement | Series | Table]:
+def measure(situation: SpeedContext) -> Iterator[Check | Series | Table]:
     plan = reduced_plan(situation)
     steps = plan.train.grid.first_step + (2 if situation.quick else 60)
     views = views_of(situation, "lego")
@@ -51,7 +49,6 @@ def measure(situation: SpeedContext) -> Iterator[Measurement | Series | Table]:
         title = "a worker of the reduced profile, " + ("nerf alone" if len(methods) == 1 else "three methods")
         yield measured(
             f"memory.worker.{name}.peak",
-            ITEM,
             f"Peak memory of {title}",
             [peak.whole / 1e9 for peak in peaks],
             "GB",
@@ -78,7 +75,7 @@ def peak_of(request: Request, situation: SpeedContext) -> Peak:
     return Peak(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def _independence(situation: SpeedContext, steps: int) -> Iterator[Measurement | Series | Table]:
+def _independence(situation: SpeedContext, steps: int) -> Iterator[Check | Series | Table]:
     """During training, against the number of images and their size."""
     images, resolutions = ((4,), (16, 24)) if situation.quick else (IMAGES, RESOLUTIONS)
     rows: list[list[str | float | None]] = []
@@ -95,7 +92,7 @@ def _independence(situation: SpeedContext, steps: int) -> Iterator[Measurement |
             rows.append([float(count), float(resolution), peak.training / 1e9, peak.training_anonymous / 1e9])
         yield Series(
             panel="Peak memory during training",
-            item=ITEM,
+            item=0,
             name=f"{count} training images",
             x_label="width of an image (px)",
             y_label="peak memory (GB)",
@@ -104,12 +101,11 @@ def _independence(situation: SpeedContext, steps: int) -> Iterator[Measurement |
             log_y=False,
         )
     columns = ["training images", "width (px)", "peak (GB)", "its own pages (GB)"]
-    yield Table("memory.training", ITEM, "Peak memory during training, nerf, reduced settings", columns, rows)
+    yield Table("memory.training", 0, "Peak memory during training, nerf, reduced settings", columns, rows)
     largest, smallest = peaks[images[-1], resolutions[-1]], peaks[images[0], resolutions[0]]
     pixels = (images[-1] * resolutions[-1] ** 2) / (images[0] * resolutions[0] ** 2)
     yield measured(
         "memory.training.growth",
-        ITEM,
         "Peak memory during training, most and largest images against fewest and smallest",
         [largest / smallest],
         "×",
@@ -119,11 +115,11 @@ def _independence(situation: SpeedContext, steps: int) -> Iterator[Measurement |
     )
 
 
-def _whole_run(situation: SpeedContext, steps: int) -> Iterator[Measurement]:
+def _whole_run(situation: SpeedContext, steps: int) -> Iterator[Check]:
     """`python -m harness run` as a user starts it: all its processes together, shared pages counted once."""
     id, title = "memory.run.peak", "Peak memory of a whole run at the reduced profile, all processes together"
     if not Path("/proc/self/smaps_rollup").exists():
-        yield not_measured(id, ITEM, title, "GB", "this system does not tell which pages processes share")
+        yield not_measured(id, title, "GB", "this system does not tell which pages processes share")
         return
     plan = reduced_plan(situation)
     out = situation.scratch / "memory-run"
@@ -151,7 +147,6 @@ def _whole_run(situation: SpeedContext, steps: int) -> Iterator[Measurement]:
     workers = "one scene" if situation.quick else f"{len(WHOLE_RUN_SCENES)} scenes"
     yield measured(
         id,
-        ITEM,
         title,
         [peak / 1e9],
         "GB",

@@ -6,26 +6,24 @@ from multiprocessing.connection import Connection
 
 from harness.machine.device import available_cores
 from harness.machine.stopping import end_with_parent
-from harness.records.speed_record import Measurement
+from harness.records.study import Check
 from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, quotients
 
-ITEM = 10
 WINDOW_SECONDS = 4.0
 
 
-def measure(situation: SpeedContext) -> Iterator[Measurement]:
+def measure(situation: SpeedContext) -> Iterator[Check]:
     """Workers stay alive from repetition to repetition; each trains a field whose empty space is skipped already."""
     cores = available_cores()
     if situation.device.type != "cpu" or cores < 2:
         why = "one core alone" if situation.device.type == "cpu" else "a question about CPUs"
-        yield not_measured("processes.ratio", ITEM, "One process a core against one process", "×", why)
+        yield not_measured("processes.ratio", "One process a core against one process", "×", why)
         return
     rates = rates_by_sharing(situation, cores)
     detail = f"reduced settings, nerf on lego, {cores} cores; windows of {_window(situation):g} s"
     one, threads, each = (rates[name] for name in MODES)
     yield measured(
         "processes.ratio",
-        ITEM,
         "One process a core, a thread each, against one process with all threads",
         quotients(each, threads),
         "×",
@@ -33,7 +31,6 @@ def measure(situation: SpeedContext) -> Iterator[Measurement]:
     )
     yield measured(
         "processes.scaling.ratio",
-        ITEM,
         f"{cores} processes of one thread against one",
         quotients(each, one),
         "×",
@@ -41,7 +38,6 @@ def measure(situation: SpeedContext) -> Iterator[Measurement]:
     )
     yield measured(
         "processes.threads.ratio",
-        ITEM,
         f"One process with {cores} threads against one with one",
         quotients(threads, one),
         "×",
@@ -49,12 +45,7 @@ def measure(situation: SpeedContext) -> Iterator[Measurement]:
     )
     for name, title in MODES.items():
         yield measured(
-            f"processes.{name}.rate",
-            ITEM,
-            f"Training steps of all processes, {title}",
-            rates[name],
-            "steps/s",
-            detail=detail,
+            f"processes.{name}.rate", f"Training steps of all processes, {title}", rates[name], "steps/s", detail=detail
         )
 
 

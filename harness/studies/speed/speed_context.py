@@ -23,7 +23,7 @@ from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings, ViewSettings
-from harness.records.speed_record import Measurement
+from harness.records.study import Check, check, limits
 from harness.studies.drawn_views import write_disc
 from harness.training.batches import Batches
 from harness.training.evaluate import cameras_of
@@ -194,7 +194,6 @@ def quotients(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
 
 def measured(
     id: str,
-    item: int,
     title: str,
     values: Sequence[float],
     unit: str,
@@ -202,28 +201,24 @@ def measured(
     target: float | None = None,
     sense: Literal["at_least", "at_most"] = "at_least",
     detail: str = "",
-) -> Measurement:
-    """Median, smallest and largest of at least one repetition."""
-    return Measurement(
-        id=id,
-        item=item,
-        title=title,
-        value=statistics.median(values),
+) -> Check:
+    """Median, smallest and largest of at least one repetition, against a target of this kind of machine."""
+    return check(
+        title,
+        statistics.median(values),
+        *((None, None) if target is None else limits(target, sense)),
         unit=unit,
-        low=min(values),
-        high=max(values),
+        why=detail,
+        owner="machine",
+        spread=(min(values), max(values)),
         repeats=len(values),
-        target=target,
-        sense=sense,
-        detail=detail,
+        id=id,
     )
 
 
-def not_measured(
-    id: str, item: int, title: str, unit: str, why: str, *, target: float | None = None, repeats: int = 0
-) -> Measurement:
-    """What has no value, and why."""
-    return Measurement(id=id, item=item, title=title, value=None, unit=unit, repeats=repeats, target=target, detail=why)
+def not_measured(id: str, title: str, unit: str, why: str, *, target: float | None = None, repeats: int = 0) -> Check:
+    """A figure that could not be had, and why."""
+    return check(title, None, target, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
 
 
 STREAM = "speed/0"

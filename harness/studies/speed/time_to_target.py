@@ -20,8 +20,7 @@ from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
-from harness.records.charts import Series
-from harness.records.speed_record import Measurement
+from harness.records.study import Check, Series
 from harness.studies.speed.speed_context import (
     SCENES,
     STREAM,
@@ -113,7 +112,6 @@ def even_times(budget: float, count: int) -> list[float]:
     return [budget * (index + 1) / count for index in range(count)]
 
 
-ITEM = 3
 TEST_PIXELS = 4096
 EVALUATIONS = 12
 """Of the plain training."""
@@ -266,7 +264,7 @@ def same_network(situation: SpeedContext, plan: Plan) -> TrainSettings:
     )
 
 
-def measure(situation: SpeedContext) -> Iterator[Measurement | Series]:
+def measure(situation: SpeedContext) -> Iterator[Check | Series]:
     """Scene by scene, so that a run that is stopped keeps those that were finished."""
     ratios: dict[str, dict[str, float | None]] = {name: {} for name in WORDS}
     for scene in SCENES:
@@ -277,10 +275,10 @@ def measure(situation: SpeedContext) -> Iterator[Measurement | Series]:
         target = _goal(situation, name)
         id, words = f"target.{name}.ratio", f"{title}: sooner than plain, median of {len(ratios[name])} scenes"
         if len(values) == len(ratios[name]):
-            yield measured(id, ITEM, words, values, "×", target=target, detail="one ratio a scene")
+            yield measured(id, words, values, "×", target=target, detail="one ratio a scene")
         else:
             why = f"no ratio for {', '.join(late)}: not reached in time, or shown before any training"
-            yield not_measured(id, ITEM, words, "×", why, target=target)
+            yield not_measured(id, words, "×", why, target=target)
 
 
 WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
@@ -290,9 +288,7 @@ def _goal(situation: SpeedContext, name: str) -> float | None:
     return situation.target(15.0, 7.5) if name == "same" else situation.target(100.0, 50.0)
 
 
-def _scene(
-    situation: SpeedContext, scene: str, ratios: dict[str, dict[str, float | None]]
-) -> Iterator[Measurement | Series]:
+def _scene(situation: SpeedContext, scene: str, ratios: dict[str, dict[str, float | None]]) -> Iterator[Check | Series]:
     views, device = views_of(situation, scene), situation.device
     plan, settings = reduced_plan(situation, scene), paper_settings(situation, "float32")
     batches, examination = batches_of(views, device), examination_of(views, device)
@@ -306,7 +302,7 @@ def _scene(
     if not plain.psnr:
         for name, title in WORDS.items():
             ratios[name][scene] = None
-            yield not_measured(f"target.{name}.{scene}", ITEM, f"{title}, {scene}", "×", f"plain: {plain.ended}")
+            yield not_measured(f"target.{name}.{scene}", f"{title}, {scene}", "×", f"plain: {plain.ended}")
         return
     targets = targets_of(plain, SHARES)
     highest = max(target.psnr for target in targets)
@@ -353,7 +349,7 @@ def _up_to(times: Iterable[float], last: float) -> Iterator[float]:
 
 def _ratio(
     situation: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
-) -> Measurement:
+) -> Check:
     """Seconds of the plain training over those of the other; without a value as soon as one seed is late."""
     headline = target.share == 1.0
     id = f"target.{name}.{scene}" + ("" if headline else f".at{round(100 * target.share)}")
@@ -366,22 +362,22 @@ def _ratio(
     found = [reached(curve, target.psnr) for curve in curves]
     if any(curve.before >= target.psnr for curve in curves):
         why = f"{words}; the first weights show as much without any training, so there is nothing to compare"
-        return not_measured(id, ITEM, title, "×", why, target=goal, repeats=len(curves))
+        return not_measured(id, title, "×", why, target=goal, repeats=len(curves))
     late = [curve for curve, seconds in zip(curves, found, strict=True) if seconds is None]
     if late:
         best = max((max(curve.psnr, default=0.0) for curve in late), default=0.0)
         ended = next((f" ({curve.ended})" for curve in late if curve.ended), "")
         why = f"{words}; {len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
-        return not_measured(id, ITEM, title, "×", why, target=goal, repeats=len(curves))
+        return not_measured(id, title, "×", why, target=goal, repeats=len(curves))
     seconds = [one for one in found if one is not None]
     detail = f"{words}, this after {statistics.median(seconds):.2f} s; {situation.threads} threads each"
-    return measured(id, ITEM, title, [target.seconds / one for one in seconds], "×", target=goal, detail=detail)
+    return measured(id, title, [target.seconds / one for one in seconds], "×", target=goal, detail=detail)
 
 
 def _series(scene: str, name: str, curve: PsnrCurve) -> Series:
     return Series(
         panel=f"PSNR against training seconds, {scene}",
-        item=ITEM,
+        item=0,
         name=name,
         x_label="training seconds",
         y_label="PSNR of test pixels (dB)",

@@ -1,39 +1,18 @@
-"""The one table of stiff and extreme cases, and what a case gets to work with.
+"""The one table of stiff and extreme cases. A new case is a generator of findings and one entry here."""
 
-A new case is a function that yields findings and one entry here.
-"""
-
-import importlib
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-from harness.records.stability_record import CaseInfo
-
-if TYPE_CHECKING:
-    from harness.studies.stability.stability_context import Measure
+from harness.records.study import PICTURES_FOLDER, StudyInfo
+from harness.studies.framework import Shelf, Study, catalogue
 
 
-@dataclass(frozen=True)
-class Case:
-    info: CaseInfo
-    measure: str
-    """`module:function`, imported when it is measured."""
-    seconds: float
-    """Estimated, on two cores."""
-
-
-def measure_of(case: Case) -> "Measure":
-    module, _, name = case.measure.partition(":")
-    found: Measure = getattr(importlib.import_module(module), name)
-    return found
-
-
-def _case(id: str, title: str, given: str, danger: str, reference: str, bar: str, measure: str, seconds: float) -> Case:
-    return Case(CaseInfo(id, title, given, danger, reference, bar), f"harness.studies.stability.{measure}", seconds)
+def _case(
+    id: str, title: str, given: str, danger: str, reference: str, bar: str, measure: str, seconds: float
+) -> Study:
+    facts = {"input": given, "danger": danger, "reference": reference, "bar": bar}
+    return Study(StudyInfo(id, title, facts=facts), f"stability.{measure}", seconds)
 
 
 # fmt: off
-_ALL = [
+CASES: dict[str, Study] = catalogue(
     _case("Q1", "Homogeneous ray", "τ from 1e-8 to 1e8 over 1, 64 and 10^6 bins",
           "1 − exp(−τ) cancels: every digit is lost below 3e-8 a bin; a running product drifts by 2.7e-3 over 10^6 "
           "bins", "c (1 − e^−τ) in 40 digits",
@@ -183,7 +162,7 @@ _ALL = [
           "an omission that costs more than it saves", "the same cell with nothing left out",
           "change in error within its bound by its whole 95 % interval; one that is not settled counts as not measured",
           "whole_scenes.ladder_cases:omissions", 120),
-]
+)
 # fmt: on
 
-CASES: dict[str, Case] = {case.info.id: case for case in _ALL}
+SHELF = Shelf("stability", "cases", CASES, folders=(PICTURES_FOLDER,))

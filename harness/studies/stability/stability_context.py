@@ -1,15 +1,21 @@
-"""What every case gets to work with, and whose formula a subject is."""
+"""What every stiff or extreme case gets to work with, whose formula a subject is, and the run of the cases."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import torch
 
 from harness.execution.progress import Progress
+from harness.machine.device import available_cores, keep_freed_memory, use_threads
+from harness.machine.provenance import provenance
 from harness.plan.profiles import Machine, Plan, planned
-from harness.records.charts import Series, Table
-from harness.records.stability_record import PICTURES_FOLDER, Outcome, Picture, Whose
+from harness.records.study import PICTURES_FOLDER, Check, Owner, Picture, Series, Table
+from harness.studies import framework
+from harness.studies.stability.cases import SHELF
 
-Finding = Outcome | Series | Table | Picture
+Finding = Check | Series | Table | Picture
 
 Measure = Callable[["StabilityContext"], Iterator[Finding]]
 
@@ -57,10 +63,29 @@ class StabilityContext:
         return folder
 
 
-def whose(method: str) -> Whose:
+def whose(method: str) -> Owner:
     """A method with a part that is taken from the paper's listings as printed is the paper's."""
     from baselines.catalog import CATALOG
 
     parts = CATALOG[method].parts
     printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
     return "paper" if printed else "ours"
+
+
+def run(
+    cases: list[str], methods: tuple[str, ...], out: Path, view_sets: Path, quick: bool, resume: bool, show: Progress
+) -> int:
+    """Try `cases` into `out`; with `resume` only those that are not complete there. 0, or 3 where what must pass
+    failed.
+
+    Raises `InputError` before anything is tried where `out` cannot be used.
+    """
+    workers = available_cores()
+    use_threads(workers)
+    keep_freed_memory()
+    settings: dict[str, Any] = {"methods": list(methods), "quick": quick, "precision": "float32"}
+
+    def context(scratch: Path, missing: tuple[str, ...]) -> StabilityContext:
+        return StabilityContext(methods, out, view_sets, scratch, workers, quick, show, missing)
+
+    return framework.run(SHELF, cases, out, resume, settings, provenance(torch.device("cpu")), context, show)

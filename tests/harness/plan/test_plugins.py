@@ -50,13 +50,17 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty folder of packages; whatever is loaded from it is forgotten afterwards."""
     folder = tmp_path / "site"
     folder.mkdir()
-    tables: list[dict[str, Any]] = [CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded, sys.modules]
+    tables: list[dict[str, Any]] = [CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded]
     before = [dict(table) for table in tables]
     monkeypatch.syspath_prepend(str(folder))
     yield folder
     for table, kept in zip(tables, before, strict=True):
         for name in set(table) - set(kept):
             del table[name]
+    # nothing else that was first imported meanwhile: torch's compiler cannot be imported twice
+    for name, module in list(sys.modules.items()):
+        if (getattr(module, "__file__", None) or "").startswith(str(folder)):
+            del sys.modules[name]
     plugins.sources_digest.cache_clear()
 
 

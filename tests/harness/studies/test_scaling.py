@@ -4,10 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
-from harness.records.speed_record import SpeedRecord, read_speed
+from harness.records.study import Studies, read_studies
 from harness.studies.full_setting import measured_rate, page, paper_table, render_seconds, value_of, wall_hours, work_of
 from scenes.files.errors import InputError
 
@@ -15,8 +16,8 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 
 @pytest.fixture(scope="module")
-def speed() -> SpeedRecord:
-    return read_speed(DOCS / "speed.json")
+def speed() -> Studies:
+    return read_studies(DOCS / "speed.json")
 
 
 def test_the_work_of_a_cell_is_what_a_hand_counts() -> None:
@@ -34,7 +35,7 @@ def test_the_work_of_a_cell_is_what_a_hand_counts() -> None:
     assert work.decoded == 300 * 800 * 800 * 4 * 4
 
 
-def test_what_is_counted_explains_what_was_measured(speed: SpeedRecord) -> None:
+def test_what_is_counted_explains_what_was_measured(speed: Studies) -> None:
     """Rendering a view of 100 × 100 at 64 samples a ray, by operations and training's rate, against the clock."""
     plan = paper_table(replace(PROFILES["full"], train=replace(PROFILES["full"].train, fine_bins=0)))
     plan = replace(
@@ -53,20 +54,24 @@ def test_the_bag_is_no_finer_than_a_group() -> None:
     assert [wall_hours(work, 1.0, places, 8, split=True) for places in (1, 8, 64, 320)] == [320, 40, 5, 1]
 
 
-def test_the_fastest_variant_that_works_renders(speed: SpeedRecord) -> None:
+def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
     assert render_seconds(speed) == (value_of(speed, "render.lego.llvm_ad_rgb.seconds"),
                                      value_of(speed, "render.hotdog.llvm_ad_rgb.seconds"))  # fmt: skip
-    scalar = replace(speed, measurements=[one for one in speed.measurements if "llvm" not in one.id])
+    studies = [
+        structs.replace(study, findings=[one for one in study.checks if "llvm" not in one.id])
+        for study in speed.studies
+    ]
+    scalar = structs.replace(speed, studies=studies)
     assert render_seconds(scalar)[0] == value_of(speed, "render.lego.scalar_rgb.seconds")
     with pytest.raises(InputError, match="no seconds of rendering"):
-        render_seconds(replace(speed, measurements=[]))
+        render_seconds(structs.replace(speed, studies=[]))
     with pytest.raises(InputError, match=r"no matrix\.paper\.rate"):
-        page(replace(speed, measurements=[]))
+        page(structs.replace(speed, studies=[]))
     with pytest.raises(InputError, match="for steps"):
         work_of(replace(paper_table(), budget=Budget(None, 60.0)))
 
 
-def test_the_page_of_the_repository_is_printed_again(speed: SpeedRecord) -> None:
+def test_the_page_of_the_repository_is_printed_again(speed: Studies) -> None:
     assert page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
         "python -m harness scaling > docs/scaling.md"
     )

@@ -9,7 +9,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from baselines.catalog import CATALOG
 from baselines.contract import EVERY_ACCELERATION, NetworkSize
 from baselines.field import NetworkField
-from harness.studies.speed.matrix_rate import products, step_flops
+from harness.studies.speed.throughput import products, step_flops
 from harness.training.cell_training import FORWARD_AND_BACKWARD, flops_per_evaluation, training_flops
 from tests.baselines.small_fields import BOX, EIGHT, SMALL, field_of, some_points
 

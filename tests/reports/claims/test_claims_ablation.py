@@ -1,12 +1,13 @@
 """Table 4 from the factorial study, or from the run itself."""
 
 import json
-from dataclasses import replace
+from dataclasses import replace as changed
 
 import pytest
+from msgspec.structs import replace
 
 from harness.records.cells import Comparison, Estimate
-from harness.records.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord
+from harness.records.study import Effect, Studies, StudyInfo, StudyRecord, check
 from reports.claims.ablation import NEEDS_STUDY
 from reports.claims.claim_list import claims
 from reports.data.beside import Beside
@@ -30,13 +31,13 @@ def effect(pair: tuple[str, str], difference: float | None, half: float = 0.1, *
     return replace(one, **changes)
 
 
-def study(*effects: Effect) -> EvidenceRecord:
+def study(*effects: Effect) -> Studies:
     info = StudyInfo("factorial", "title", "question?", "method")
-    one = StudyRecord(info, scale="lego; 3 seeds; 500 steps", effects=list(effects))
-    return EvidenceRecord({}, {}, [one], finished=True)
+    one = StudyRecord(info, scale="lego; 3 seeds; 500 steps", findings=list(effects))
+    return Studies("evidence", {}, {}, [one], finished=True)
 
 
-def judged(records: Records, evidence: EvidenceRecord | None):
+def judged(records: Records, evidence: Studies | None):
     return {one.id: one for one in claims(records, Beside(evidence=evidence))}
 
 
@@ -79,7 +80,7 @@ def test_lost_pairs_are_said_and_two_seeds_settle_nothing(whole: Records):
 def test_the_runs_own_comparison_comes_before_the_study(whole: Records):
     here = Estimate((0.0, 0.2), (0.0, 0.2), 1, "better", 0.1, 1.0)
     own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, on_these_scenes=here)
-    records = replace(whole, comparisons=[*whole.comparisons, own])
+    records = changed(whole, comparisons=[*whole.comparisons, own])
     for evidence in (None, study(effect(LISTING_2, 0.6))):
         claim = judged(records, evidence)[CLAIM]
         assert (claim.measured, claim.verdict) == (0.1, "not seen at this scale")
@@ -104,8 +105,8 @@ def test_what_speaks_against_the_evidence_is_said(whole: Records):
     sound = study(effect(LISTING_2, -2.5))
     assert "not" not in judged(whole, sound)[CLAIM].note.removesuffix(DERIVED)
     assert "the evidence was not finished" in judged(whole, replace(sound, finished=False))[CLAIM].note
-    checks = [Check("share of A/A comparisons", 0.2, high=0.05), Check("share of planted effects", 0.9, low=0.8)]
-    failing = StudyRecord(StudyInfo("calibration", "title", "question?", "method"), checks=checks)
+    checks = [check("share of A/A comparisons", 0.2, high=0.05), check("share of planted effects", 0.9, low=0.8)]
+    failing = StudyRecord(StudyInfo("calibration", "title", "question?", "method"), findings=checks)
     doubted = judged(whole, replace(sound, studies=[*sound.studies, failing]))[CLAIM]
     assert "1 of 2 checks of calibration failed" in doubted.note
 
@@ -114,7 +115,7 @@ def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Reco
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
     every = [effect(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
 
-    def said(evidence: EvidenceRecord | None) -> list[str]:
+    def said(evidence: Studies | None) -> list[str]:
         return [one for one in summary(whole, Beside(evidence=evidence))["not_tested"] if "ablation" in one]
 
     assert said(study(*every)) == []

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from harness.records.charts import Series
+from harness.records.study import Series
 from reports.drawing.figure import draw, svg
 from reports.drawing.palette import COLOURS, pens_of
 from reports.drawing.series_charts import charts, panel, pens_in, points
@@ -35,7 +35,7 @@ def test_a_zero_on_a_logarithmic_axis_stands_at_its_foot_and_its_tick_says_zero(
     assert labels[made.zero_at] == "0"
     assert list(labels.values()).count("0") == 1
     assert min(labels) == made.zero_at
-    assert charts([line([1e-3, 0.0])], 1, "t")[0].notes == ["▽ exactly 0, drawn at the foot of the axis"]
+    assert charts([line([1e-3, 0.0])], "t")[0].notes == ["▽ exactly 0, drawn at the foot of the axis"]
 
 
 @pytest.mark.parametrize("values", [[5e-324, 1.0, 3.0], [1e-320, 1e308], [-1.7e308, 0.0, 1.7e308], [1.7e308]])
@@ -52,7 +52,7 @@ def test_what_is_not_finite_breaks_the_line_and_is_marked_at_the_upper_edge(lost
     assert of_kind(made, "cross") == [((100.0,), (made.y_limits[1],))]
     assert made.y_limits[1] > 5.0
     assert "1 of 5 not finite" in made.alt
-    assert charts([line([1.0, lost])], 1, "t")[0].notes == ["✕ not a finite number"]
+    assert charts([line([1.0, lost])], "t")[0].notes == ["✕ not a finite number"]
 
 
 def test_a_line_of_nothing_finite_is_still_a_chart():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from harness.records.evidence_record import Check, EvidenceRecord, StudyInfo, StudyRecord
+from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
 from harness.verdicts.paper import LEDGER
 from reports.claims.claim_list import claims
 from reports.claims.ledger import in_short
@@ -17,7 +17,7 @@ from tests.reports.claims.test_claims_ablation import LISTING_2, effect, study
 from tests.reports.fake_run import write_fake_run
 
 
-def shown(records: Records, evidence: EvidenceRecord | None = None):
+def shown(records: Records, evidence: Studies | None = None):
     beside = Beside(evidence=evidence)
     return first_screen(records, claims(records, beside), beside)
 
@@ -26,9 +26,9 @@ def shown_as(line: Line) -> tuple[str, str, str]:
     return line.printed.text, line.measured.text, line.measured.small
 
 
-def calibrated(*checks: Check) -> EvidenceRecord:
+def calibrated(*checks: Check) -> Studies:
     info = StudyInfo("calibration", "title", "question?", "method")
-    return EvidenceRecord({}, {}, [StudyRecord(info, checks=list(checks))])
+    return Studies("evidence", {}, {}, [StudyRecord(info, findings=list(checks))])
 
 
 def test_the_principal_claims_are_entries_of_the_ledger():
@@ -115,17 +115,17 @@ def test_the_power_is_that_of_the_comparison_in_the_headline(whole: Records):
     ("check", "sentence"),
     [
         (
-            Check("share of planted effects that are found", 0.71, low=0.8),
+            check("share of planted effects that are found", 0.71, low=0.8),
             "Comparer: share of planted effects that are found: 71.0\u202f% "
             "(wanted: at least 80.0\u202f%) – this check does not hold.",
         ),
         (
-            Check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05),
+            check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05),
             "Comparer: share of A/A comparisons that are called better or worse: 5.04\u202f% "
             "(wanted: at most 5.0\u202f%) – this check does not hold.",
         ),
-        (Check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
-        (Check("spread", 0.21, 0.1, 0.3, "dB"), ""),
+        (check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
+        (check("spread", 0.21, 0.1, 0.3, "dB"), ""),
     ],
 )  # fmt: skip
 def test_the_calibration_is_told_with_its_limits(check, sentence):
@@ -134,7 +134,7 @@ def test_the_calibration_is_told_with_its_limits(check, sentence):
 
 
 def test_the_page_opens_with_all_of_it(whole: Records):
-    evidence = calibrated(Check("share of planted effects that are found", 0.746, low=0.8))
+    evidence = calibrated(check("share of planted effects that are found", 0.746, low=0.8))
     text = page(whole, Beside(evidence=evidence))
     top = text[: text.index("<nav")]
     places = [

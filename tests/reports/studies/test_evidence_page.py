@@ -2,18 +2,17 @@
 
 import html
 import re
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check, Effect, EvidenceRecord, StudyInfo, StudyRecord
+from harness.records.study import Answer, Effect, Series, Studies, StudyInfo, StudyRecord, Table, check
 from reports.studies.effects_plot import Axis, Mark, axis_of, family_said, forests
 from reports.studies.evidence_page import check_said, evidence_page, of_interest
-from tests.reports.fake_evidence import INTEREST, fake_evidence
+from tests.reports.fake_evidence import INTEREST, fake_evidence, study
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
 
-EMPTY = EvidenceRecord({}, {}, finished=True)
+EMPTY = Studies("evidence", {}, {}, finished=True)
 INFO = StudyInfo("one", "One", "Why?", "So.")
 
 
@@ -83,17 +82,17 @@ def test_a_difference_without_an_interval_is_a_dot_and_none_at_all_is_a_row():
 
 
 @pytest.mark.parametrize(
-    ("check", "said"),
+    ("found", "said"),
     [
-        (Check("a", 0.031, high=0.05), "a: 0.0310, wanted ≤ 0.05"),
-        (Check("a", 0.05004, high=0.05), "a: 0.05004, wanted ≤ 0.05"),
-        (Check("a", 1.5, low=0.5, high=2.5, unit="dB", why="so"), "a: 1.50 dB, wanted 0.5 … 2.5 dB (so)"),
-        (Check("a", None, low=80, unit="%"), "a: no figure, wanted ≥ 80 %"),
-        (Check("a", 3.0), "a: 3"),
+        (check("a", 0.031, high=0.05), "a: 0.0310, wanted ≤ 0.05"),
+        (check("a", 0.05004, high=0.05), "a: 0.05004, wanted ≤ 0.05"),
+        (check("a", 1.5, low=0.5, high=2.5, unit="dB", why="so"), "a: 1.50 dB, wanted 0.5 … 2.5 dB (so)"),
+        (check("a", None, low=80, unit="%"), "a: no figure, wanted ≥ 80 %"),
+        (check("a", 3.0), "a: 3"),
     ],
 )
-def test_checks_in_words(check, said):
-    assert check_said(check).replace("\u202f", " ") == said
+def test_checks_in_words(found, said):
+    assert check_said(found).replace("\u202f", " ") == said
 
 
 def test_an_empty_record_and_a_study_without_anything_have_a_page():
@@ -107,11 +106,11 @@ def test_the_smallest_effects_of_interest_are_those_of_the_record():
 
 
 def test_hostile_words_stay_words():
-    study = StudyRecord(
+    hostile_study = study(
         StudyInfo(HOSTILE, HOSTILE, HOSTILE, HOSTILE),
         HOSTILE,
         [HOSTILE, HOSTILE],
-        [Check(HOSTILE, None, unit=HOSTILE, why=HOSTILE)],
+        [check(HOSTILE, None, unit=HOSTILE, why=HOSTILE)],
         [
             an_effect(
                 0.1, (0.0, 0.2), (-0.1, 0.3), name=HOSTILE, against=HOSTILE, scene=HOSTILE, metric=HOSTILE, note=HOSTILE
@@ -120,11 +119,13 @@ def test_hostile_words_stay_words():
         [Series(HOSTILE, 0, HOSTILE, HOSTILE, HOSTILE, [1.0, 2.0], [1.0, 2.0])],
         [Table(HOSTILE, 0, HOSTILE, [HOSTILE], [[HOSTILE]])],
     )
-    clean, hostile = (Outline(evidence_page(replace(EMPTY, studies=[one]))) for one in (StudyRecord(INFO), study))
+    clean, hostile = (
+        Outline(evidence_page(replace(EMPTY, studies=[one]))) for one in (StudyRecord(INFO), hostile_study)
+    )
     drawn = "svg g path text use defs clippath rect table caption thead tbody tfoot tr th td i span figure figcaption"
     drawn += " details summary small wbr b ul li div script"
     assert set(hostile.tags) - set(clean.tags) <= set(drawn.split())
-    assert foreign_scripts(evidence_page(replace(EMPTY, studies=[study]))) == []
+    assert foreign_scripts(evidence_page(replace(EMPTY, studies=[hostile_study]))) == []
 
 
 def test_parts_stand_apart_from_methods_and_what_is_too_much_is_folded():
@@ -143,7 +144,7 @@ def test_families_are_said_as_they_are():
 
 def test_a_few_findings_are_in_sight_and_the_others_unfold():
     text = evidence_page(
-        replace(EMPTY, studies=[StudyRecord(INFO, findings=[f"Finding {place}." for place in range(9)])])
+        replace(EMPTY, studies=[StudyRecord(INFO, findings=[Answer(f"Finding {place}.") for place in range(9)])])
     )
     said = seen(text)
     assert said.index("Finding 4.") < said.index("4 more findings") < said.index("Finding 5.")

@@ -4,10 +4,9 @@ import re
 
 import pytest
 
-from harness.records.charts import Series, Table
 from harness.records.json_record import DamagedRecord
-from harness.records.speed_record import Measurement, SpeedRecord
-from reports.data.studies_load import find_speed
+from harness.records.study import Check, Finding, Series, Studies, StudyInfo, StudyRecord, Table, check
+from reports.data.studies_load import find_studies
 from reports.drawing.figure import svg
 from reports.drawing.palette import pens_of
 from reports.drawing.series_charts import panel
@@ -16,7 +15,7 @@ from reports.studies.speed_page import speed_page
 from tests.reports.fake_speed import fake_speed, hostile, write_fake_speed
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
 
-EMPTY = SpeedRecord({}, {})
+EMPTY = Studies("speed", {}, {})
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +23,12 @@ def text() -> str:
     return speed_page(fake_speed())
 
 
-def one(value: float | None, unit: str = "×", goal: float | None = 10.0, **more) -> Measurement:
-    return Measurement("a.b", 1, "title", value, unit, target=goal, **more)
+def one(value: float | None, unit: str = "×", goal: float | None = 10.0, **more) -> Check:
+    return check("title", value, goal, unit=unit, owner="machine", id="a.b", **more)
+
+
+def studies(*findings: Finding) -> list[StudyRecord]:
+    return [StudyRecord(StudyInfo("9", "Question 9"), findings=list(findings))]
 
 
 def test_text_from_data_is_escaped_everywhere():
@@ -53,7 +56,7 @@ def test_the_report_beside_it_is_linked():
 
 
 def test_a_single_point_is_drawn_and_a_band_where_the_spread_is_known():
-    group = [series for series in fake_speed().series if series.panel == "Rays a step"]
+    group = [line for study in fake_speed().studies for line in study.series if line.panel == "Rays a step"]
     made = panel("Rays a step", group, pens_of(series.name for series in group))
     assert [trace.kind for trace in made.traces] == ["band", "band", "line", "mark", "mark"]
     assert (made.x_scale, made.y_scale) == ("log", "log")
@@ -76,23 +79,25 @@ def test_lines_never_run_back():
 
 
 def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash():
-    record = fake_speed(tables=[Table("t", 2, "T", ["part", "ms", "note"], [["a", 1.234, None], ["b", 2, "x"]])])
+    record = fake_speed(
+        studies=studies(Table("t", 2, "T", ["part", "ms", "note"], [["a", 1.234, None], ["b", 2, "x"]]))
+    )
     text = speed_page(record)
     assert '<td class="" data-value="1.234">1.23</td>' in text
     assert '<td class="muted words">–</td>' in text
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("finding", "said"),
     [
-        ({"series": [Series("p", 9, "a", "x", "y", [1.0], [])]}, "series 'a' has 1 x but 0 y"),
-        ({"series": [Series("p", 9, "a", "x", "y", [1.0], [1.0], [], [1.0])]}, "1 x but 0 low"),
-        ({"tables": [Table("t", 2, "T", ["a"], [["x", 1.0]])]}, "table 't' has 1 columns but a row of 2"),
+        (Series("p", 9, "a", "x", "y", [1.0], []), "series 'a' has 1 x but 0 y"),
+        (Series("p", 9, "a", "x", "y", [1.0], [1.0], [], [1.0]), "1 x but 0 low"),
+        (Table("t", 2, "T", ["a"], [["x", 1.0]]), "table 't' has 1 columns but a row of 2"),
     ],
 )
-def test_a_record_that_is_not_what_it_should_be_is_named(tmp_path, changes, said):
-    out = write_fake_speed(tmp_path, **changes)
+def test_a_record_that_is_not_what_it_should_be_is_named(tmp_path, finding, said):
+    out = write_fake_speed(tmp_path, studies=studies(finding))
     with pytest.raises(DamagedRecord, match=re.escape(said)) as caught:
-        find_speed(out)
+        find_studies(out, "speed")
     assert str(caught.value).startswith(str(out / "speed.json"))
     assert "nox -s speed" in str(caught.value)

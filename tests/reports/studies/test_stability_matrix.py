@@ -1,19 +1,19 @@
 """Outcomes → cells: the gravest wins, ours stands first, what occurs once stands beside; and the words for all that."""
 
 import math
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from harness.records.json_record import DamagedRecord
-from harness.records.stability_record import STABILITY_FILE, Outcome, judged
-from reports.data.studies_load import find_stability
+from harness.records.study import SHELVES, Check, check
+from reports.data.studies_load import find_studies
 from reports.studies.stability_matrix import cell, groups, headline, sentences, strain, tone_of, verdict
 from tests.reports.fake_stability import case, fake_stability, write_fake_stability
 
 
-def one(status="pass", whose="ours", figure=1e-7, bar=1e-6, case="Q1", subject="a", **more) -> Outcome:
-    return Outcome(case, subject, whose, status, figure, bar, **more)
+def one(status="pass", whose="ours", figure=1e-7, bar=1e-6, subject="a", what="", **more) -> Check:
+    return Check(what, figure, **{"high": bar, **more}, subject=subject, owner=whose, status=status)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_failure_of_ours_outweighs_a_property_however_large():
 
 
 def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
-    lost = judged("Q1", "a", "usual", math.nan, 1.0, what="error")
+    lost = check("error", math.nan, high=1.0, subject="a", owner="usual")
     made = cell([one("fail", "usual", 5.0), lost])
     assert (made.tone, made.text) == ("property", "not finite")
     assert strain(lost) == math.inf
@@ -57,26 +57,26 @@ def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
 
 def test_no_outcome_is_lost_in_the_matrix():
     record = fake_stability()
-    for case_of, row in zip(record.cases, [row for group in groups(record) for row in group.rows], strict=True):
+    for case_of, row in zip(record.studies, [row for group in groups(record) for row in group.rows], strict=True):
         told_of = [found.title for found in [*row.cells, *row.others] if found]
-        assert sum(len(title.split("\n")) for title in told_of) == len(case_of.outcomes)
+        assert sum(len(title.split("\n")) for title in told_of) == len(case_of.checks)
         assert row.failed == (case_of.info.id == "A2")
 
 
 def test_the_headline_counts_ours_alone():
     assert headline(fake_stability()) == "1 of 30 stability checks of this harness fails"
     assert headline(fake_stability(with_failure=False)) == "All 30 stability checks of this harness pass"
-    only = fake_stability(cases=[case("Q1", "t", "b", one("fail", "paper"))])
+    only = fake_stability(studies=[case("Q1", "t", "b", one("fail", "paper"))])
     assert headline(only) == "Numerical stability: nothing of this harness was tried"
     assert "Nothing of ours was put to the test." in sentences(only)
-    assert headline(fake_stability(cases=[case("Q1", "t", "b", one())])).startswith("The one stability check")
-    two = fake_stability(cases=[case("Q1", "t", "b", *[one("fail", subject=str(n)) for n in range(6)])])
+    assert headline(fake_stability(studies=[case("Q1", "t", "b", one())])).startswith("The one stability check")
+    two = fake_stability(studies=[case("Q1", "t", "b", *[one("fail", subject=str(n)) for n in range(6)])])
     assert headline(two) == "6 of 6 stability checks of this harness fail"
     assert "Q1 0, Q1 1, Q1 2, Q1 3 and 2 more" in sentences(two)[1]
 
 
 def test_what_is_inconclusive_is_neither_passed_nor_untried():
-    record = fake_stability(cases=[case("Q1", "t", "b", one(), one("inconclusive", subject="b"))])
+    record = fake_stability(studies=[case("Q1", "t", "b", one(), one("inconclusive", subject="b"))])
     said = sentences(record)
     assert "1 check." in said[1]
     assert said[2] == "Inconclusive: 1 check; each says why."
@@ -84,33 +84,32 @@ def test_what_is_inconclusive_is_neither_passed_nor_untried():
 
 
 def test_what_is_not_available_is_no_check_passed():
-    record = fake_stability(cases=[case("Q1", "t", "b", one(), one("not_available", subject="b", figure=None))])
+    record = fake_stability(studies=[case("Q1", "t", "b", one(), one("not_available", subject="b", figure=None))])
     assert "1 check." in sentences(record)[1]
     assert "1 not available here" in sentences(record)[-1]
 
 
 def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
     record = fake_stability()
-    found = find_stability(write_fake_stability(tmp_path, record))
+    found = find_studies(write_fake_stability(tmp_path, record), "stability")
     assert found is not None
-    assert list(found.outcomes()) == list(record.outcomes())
-    lost = [line for case_of in found.cases for line in case_of.series if None in line.y]
+    assert [one for _, one in found.checks()] == [one for _, one in record.checks()]
+    lost = [line for case_of in found.studies for line in case_of.series if None in line.y]
     assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
-    assert found.cases[1].tables[0].rows[2][4] == "not finite (nan)"
-    assert find_stability(tmp_path / "stability") is None
+    assert found.studies[1].tables[0].rows[2][4] == "not finite (nan)"
+    assert find_studies(tmp_path / "stability", "stability") is None
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda c: [*c, c[0]], "case 'Q1' is there twice"),
-        (lambda c: [replace(c[0], outcomes=[one(case="Q9")])], "case 'Q1' holds an outcome of case 'Q9'"),
-        (lambda c: [replace(c[0], series=[replace(c[0].series[0], y=[1.0])])], "has 17 x but 1 y"),
+        (lambda c: [*c, c[0]], "'Q1' is there twice"),
+        (lambda c: [replace(c[0], findings=[replace(c[0].series[0], y=[1.0])])], "has 17 x but 1 y"),
     ],
 )
 def test_a_record_that_no_run_writes_is_refused_and_names_the_remedy(tmp_path, change, said):
-    out = write_fake_stability(tmp_path, fake_stability(cases=change(fake_stability().cases)))
+    out = write_fake_stability(tmp_path, fake_stability(studies=change(fake_stability().studies)))
     with pytest.raises(DamagedRecord, match="nox -s stability") as caught:
-        find_stability(out)
+        find_studies(out, "stability")
     assert said in str(caught.value)
-    assert str(caught.value).startswith(str(out / STABILITY_FILE))
+    assert str(caught.value).startswith(str(out / SHELVES["stability"]))

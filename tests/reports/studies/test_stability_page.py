@@ -2,19 +2,19 @@
 
 import html
 import re
-from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
-from harness.records.stability_record import StabilityRecord
+from harness.records.study import Studies
 from reports.run.run_page import page
 from reports.studies.stability_page import stability_page
 from tests.reports.fake_stability import fake_stability, write_fake_stability
 from tests.reports.run.test_page import Outline, without_code
 
-EMPTY = StabilityRecord({}, {}, finished=True)
+EMPTY = Studies("stability", {}, {}, finished=True)
 
 
 @pytest.fixture(scope="module")
@@ -39,22 +39,22 @@ def seen(text: str) -> str:
 
 def test_every_outcome_is_in_the_details_with_its_reason(text):
     cases = body(text, "cases")
-    for case in fake_stability().cases:
+    for case in fake_stability().studies:
         start = cases.index(f'<div id="case-{case.info.id}">')
         own = seen(cases[start : cases.index("</details>", start)])
-        for words in (case.info.input, case.info.danger, case.info.reference, case.info.bar):
+        for words in case.info.facts.values():
             assert words in own, words
-        for one in case.outcomes:
+        for one in case.checks:
             for words in filter(None, (one.subject, one.what, one.why)):
                 assert words in own, (case.info.id, words)
 
 
 def test_pictures_outside_of_the_folder_are_not_read(folder, tmp_path):
     inner = write_fake_stability(tmp_path / "inner")
-    case = next(one for one in fake_stability().cases if one.pictures)
+    case = next(one for one in fake_stability().studies if one.pictures)
     paths = ["../inner/stability/whole.png", "../../etc/passwd", str(inner / "stability" / "whole.png"), "stability"]
     stray = [replace(case.pictures[0], path=path) for path in paths]
-    text = stability_page(fake_stability(cases=[replace(case, pictures=stray)]), tmp_path / "outer")
+    text = stability_page(fake_stability(studies=[replace(case, findings=stray)]), tmp_path / "outer")
     assert "data:image/png" not in without_code(text)
     assert text.count("The picture is missing") == 4
 

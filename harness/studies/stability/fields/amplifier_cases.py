@@ -18,15 +18,14 @@ from baselines.field import NetworkField
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.encoding import PHI, encode
 from harness.plan.seeds import generator_for
-from harness.records.charts import Series, Table
 from harness.records.json_record import finite_or_none
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.stability.fields.small_training import at_an_end, new_trainer, not_made_of_parts, setup, trained
 from harness.studies.stability.stability_context import PRINTED, Finding, StabilityContext, whose
 from harness.training.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
-WHOSE: dict[str, Whose] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
+WHOSE: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
 """A reading of the amplifier; what is not printed anywhere is ours."""
 
 
@@ -50,7 +49,14 @@ def identity(situation: StabilityContext) -> Iterator[Finding]:
     raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
     for reading in AMPLIFIERS:
         if reading.startswith("none"):
-            yield Outcome("A1", reading, WHOSE[reading], "not_applicable", why="nothing that could change a density")
+            yield Check(
+                "",
+                None,
+                why="nothing that could change a density",
+                subject=reading,
+                owner=WHOSE[reading],
+                status="not_applicable",
+            )
             continue
         amplifier = AMPLIFIERS[reading]()
         worst = 0.0
@@ -59,7 +65,9 @@ def identity(situation: StabilityContext) -> Iterator[Finding]:
                 before, after = amplifier.before_and_after(raw)
                 worst = max(worst, float((after - before).abs().max() / before.max()))
         # an identity is what the paper claims as well: it holds or it does not, whoever says so
-        yield judged("A1", reading, WHOSE[reading], worst, 1.2e-7, what="largest change of a density, of the densest")
+        yield check(
+            "largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=WHOSE[reading]
+        )
 
 
 # A3
@@ -89,26 +97,33 @@ def one_nan(situation: StabilityContext) -> Iterator[Finding]:
     tried = 0
     for method in situation.methods:
         if reason := not_made_of_parts(method):
-            yield Outcome("A3", method, whose(method), "not_applicable", why=reason)
+            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
             continue
         trainer = new_trainer(situation, method)
         lost = rays_lost(trainer, rays, bad)
         others = int(lost.sum()) - int(lost[bad])
         # a NaN that does not reach its own ray is hidden, which no number of rays that are lost shows
-        yield judged(
-            "A3", method, whose(method), others if bool(lost[bad]) else math.nan, 0, unit="rays",
-            what=f"other rays of a call of {len(rays)} that are NaN because one sample of one ray is",
+        yield check(
+            f"other rays of a call of {len(rays)} that are NaN because one sample of one ray is",
+            others if bool(lost[bad]) else math.nan,
+            high=0,
+            unit="rays",
             why="" if bool(lost[bad]) else "the NaN is hidden: its own ray is finite",
-        )  # fmt: skip
+            subject=method,
+            owner=whose(method),
+        )
         tried += 1
         accepted += [f"{method}: {what}: {said}" for what, said in misnamed(trainer, rays, bad).items() if said]
     if not tried:
-        yield Outcome("A3", "harness", "ours", "not_applicable", why="no method of this run is made of parts")
+        yield Check("", None, why="no method of this run is made of parts", subject="harness", status="not_applicable")
         return
-    yield judged(
-        "A3", "harness", "ours", len(accepted), 0, what="NaN rays and samples that were rendered or misnamed",
+    yield check(
+        "NaN rays and samples that were rendered or misnamed",
+        len(accepted),
+        high=0,
         why="; ".join(accepted) or f"{tried} methods: both are refused by the number of the ray",
-    )  # fmt: skip
+        subject="harness",
+    )
 
 
 @torch.no_grad()
@@ -177,10 +192,14 @@ def slab(situation: StabilityContext) -> Iterator[Finding]:
         why = f"densities end at {sigma:.3g} per {'half of the box' if per_box else 'scene unit'}"
         if worst < OPAQUE:
             why += f"; cannot be opaque: a black silhouette on white ends at {ends}"
-        yield judged(
-            "A4", reading, whose_it_is, worst, OPAQUE, sense="at_least", why=why,
-            what="largest opacity of a solid as thick as half of the box, the worst of scene scales 0.1, 1 and 10",
-        )  # fmt: skip
+        yield check(
+            "largest opacity of a solid as thick as half of the box, the worst of scene scales 0.1, 1 and 10",
+            worst,
+            low=OPAQUE,
+            why=why,
+            subject=reading,
+            owner=whose_it_is,
+        )
         yield Series(
             "Opacity within reach of a slab as thick as half of the box", 5, reading, "scene scale", "largest opacity",
             DENSE_SCALES, [-math.expm1(-sigma * (1.0 if per_box else scale)) for scale in DENSE_SCALES], log_y=False,
@@ -192,7 +211,7 @@ def slab(situation: StabilityContext) -> Iterator[Finding]:
     )
 
 
-def solids() -> dict[str, tuple[Whose, float, bool]]:
+def solids() -> dict[str, tuple[Owner, float, bool]]:
     """Subject → whose it is, its largest density, and whether that is per half of the box, else per scene unit."""
     readings = {reading: (whose, DENSITY_SCALE * largest_density(reading), True) for reading, whose in WHOSE.items()}
     return readings | {"listing2, 1 per scene unit": ("paper", largest_density("listing2"), False)}
@@ -245,19 +264,26 @@ def extremes(situation: StabilityContext) -> Iterator[Finding]:
                 if name == "spread":
                     worst_dead, inverted = dead, upside_down
             rows.append([reading, f"{alpha:g}" if has_alpha else None, worst_dead, "inverted" if inverted else "kept"])
-        yield judged(
-            "A5", reading, whose_it_is, len(bad), 0, what="inputs whose output or gradient is not finite",
+        yield check(
+            "inputs whose output or gradient is not finite",
+            len(bad),
+            high=0,
             why=", ".join(bad),
-        )  # fmt: skip
+            subject=reading,
+            owner=whose_it_is,
+        )
     yield Table(
         "amplifier-extremes", 6, "Raw densities of standard deviation 4: share without a gradient, order of densities",
         ["amplifier", "α", "dead share", "order"], rows,
     )  # fmt: skip
-    yield judged(
-        "A5", "listing2, threshold", "paper", jump_at_threshold(2.0), 1e-6,
-        what="jump of density over the threshold of β = 2, within 2e-7 of raw density",
+    yield check(
+        "jump of density over the threshold of β = 2, within 2e-7 of raw density",
+        jump_at_threshold(2.0),
+        high=1e-6,
         why="a step of the density field, at which the boost has no gradient",
-    )  # fmt: skip
+        subject="listing2, threshold",
+        owner="paper",
+    )
     for method in ("nerf", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired"):
         if method in situation.methods:
             yield from _dead_over_training(situation, method)
@@ -288,16 +314,19 @@ def _dead_over_training(situation: StabilityContext, method: str) -> Iterator[Fi
     history = trained(situation, method)
     steps, shares = zip(*history.dead, strict=True)
     # what Eq. 4 puts below 0 is empty space that no gradient reaches, whoever holds the mean
-    theirs: Whose = "ours" if history.trainer.amplifier_scalars()["alpha"] is None else "paper"
+    theirs: Owner = "ours" if history.trainer.amplifier_scalars()["alpha"] is None else "paper"
     yield Series(
         "Points of the box whose density no gradient reaches", 6, method, "step", "share",
         [float(step) for step in steps], list(shares), log_x=False, log_y=False,
     )  # fmt: skip
-    yield judged(
-        "A5", f"{method}, trained", theirs, shares[-1], DEAD_BAR,
-        what=f"share of points without a gradient of density after {steps[-1]} steps",
+    yield check(
+        f"share of points without a gradient of density after {steps[-1]} steps",
+        shares[-1],
+        high=DEAD_BAR,
         why="" if (scalars := history.trainer.amplifier_scalars())["alpha"] is None else f"α = {scalars['alpha']:.3g}",
-    )  # fmt: skip
+        subject=f"{method}, trained",
+        owner=theirs,
+    )
 
 
 DEAD_BAR = 0.01
@@ -340,7 +369,7 @@ def digits_by_layer(situation: StabilityContext) -> Iterator[Finding]:
     rows: list[list[str | float | None]] = []
     for method in situation.methods:
         if reason := not_made_of_parts(method):
-            yield Outcome("O3", method, whose(method), "not_applicable", why=reason)
+            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
             continue
         field = trained(situation, method).trainer.field
         points = torch.rand(256 if situation.quick else POINTS, 3, generator=generator_for("stability", "O3"))
@@ -381,8 +410,11 @@ def _seen(situation: StabilityContext, method: str) -> Iterator[Finding]:
         twin.fields.load_state_dict(source.fields.state_dict())
         twin.step, twin.grid = source.step, source.grid
         apart = twin.render(rays, len(rays)).colour - exact
-        yield judged(
-            "O3", f"{method}, {precision}", whose(method), math.sqrt(float(apart.square().mean())), COLOUR_BAR,
-            what="root mean square change of a colour (0 … 1) that reduced products alone make",
+        yield check(
+            "root mean square change of a colour (0 … 1) that reduced products alone make",
+            math.sqrt(float(apart.square().mean())),
+            high=COLOUR_BAR,
             why=f"largest {float(apart.abs().max()):.2g}",
-        )  # fmt: skip
+            subject=f"{method}, {precision}",
+            owner=whose(method),
+        )

@@ -15,8 +15,7 @@ from baselines.numerics.encoding import encode
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.stability.fields.small_training import (
     CPU,
     STREAM,
@@ -87,28 +86,35 @@ def half_precision(situation: StabilityContext) -> Iterator[Finding]:
     due = 100 * 5e-4
     for name, dtype in {"float32": torch.float32, **HALF}.items():
         moved = _moved(dtype, 1e-4)[0]
-        yield judged(
-            "O1", f"weights in {name}", "ours" if name == "float32" else "usual",
-            abs(moved / due - 1.0) if isinstance(moved, float) else math.nan, 0.01,
-            what="relative error of the distance that a weight moves in 100 steps",
+        yield check(
+            "relative error of the distance that a weight moves in 100 steps",
+            abs(moved / due - 1.0) if isinstance(moved, float) else math.nan,
+            high=0.01,
             why=moved if isinstance(moved, str) else "",
-        )  # fmt: skip
+            subject=f"weights in {name}",
+            owner="ours" if name == "float32" else "usual",
+        )
     for name in REDUCED:
         accepted = [part for part, refused in refused_by_parts(HALF[name]).items() if not refused]
         wrong = not_float32(situation, name)
-        yield judged(
-            "O1", f"products in {name}", "ours", len(accepted) + len(wrong), 0,
-            what="weights, moments, gradients and parts that are not kept in float32", why=", ".join(accepted + wrong),
-        )  # fmt: skip
+        yield check(
+            "weights, moments, gradients and parts that are not kept in float32",
+            len(accepted) + len(wrong),
+            high=0,
+            why=", ".join(accepted + wrong),
+            subject=f"products in {name}",
+        )
     steps = 4 if situation.quick else 40
     reference = _mean(train(situation, new_trainer(situation, METHOD), steps).losses[-10:])
     for name in REDUCED:
         settings = replace(setup(situation).settings, precision=name)
         losses = train(situation, new_trainer(situation, METHOD, settings), steps).losses
-        yield judged(
-            "O1", f"training in {name}", "ours", abs(_mean(losses[-10:]) / reference - 1.0), 0.05,
-            what=f"relative difference of the loss of float32 after {steps} steps",
-        )  # fmt: skip
+        yield check(
+            f"relative difference of the loss of float32 after {steps} steps",
+            abs(_mean(losses[-10:]) / reference - 1.0),
+            high=0.05,
+            subject=f"training in {name}",
+        )
 
 
 def _mean(values: list[float]) -> float:
@@ -200,14 +206,16 @@ def spike(situation: StabilityContext) -> Iterator[Finding]:
     yield from _other_methods(situation, at)
     yield _nan_gradient(situation)
     again = train(situation, new_trainer(situation, METHOD)).losses
-    yield judged(
-        "O2", "trained again", "ours", sum(one != other for one, other in zip(base, again, strict=True)), 0,
-        what="steps whose loss differs in any bit when a cell is trained again",
+    yield check(
+        "steps whose loss differs in any bit when a cell is trained again",
+        sum(one != other for one, other in zip(base, again, strict=True)),
+        high=0,
         why="a cell that cannot go on where it was kept is trained again from its start, to the same result",
-    )  # fmt: skip
+        subject="trained again",
+    )
 
 
-def _other_methods(situation: StabilityContext, at: int) -> Iterator[Outcome]:
+def _other_methods(situation: StabilityContext, at: int) -> Iterator[Check]:
     """The larger spike alone, with the clipping of every run."""
     for method in OTHERS:
         if method not in situation.methods:
@@ -221,23 +229,26 @@ def _other_methods(situation: StabilityContext, at: int) -> Iterator[Outcome]:
         yield _recovered(name, "ours", run.losses, trained(situation, method).losses, at)
 
 
-def _voxels(situation: StabilityContext, name: str, at: int) -> Outcome:
+def _voxels(situation: StabilityContext, name: str, at: int) -> Check:
     try:
         base, spiked = (losses_of_voxels(situation, at, factor) for factor in (1.0, FACTORS[-1]))
     except NotAvailable as error:
-        return Outcome("O2", name, "ours", "not_available", why=str(error))
+        return Check("", None, why=str(error), subject=name, status="not_available")
     return _recovered(name, "ours", spiked, base, at)
 
 
-def _recovered(name: str, theirs: Whose, losses: list[float], base: list[float], at: int) -> Outcome:
+def _recovered(name: str, theirs: Owner, losses: list[float], base: list[float], at: int) -> Check:
     back = slice(min(at + RECOVERY, len(base)) - SMOOTHED, at + RECOVERY)
     late = _mean(losses[back]) / _mean(base[back]) - 1.0
     frozen = steps_until_back(losses, base, at)
-    return judged(
-        "O2", name, theirs, max(late, 0.0), BAR,
-        what=f"loss above that of the run without a spike, {RECOVERY} steps later (mean of {SMOOTHED})",
+    return check(
+        f"loss above that of the run without a spike, {RECOVERY} steps later (mean of {SMOOTHED})",
+        max(late, 0.0),
+        high=BAR,
         why=f"back within {BAR:.0%} after {frozen} steps" if frozen is not None else "not back in this run",
-    )  # fmt: skip
+        subject=name,
+        owner=theirs,
+    )
 
 
 class NotedClipping(Clipping):
@@ -303,7 +314,7 @@ def _line(name: str, losses: list[float]) -> Series:
                   [float(step) for step in range(1, len(y) + 1)], y, log_x=False)  # fmt: skip
 
 
-def _nan_gradient(situation: StabilityContext) -> Outcome:
+def _nan_gradient(situation: StabilityContext) -> Check:
     """Step and tensor must be named, and the weights be those before the step."""
     trainer = new_trainer(situation, METHOD)
     train(situation, trainer, 3)
@@ -312,10 +323,13 @@ def _nan_gradient(situation: StabilityContext) -> Outcome:
     wanted = "not finite at step 3: gradient of coarse.density_head.weight"
     said = _what_diverged(situation, trainer)
     untouched = all(torch.equal(one, two) for one, two in zip(before, trainer.fields.parameters(), strict=True))
-    return judged(
-        "O2", "NaN gradient", "ours", float(said != wanted) + float(not untouched), 0,
-        what="mistakes of two: step and tensor not named, weights not those before the step", why=said or "went on",
-    )  # fmt: skip
+    return check(
+        "mistakes of two: step and tensor not named, weights not those before the step",
+        float(said != wanted) + float(not untouched),
+        high=0,
+        why=said or "went on",
+        subject="NaN gradient",
+    )
 
 
 def _what_diverged(situation: StabilityContext, trainer: Trainer) -> str | None:

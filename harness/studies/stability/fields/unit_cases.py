@@ -15,8 +15,7 @@ from baselines.amplifiers import Amplifier, CallMeanAmplifier
 from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Outcome, Picture, Whose, judged
+from harness.records.study import Check, Owner, Picture, Series, Table, check
 from harness.studies.stability.fields.small_training import (
     CPU,
     PROBES,
@@ -48,7 +47,7 @@ def chunks(situation: StabilityContext) -> Iterator[Finding]:
     rows: list[list[str | float | None]] = []
     for method in situation.methods:
         if reason := not_made_of_parts(method):
-            yield Outcome("A2", method, whose(method), "not_applicable", why=reason)
+            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
             continue
         trainer = trained(situation, method).trainer
         found = differences(situation, trainer)
@@ -67,13 +66,17 @@ def chunks(situation: StabilityContext) -> Iterator[Finding]:
             yield _picture(situation, method, reading)
 
 
-def _outcome(subject: str, theirs: str, found: dict[str, float]) -> Outcome:
+def _outcome(subject: str, theirs: Owner, found: dict[str, float]) -> Check:
     worst = max(found, key=lambda way: found[way] if math.isfinite(found[way]) else math.inf)
     what = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
-    return judged(
-        "A2", subject, theirs, found[worst], BAR,  # type: ignore[arg-type]
-        what=f"largest difference of {what} in other company", why=f"worst: {worst}",
-    )  # fmt: skip
+    return check(
+        f"largest difference of {what} in other company",
+        found[worst],
+        high=BAR,
+        why=f"worst: {worst}",
+        subject=subject,
+        owner=theirs,
+    )
 
 
 OTHER_POINTS = "other points"
@@ -217,19 +220,25 @@ def odd_sizes(situation: StabilityContext) -> Iterator[Finding]:
     """C2: pictures of odd sizes through the renderer of every run against a loop over rays, and their scores."""
     for method in situation.methods:
         if reason := not_made_of_parts(method):
-            yield Outcome("C2", method, whose(method), "not_applicable", why=reason)
+            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
             continue
         found = {f"{width} × {height}": _odd(situation, trained(situation, method).trainer, width, height)
                  for width, height in (SIZES[:3] if situation.quick else SIZES)}  # fmt: skip
         worst = max(found, key=lambda size: found[size] if math.isfinite(found[size]) else math.inf)
-        yield judged(
-            "C2", method, whose(method), found[worst], BAR,
-            what="largest difference of a colour to a loop over rays", why=f"worst at {worst}",
-        )  # fmt: skip
-    yield judged(
-        "C2", "metrics", "ours", sum(1 for size in SIZES for score in scores_of(*size) if not math.isfinite(score)), 0,
-        what="scores of small pictures that are not finite (PSNR, SSIM, linear error)",
-    )  # fmt: skip
+        yield check(
+            "largest difference of a colour to a loop over rays",
+            found[worst],
+            high=BAR,
+            why=f"worst at {worst}",
+            subject=method,
+            owner=whose(method),
+        )
+    yield check(
+        "scores of small pictures that are not finite (PSNR, SSIM, linear error)",
+        sum(1 for size in SIZES for score in scores_of(*size) if not math.isfinite(score)),
+        high=0,
+        subject="metrics",
+    )
 
 
 def _odd(situation: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
@@ -295,21 +304,29 @@ def units_of_length(situation: StabilityContext) -> Iterator[Finding]:
     rows: list[list[str | float | None]] = []
     for method in METHODS:
         if reason := not_made_of_parts(method):
-            yield Outcome("S8", method, "ours", "not_applicable", why=reason)
+            yield Check("", None, why=reason, subject=method, status="not_applicable")
             continue
         scores = {k: psnr_in_unit(situation, method, k) for k in (1.0, EXACT, *UNITS)}
         rows.append([method, *scores.values()])
-        whose: Whose = "paper" if method == "qnerf_printed" else "ours"
+        whose: Owner = "paper" if method == "qnerf_printed" else "ours"
         change = max(abs(scores[k] - scores[1.0]) for k in UNITS)
         units = ", ".join(f"{k:g}" for k in UNITS)
-        yield judged(
-            "S8", method, whose, change, LARGEST_CHANGE_DB, unit="dB",
-            what=f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}",
-        )  # fmt: skip
-        yield judged(
-            "S8", method, whose, abs(scores[EXACT] - scores[1.0]), 0.0, unit="dB",
-            what=f"change of test PSNR for k = {EXACT:g}, which rounds nothing",
-        )  # fmt: skip
+        yield check(
+            f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}",
+            change,
+            high=LARGEST_CHANGE_DB,
+            unit="dB",
+            subject=method,
+            owner=whose,
+        )
+        yield check(
+            f"change of test PSNR for k = {EXACT:g}, which rounds nothing",
+            abs(scores[EXACT] - scores[1.0]),
+            high=0.0,
+            unit="dB",
+            subject=method,
+            owner=whose,
+        )
         ordered = sorted(scores)
         yield Series(
             "Test PSNR against the unit of length of the poses", 10, method, "k", "dB",

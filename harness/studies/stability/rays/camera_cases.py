@@ -11,7 +11,7 @@ from torch import Tensor
 
 from baselines.contract import Rays
 from baselines.numerics.bounds import ray_box
-from harness.records.stability_record import judged
+from harness.records.study import check
 from harness.studies.stability.stability_context import Finding, StabilityContext
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
@@ -97,10 +97,13 @@ def _refused(scratch: Path) -> Finding:
     for near, far in ((2.0, 2.0), (6.0, 2.0), (0.0, 6.0), (-1.0, 6.0), (2.0, math.inf), (math.nan, 6.0)):
         attempts[f"near {near:g}, far {far:g}"] = lambda near=near, far=far: Scene("s", "t", dict, near=near, far=far)  # type: ignore[misc]
     through = _accepted(attempts, (InputError,))
-    return judged(
-        "C1", "harness", "ours", len(through), 0, what=f"cameras of {len(attempts)} that are none and not refused",
+    return check(
+        f"cameras of {len(attempts)} that are none and not refused",
+        len(through),
+        high=0,
         why="; ".join(through),
-    )  # fmt: skip
+        subject="harness",
+    )
 
 
 def _read(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> object:
@@ -149,11 +152,14 @@ def _rendered_by_mitsuba_alone() -> Finding:
             continue
         if np.isfinite(image).all() and not image.any():
             silent.append(what)
-    return judged(
-        "C1", "Mitsuba alone", "usual", len(silent), 0,
-        what=f"cameras of {len(tries)} that are none and give a clean background, without a word",
+    return check(
+        f"cameras of {len(tries)} that are none and give a clean background, without a word",
+        len(silent),
+        high=0,
         why="; ".join(silent),
-    )  # fmt: skip
+        subject="Mitsuba alone",
+        owner="usual",
+    )
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:
@@ -200,10 +206,13 @@ def _slabs() -> Iterator[Finding]:
         wrong = 0
         for truth, a, b, met in zip(expected, entry.tolist(), leave.tolist(), hit.tolist(), strict=True):
             wrong += met != (truth is not None) or (truth is not None and (a, b) != truth)
-        yield judged(
-            "C1", subject, whose, wrong, 0,  # type: ignore[arg-type]
-            what=f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them",
-        )  # fmt: skip
+        yield check(
+            f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them",
+            wrong,
+            high=0,
+            subject=subject,
+            owner=whose,  # type: ignore[arg-type]
+        )
 
 
 def _directions() -> Iterator[Finding]:
@@ -214,7 +223,7 @@ def _directions() -> Iterator[Finding]:
     focal = 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS)
     camera = Cameras.of(poses, SIZE, SIZE, focal, 2.0, 6.0)
     off = max(float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera)))
-    yield judged("C1", "harness", "ours", off, 5e-7, what="largest deviation of a direction's length from 1")
+    yield check("largest deviation of a direction's length from 1", off, high=5e-7, subject="harness")
     d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
     attempts: dict[str, Callable[[], object]] = {}
     for length in (0.0, 0.5, 0.99, 1.01, 2.0, math.nan, math.inf):
@@ -222,21 +231,29 @@ def _directions() -> Iterator[Finding]:
         bent[1] *= length
         attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), bent, 2.0, 6.0).require_finite
     through = _accepted(attempts, (ValueError,))
-    yield judged(
-        "C1", "harness", "ours", len(through), 0, what="rays whose direction is not unit and that are not refused",
+    yield check(
+        "rays whose direction is not unit and that are not refused",
+        len(through),
+        high=0,
         why="; ".join(through),
-    )  # fmt: skip
+        subject="harness",
+    )
     tolerated = _spread([_through_a_cube(*_middle_ray(scale)) for scale in (0.9996, 1.0, 1.0004)])
-    yield judged(
-        "C1", "harness", "ours", tolerated, 1e-6,
-        what="change of a ray's opacity with the scale of its camera's matrix, as far as that is let through",
-    )  # fmt: skip
+    yield check(
+        "change of a ray's opacity with the scale of its camera's matrix, as far as that is let through",
+        tolerated,
+        high=1e-6,
+        subject="harness",
+    )
     along = torch.tensor([[-4.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]])
     unchecked = _spread([_through_a_cube(along[0], length * along[1]) for length in (0.5, 1.0, 2.0)])
-    yield judged(
-        "C1", "no check of d", "usual", unchecked, 1e-6,
-        what="change of a ray's opacity with the length of its direction, 0.5 to 2",
-    )  # fmt: skip
+    yield check(
+        "change of a ray's opacity with the length of its direction, 0.5 to 2",
+        unchecked,
+        high=1e-6,
+        subject="no check of d",
+        owner="usual",
+    )
 
 
 def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
@@ -264,7 +281,10 @@ def _repeated(scratch: Path) -> Finding:
     views = read_view_set(_foreign(scratch / "twice", poses), splits=("train",), scratch=scratch)
     said = [line for line in views.repeated_views if "r_2.png has the camera of train: r_0.png" in line]
     found = float(len(said) == 1 and len(views.repeated_views) == 1)
-    return judged(
-        "C1", "harness", "ours", found, 1, sense="at_least", what="the one view that is there twice is reported",
+    return check(
+        "the one view that is there twice is reported",
+        found,
+        low=1,
         why="; ".join(views.repeated_views),
-    )  # fmt: skip
+        subject="harness",
+    )

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from baselines.numerics.encoding import PHI, REACH, checked_positions, encode, fourier_features, frequency_ladder
 from harness.plan.seeds import generator_for
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Whose, judged
+from harness.records.study import Owner, Series, Table, check
 from harness.studies.stability.stability_context import Finding, StabilityContext
 
 DIGITS = 60
@@ -58,15 +57,27 @@ def top_frequency(situation: StabilityContext) -> Iterator[Finding]:
             printed = error(sines.double())
             traded = bar > SINE_BARS[ladder, bands]
             why = f"traded for time: sines as printed are off by {printed:.2g}" if traded else ""
-            yield judged("E1", name, "ours", error(band_of(encode(x.unsqueeze(-1), base, bands), bands - 1)), bar,
-                         what=what, why=why)  # fmt: skip
-            yield judged("E1", f"{name}, as printed", "paper" if base == PHI else "usual", printed,
-                         SINE_BARS[ladder, bands], what=what)  # fmt: skip
+            yield check(
+                what, error(band_of(encode(x.unsqueeze(-1), base, bands), bands - 1)), high=bar, why=why, subject=name
+            )
+            yield check(
+                what,
+                printed,
+                high=SINE_BARS[ladder, bands],
+                subject=f"{name}, as printed",
+                owner="paper" if base == PHI else "usual",
+            )
             for dtype in (torch.bfloat16, torch.float16):
                 low = x.to(dtype) * (math.pi * frequency).to(dtype)
                 waves = torch.stack([torch.sin(low), torch.cos(low)], dim=-1)
-                yield judged("E1", f"{name}, {str(dtype).removeprefix('torch.')}", "usual", error(waves.double()), bar,
-                             what=what, why="autocast around the encoding; ours refuses it")  # fmt: skip
+                yield check(
+                    what,
+                    error(waves.double()),
+                    high=bar,
+                    why="autocast around the encoding; ours refuses it",
+                    subject=f"{name}, {str(dtype).removeprefix('torch.')}",
+                    owner="usual",
+                )
 
 
 POSITIONS = (0.0, 1e-45, -1e-38, 1e-10, 1e-4, 1.0, 1.00009, 1e2, 1e4, 1e38, math.inf, math.nan)
@@ -100,13 +111,23 @@ def positions(situation: StabilityContext) -> Iterator[Finding]:
             if inside:
                 worst_inside = max(worst_inside, largest_error(encode(x, base, 10), value, base))
         rows.append(row)
-    yield judged("E2", "checked", "ours", len(wrong), 0, what=f"positions refused within ±{REACH:g} or accepted beyond",
-                 why=", ".join(wrong))  # fmt: skip
-    yield judged("E2", "inside the box", "ours", worst_inside, BARS["2^k", 10], what="largest error of any band")
+    yield check(
+        f"positions refused within ±{REACH:g} or accepted beyond",
+        len(wrong),
+        high=0,
+        why=", ".join(wrong),
+        subject="checked",
+    )
+    yield check("largest error of any band", worst_inside, high=BARS["2^k", 10], subject="inside the box")
     for ladder, (error, where) in worst.items():
-        yield judged("E2", f"{ladder}, unchecked", "paper" if ladder == "φ^k" else "usual", error, BARS["2^k", 10],
-                     what="largest error of any band, of the positions whose features are finite",
-                     why=f"at x = {where:g}; not finite at {', '.join(not_finite[ladder])}")  # fmt: skip
+        yield check(
+            "largest error of any band, of the positions whose features are finite",
+            error,
+            high=BARS["2^k", 10],
+            why=f"at x = {where:g}; not finite at {', '.join(not_finite[ladder])}",
+            subject=f"{ladder}, unchecked",
+            owner="paper" if ladder == "φ^k" else "usual",
+        )
     yield Table("positions", 8, "Error of an unchecked encoding at a position, L = 10",
                 ["position", "checked", "2^k", "φ^k"], rows)  # fmt: skip
 
@@ -119,7 +140,7 @@ def largest_error(features: Tensor, value: float, base: float) -> float:
     return max(float((band_of(features, band) - true_waves(x, base, band)).abs().max()) for band in range(10))
 
 
-RATIOS: dict[str, tuple[float, Whose]] = {"2": (2.0, "usual"), "φ": (PHI, "paper"), "1.65": (1.65, "ours")}
+RATIOS: dict[str, tuple[float, Owner]] = {"2": (2.0, "usual"), "φ": (PHI, "paper"), "1.65": (1.65, "ours")}
 """Ratio of a ladder, and whose it is. The third is the control: neither a Pisot number nor an integer."""
 DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
 """φ^k is within φ^−k of the Lucas number L_k, and L_k √5 / 2 = φ^k + …: cos(π φ^k d) returns to 1 at these."""
@@ -148,11 +169,14 @@ def ghosts(situation: StabilityContext) -> Iterator[Finding]:
         found = [gap.share for gap in gaps]
         rows.append([f"ratio {name}", *found])
         worst = max(found, key=abs)
-        yield judged(
-            "E3", f"ratio {name}, L = 14", whose_it_is, abs(worst), GHOST_BAR,
-            what="share of the burst that appears in a gap never seen, the worst of three distances",
+        yield check(
+            "share of the burst that appears in a gap never seen, the worst of three distances",
+            abs(worst),
+            high=GHOST_BAR,
             why=f"at distance {DISTANCES[found.index(worst)]:.4g}",
-        )  # fmt: skip
+            subject=f"ratio {name}, L = 14",
+            owner=whose_it_is,
+        )
         for distance, gap in zip(DISTANCES, gaps, strict=True):
             yield _across(distance, f"ratio {name}", gap.offset, gap.predicted)
             if base == PHI:
@@ -274,8 +298,12 @@ def nearest_member(cycles: float) -> float:
 
 def _gratings(quick: bool) -> Iterator[Finding]:
     closest = min(nearest_member(cycles) for cycles in GRATINGS)
-    yield judged("E3", "gratings", "ours", closest, 0.01, sense="at_least",
-                 what="relative distance of a grating to what a ladder or two of its members make")  # fmt: skip
+    yield check(
+        "relative distance of a grating to what a ladder or two of its members make",
+        closest,
+        low=0.01,
+        subject="gratings",
+    )
     generator = generator_for("stability", "gratings")
     seen = 2.0 * torch.rand(POINTS, generator=generator) - 1.0
     asked = 2.0 * torch.rand(2 * POINTS, generator=generator) - 1.0

@@ -13,7 +13,7 @@ from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf
 from baselines.rendering import Sampling, render_rays
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, check
 from harness.studies.stability.rays.quadrature_rounding import running_product
 from harness.studies.stability.stability_context import Finding, StabilityContext
 
@@ -54,7 +54,7 @@ def rendered(
     return render_rays(Fog(density), None, rays, box, sampling, None, BACKGROUND, None)
 
 
-def _whose(rule: Rule) -> Whose:
+def _whose(rule: Rule) -> Owner:
     return "paper" if rule.of_the_paper else "ours"
 
 
@@ -71,16 +71,18 @@ def almost_nothing(situation: StabilityContext) -> Iterator[Finding]:
         spike = {sigma: _steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12)}
         why = f"opacity {opacity:.3g}; ∂opacity/∂σ at most {max(spike.values()):.2g} for σ = 1e-8 to 1e-12"
         error = abs(opacity / exact - 1.0)
-        yield judged("Q6", name, _whose(rule), error, 1e-6, what="relative error of opacity", why=why)
+        yield check("relative error of opacity", error, high=1e-6, why=why, subject=name, owner=_whose(rule))
         if not rule.of_the_paper:
-            yield judged(
-                "Q6", name, "ours", max(spike.values()), 1.001 * (FAR - NEAR) / BINS,
-                what="largest ∂opacity/∂σ of a sample, at most the length of a bin",
-            )  # fmt: skip
+            yield check(
+                "largest ∂opacity/∂σ of a sample, at most the length of a bin",
+                max(spike.values()),
+                high=1.001 * (FAR - NEAR) / BINS,
+                subject=name,
+            )
     lengths = torch.diff(posts(), dim=-1)
     w, _ = running_product(torch.full_like(lengths, 1e-8), lengths)
     error = abs(float(w.sum()) / exact - 1.0)
-    yield judged("Q6", "running product", "usual", error, 1e-6, what="relative error of opacity")
+    yield check("relative error of opacity", error, high=1e-6, subject="running product", owner="usual")
 
 
 def _steepest(rule: Rule, sigma: float) -> float:
@@ -107,16 +109,24 @@ def nothing(situation: StabilityContext) -> Iterator[Finding]:
         figures["no bins"] = _without_bins(rule)
         worst = max(figures.values(), key=lambda figure: figure if math.isfinite(figure) else math.inf)
         wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
-        yield judged(
-            "Q7", name, _whose(rule), worst, 0.0,
-            what="largest distance from opacity 0, colour = background, depth = far",
+        yield check(
+            "largest distance from opacity 0, colour = background, depth = far",
+            worst,
+            high=0.0,
             why="; ".join(wrong) or f"exact in {len(figures)} situations",
-        )  # fmt: skip
+            subject=name,
+            owner=_whose(rule),
+        )
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()
     disparity = 1.0 / torch.maximum(torch.tensor(1e-10), depth)
-    yield judged("Q7", "disparity 1 / max(1e-10, Σwt/Σw)", "usual", float(disparity), 1.0 / FAR,
-                 what="disparity of an empty ray, whose depth is far")  # fmt: skip
+    yield check(
+        "disparity of an empty ray, whose depth is far",
+        float(disparity),
+        high=1.0 / FAR,
+        subject="disparity 1 / max(1e-10, Σwt/Σw)",
+        owner="usual",
+    )
 
 
 def _void(x: Tensor) -> Tensor:
@@ -147,10 +157,13 @@ def no_interval(situation: StabilityContext) -> Iterator[Finding]:
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
         accepted = [what for what, (near, far) in backwards.items() if not _refused(name, near, far)]
-        yield judged(
-            "Q8", name, "ours", float(len(accepted)), 0.0, what="intervals that the renderer does not refuse",
+        yield check(
+            "intervals that the renderer does not refuse",
+            float(len(accepted)),
+            high=0.0,
             why=", ".join(accepted),
-        )  # fmt: skip
+            subject=name,
+        )
         t, t_edges = rule.place(posts(8), None)
         mixed = t_edges.clone()
         mixed[5] = mixed[5].flip(-1)
@@ -159,24 +172,31 @@ def no_interval(situation: StabilityContext) -> Iterator[Finding]:
             w, _ = rule.weights(torch.ones_like(t), lengths)
             finite = lengths.clamp(max=1.0)
             without = float(rule.weights(torch.ones_like(t), finite)[0][5].sum())
-            yield judged(
-                "Q8", name, "paper", abs(float(w[5].sum())), 0.0,
-                what="opacity of a ray whose distances fall",
+            yield check(
+                "opacity of a ray whose distances fall",
+                abs(float(w[5].sum())),
+                high=0.0,
                 why=f"accepted; {without:.3g} where its last interval is 1 instead of 1e10",
-            )  # fmt: skip
+                subject=name,
+                owner="paper",
+            )
             continue
         try:
             rule(torch.ones_like(t), t, mixed)
             named = "accepted"
         except BadInterval as error:
             named = "" if error.ray == 5 else f"names ray {error.ray}, not 5"
-        yield judged("Q8", name, "ours", float(bool(named)), 0.0, what="unsorted rays accepted or misnamed", why=named)
+        yield check("unsorted rays accepted or misnamed", float(bool(named)), high=0.0, why=named, subject=name)
     falling = -torch.diff(posts(), dim=-1)
     w, _ = running_product(torch.ones_like(falling), falling)
-    yield judged(
-        "Q8", "running product", "usual", abs(float(w.sum())), 0.0, what="|opacity| of a ray whose distances fall",
+    yield check(
+        "|opacity| of a ray whose distances fall",
+        abs(float(w.sum())),
+        high=0.0,
         why=f"opacity {float(w.sum()):.3g}, nothing is said",
-    )  # fmt: skip
+        subject="running product",
+        owner="usual",
+    )
 
 
 def _refused(rule: str, near: float, far: float) -> bool:
@@ -209,13 +229,10 @@ def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
             after = _pixels(rule, sigma, t, t_edges)
             others = torch.arange(rays) != ray
             changed += int((after[others] != before[others]).any(dim=-1).sum())
-        yield judged(
-            "Q9", name, "ours", float(len(unnamed)), 0.0, what="bad samples accepted or misnamed",
-            why="; ".join(unnamed),
-        )  # fmt: skip
-        yield judged(
-            "Q9", name, "ours", float(changed), 0.0, what="other rays with a changed bit, where nobody asks (audit)"
-        )  # fmt: skip
+        yield check(
+            "bad samples accepted or misnamed", float(len(unnamed)), high=0.0, why="; ".join(unnamed), subject=name
+        )
+        yield check("other rays with a changed bit, where nobody asks (audit)", float(changed), high=0.0, subject=name)
     yield _hidden()
 
 
@@ -236,14 +253,14 @@ def _renderer_names(rule: str, wrong: float) -> bool:
     return False
 
 
-def _hidden() -> Outcome:
+def _hidden() -> Check:
     """nan_to_num, as it is found behind weights: the picture is finite, wrong, and nobody is told."""
     lengths = torch.diff(posts(2), dim=-1)
     sigma = torch.ones_like(lengths)
     sigma[1, 7] = math.nan
     w = torch.nan_to_num(running_product(sigma, lengths)[0])
     gap = float((w[1].sum() - w[0].sum()).abs())
-    return judged("Q9", "nan_to_num", "usual", gap, 0.0, what="error of opacity that nobody is told of")
+    return check("error of opacity that nobody is told of", gap, high=0.0, subject="nan_to_num", owner="usual")
 
 
 SAMPLED_BINS = 16
@@ -304,7 +321,7 @@ def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
     del situation
     what = "largest distance outside of the bins with weight, or backwards"
     worst, wrong = _tried("ours")
-    yield judged("Q10", "inverse_cdf", "ours", worst, 0.0, what=what, why="; ".join(wrong[:4]))
+    yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")
     accepted = []
     for bad, error in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
         w = torch.ones(3, SAMPLED_BINS)
@@ -315,16 +332,23 @@ def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
         except (FloatingPointError, ValueError) as raised:
             if not isinstance(raised, error) or "bin 4 on ray 1" not in str(raised):
                 accepted.append(f"{bad}: {raised}")
-    yield judged(
-        "Q10", "inverse_cdf", "ours", float(len(accepted)), 0.0, what="bad weights accepted or misnamed",
+    yield check(
+        "bad weights accepted or misnamed",
+        float(len(accepted)),
+        high=0.0,
         why="; ".join(accepted),
-    )  # fmt: skip
-    yield judged("Q10", "inverse_cdf", "ours", float(_bad_gradients()), 0.0, what="gradients that are not finite")
+        subject="inverse_cdf",
+    )
+    yield check("gradients that are not finite", float(_bad_gradients()), high=0.0, subject="inverse_cdf")
     worst, wrong = _tried("usual")
-    yield judged(
-        "Q10", "weights + 1e-5", "usual", worst, 0.0, what="largest distance outside of the ray, or backwards",
+    yield check(
+        "largest distance outside of the ray, or backwards",
+        worst,
+        high=0.0,
         why=f"{len(wrong)} of {len(_weights())} distributions: {'; '.join(wrong[:3])}" if wrong else "",
-    )  # fmt: skip
+        subject="weights + 1e-5",
+        owner="usual",
+    )
 
 
 def _bad_gradients() -> int:

@@ -12,8 +12,7 @@ from torch import Tensor
 
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Whose, judged
+from harness.records.study import Owner, Series, Table, check
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
     Profile,
@@ -42,7 +41,7 @@ FLOOR = 1e-13
 """An error below is rounding: there is no order in it."""
 ORDER_BAR, STIFF_BAR, LINEAR_BAR = 0.15, 1.1, 1e-4
 SHELL_BAR = 1e-2
-SHELL_KNOWN: dict[str, tuple[float, Whose, str]] = {
+SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
     "trapezoid": (0.06, "ours", "misses 0.01, and is held to a bar of its own: it counts the shell to the bins on both "
                   "sides of its point, and the one in front, which then looks opaque, gets nearly all samples"),
     "left": (SHELL_BAR, "usual", "a property of left ends, as the field usually takes them, that no rule of weights "
@@ -52,7 +51,7 @@ SHELL_KNOWN: dict[str, tuple[float, Whose, str]] = {
 τ = 3 an error of 0.95 is all there is: no bar short of that would hold for left ends."""
 
 
-def _whose(rule: Rule) -> Whose:
+def _whose(rule: Rule) -> Owner:
     return "paper" if rule.of_the_paper else "ours"
 
 
@@ -92,16 +91,22 @@ def orders(situation: StabilityContext) -> Iterator[Finding]:
             gaps += [abs(of_colour - rule.orders.colour)] if of_colour is not None else [math.inf]
             gaps += [abs(of_opacity - rule.orders.opacity)] if of_opacity is not None else []
         if rule.of_the_paper:
-            yield judged(
-                "Q2", name, "paper", min(float(row[2] or 0.0) for row in rows if row[1] == name), 1.0 - ORDER_BAR,
-                sense="at_least", what="smallest fitted order of colour",
+            yield check(
+                "smallest fitted order of colour",
+                min(float(row[2] or 0.0) for row in rows if row[1] == name),
+                low=1.0 - ORDER_BAR,
                 why=f"its last interval of 1e10 leaves an error of e^−τ that no sample removes: {', '.join(said)}",
-            )  # fmt: skip
+                subject=name,
+                owner="paper",
+            )
         else:
-            yield judged(
-                "Q2", name, "ours", max(gaps), ORDER_BAR, what="largest deviation from the declared order",
+            yield check(
+                "largest deviation from the declared order",
+                max(gaps),
+                high=ORDER_BAR,
                 why=f"declared {rule.orders.colour:g} (colour), {rule.orders.opacity:g} (opacity)",
-            )  # fmt: skip
+                subject=name,
+            )
     columns = ["profile", "rule", "order of colour", "declared", "order of opacity", "declared"]
     yield Table("orders", 2, "Fitted orders, 32 to 512 bins (none: exact up to rounding)", columns, rows)
     yield _orders_of_charts(situation)
@@ -225,9 +230,9 @@ def stiff(situation: StabilityContext) -> Iterator[Finding]:
         where = max(errors, key=lambda key: errors[key])
         worst = f"largest error {errors[where]:.2g}: {where[0]}, {where[1]} bins"
         what = "error of colour over h/2 · max|c′|, τ of a bin 15 to 1000"
-        yield judged("Q4", name, _whose(rule), ratio, STIFF_BAR, what=what, why=worst)
+        yield check(what, ratio, high=STIFF_BAR, why=worst, subject=name, owner=_whose(rule))
         if name == "linear":
-            yield judged("Q4", name, "ours", max(errors.values()), LINEAR_BAR, what="largest error of colour")
+            yield check("largest error of colour", max(errors.values()), high=LINEAR_BAR, subject=name)
     shown = [10.0**k for k in np.linspace(-2, 3, 2 if situation.quick else 21)]
     for name in QUADRATURES:
         y = [max(_errors(name, homogeneous(depth * 64), 64)[1], 1e-16) for depth in shown]
@@ -255,11 +260,15 @@ def shell(situation: StabilityContext) -> Iterator[Finding]:
         expected = 1.0 - width * bins * rule.stride
         noise = (expected * (1.0 - expected) / rays) ** 0.5
         share = float(missed.double().mean())
-        yield judged(
-            "Q5", name, _whose(rule), abs(share - expected) / noise, 4.0, unit="standard errors",
-            what="share of rays missed, against 1 − width/spacing",
+        yield check(
+            "share of rays missed, against 1 − width/spacing",
+            abs(share - expected) / noise,
+            high=4.0,
+            unit="standard errors",
             why=f"{share:.1%} of the rays miss it altogether, {expected:.1%} expected, with an error of {truth:.2f}",
-        )  # fmt: skip
+            subject=name,
+            owner=_whose(rule),
+        )
         drawn = inverse_cdf_edges(edges, rule.bin_weights(w, sigma, lengths), fine, None)
         t, edges = rule.place(torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1).values, None)
         again, _ = rule.weights(density(t), rule.lengths(t, edges))
@@ -268,4 +277,4 @@ def shell(situation: StabilityContext) -> Iterator[Finding]:
         why = f"on the rays that missed it: median {float(error[missed].median()):.2g}"
         bar, theirs, known = SHELL_KNOWN.get(name, (SHELL_BAR, _whose(rule), ""))
         why = "; ".join(filter(None, (known, why)))
-        yield judged("Q5", name, theirs, float(error[~missed].max()), bar, what=what, why=why)
+        yield check(what, float(error[~missed].max()), high=bar, why=why, subject=name, owner=theirs)

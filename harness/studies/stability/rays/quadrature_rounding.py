@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from baselines.numerics.quadrature import QUADRATURES
-from harness.records.charts import Series
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, Series, check
 from harness.studies.stability.rays.exact_rays import DIGITS, colour, weights_in_digits
 from harness.studies.stability.stability_context import Finding, StabilityContext
 
@@ -71,12 +70,15 @@ def homogeneous(situation: StabilityContext) -> Iterator[Finding]:
             for k in (exponents if bins < 1000 else [-8, -4, 0, 0.5, 1, 2, 8])
             for error in _errors(QUADRATURES[name].weights, name, 10.0**k, bins, torch.float32)
         )
-        yield judged(
-            "Q1", name, "ours", worst, BAR, what="largest relative error of colour, opacity and transmittance, float32",
+        yield check(
+            "largest relative error of colour, opacity and transmittance, float32",
+            worst,
+            high=BAR,
             why="transmittance relative to max(1, τ), by which rounding τ itself changes it",
-        )  # fmt: skip
+            subject=name,
+        )
         yield _refusal(name)
-    others: list[tuple[str, Whose, Weights]] = [
+    others: list[tuple[str, Owner, Weights]] = [
         ("running product", "usual", running_product),
         ("running sum of 1 − exp", "usual", running_sum),
         ("listing4", "paper", _printed),
@@ -85,10 +87,14 @@ def homogeneous(situation: StabilityContext) -> Iterator[Finding]:
         errors = {k: max(_errors(weights, "midpoint", 10.0**k, 64, torch.float32)) for k in exponents}
         lost = max((k for k, error in errors.items() if error > 0.01), default=None)
         why = "" if lost is None else f"over 1 % wrong up to τ = {10.0**lost:.1g}"
-        yield judged(
-            "Q1", subject, whose, max(errors.values()), BAR, why=why,
-            what="largest relative error of colour, opacity and transmittance, float32, 64 bins",
-        )  # fmt: skip
+        yield check(
+            "largest relative error of colour, opacity and transmittance, float32, 64 bins",
+            max(errors.values()),
+            high=BAR,
+            why=why,
+            subject=subject,
+            owner=whose,
+        )
     yield from _error_against_depth(exponents)
     if not situation.quick:
         yield from _drift()
@@ -127,7 +133,7 @@ def _errors(weights: Weights, rule: str, tau: float, bins: int, dtype: torch.dty
     return found if all(map(math.isfinite, found)) else (math.inf,) * 3
 
 
-def _refusal(name: str) -> Outcome:
+def _refusal(name: str) -> Check:
     """Half precision must raise."""
     accepted = 0
     for dtype in (torch.float16, torch.bfloat16):
@@ -137,7 +143,7 @@ def _refusal(name: str) -> Outcome:
             accepted += 1
         except TypeError:
             pass
-    return judged("Q1", name, "ours", float(accepted), 0.0, what="half precisions that are not refused")
+    return check("half precisions that are not refused", float(accepted), high=0.0, subject=name)
 
 
 def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
@@ -188,15 +194,17 @@ def gradients(situation: StabilityContext) -> Iterator[Finding]:
         for dtype, bar in (("float32", GRADIENT_BAR), ("float64", DOUBLE_BAR)):
             errors = [_gradient_error(weights, name, depth, bins, DTYPES[dtype]) for depth in depths]
             on_ramp = [_gradient_error(weights, name, depth, bins, DTYPES[dtype], RAMP) for depth in depths]
-            yield judged(
-                "Q3", name, "ours", max([*errors, *on_ramp], key=_badness), bar,
-                what=f"error of ∂C/∂σ over its largest entry, {dtype}",
+            yield check(
+                f"error of ∂C/∂σ over its largest entry, {dtype}",
+                max([*errors, *on_ramp], key=_badness),
+                high=bar,
                 why=f"one density {max(errors, key=_badness):.2g}, ramp {max(on_ramp, key=_badness):.2g}",
-            )  # fmt: skip
+                subject=name,
+            )
             if name in ("midpoint", "linear"):
                 yield _gradient_line(f"ours ({name}), {dtype}", depths, errors)
         yield _gradcheck(name)
-    others: list[tuple[str, Whose, Weights]] = [
+    others: list[tuple[str, Owner, Weights]] = [
         ("autograd through expm1", "usual", stock_expm1),
         ("running product", "usual", running_product),
         ("log space", "usual", log_space),
@@ -209,10 +217,14 @@ def gradients(situation: StabilityContext) -> Iterator[Finding]:
         why = f"no digit right at τ of a bin = {', '.join(f'{one:g}' for one in wrong)}" if wrong else ""
         if not math.isfinite(empty):
             why = "; ".join(filter(None, (f"{empty} where one density is 0", why)))
-        yield judged(
-            "Q3", subject, whose, max([*errors, empty], key=_badness), GRADIENT_BAR, why=why,
-            what="error of ∂C/∂σ over its largest entry, float32",
-        )  # fmt: skip
+        yield check(
+            "error of ∂C/∂σ over its largest entry, float32",
+            max([*errors, empty], key=_badness),
+            high=GRADIENT_BAR,
+            why=why,
+            subject=subject,
+            owner=whose,
+        )
         yield _gradient_line(f"{subject}, float32", depths, errors)
 
 
@@ -273,7 +285,7 @@ def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ..
         return [float((seen(i, step) - seen(i, -step)) / (2 * step)) for i in range(len(sigma))]
 
 
-def _gradcheck(name: str) -> Outcome:
+def _gradcheck(name: str) -> Check:
     """Central differences in float64, of random sums of weights and transmittance, as torch's gradcheck takes them."""
     rule = QUADRATURES[name]
     generator = torch.Generator().manual_seed(5)
@@ -290,4 +302,4 @@ def _gradcheck(name: str) -> Outcome:
     step = 1e-5 * torch.eye(t.shape[1], dtype=torch.float64)
     numeric = (seen(sigma.detach() + step) - seen(sigma.detach() - step)) / 2e-5
     worst = float((ours[0] - numeric).abs().max())
-    return judged("Q3", name, "ours", worst, DOUBLE_BAR, what="difference from central differences, float64")
+    return check("difference from central differences, float64", worst, high=DOUBLE_BAR, subject=name)

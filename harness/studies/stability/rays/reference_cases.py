@@ -14,8 +14,7 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 from baselines.rendering import Sampling, render_rays
-from harness.records.charts import Table
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, Table, check
 from harness.studies.stability.stability_context import Finding, StabilityContext
 from scenes.rendering.medium_reference import Differentiated, Estimate, differentiated, tracked
 from scenes.rendering.variant import OLDEST_LLVM, Variant, llvm_libraries, probe
@@ -124,13 +123,15 @@ def _against_tracking(variant: Variant, paths: int) -> Iterator[Finding]:
     columns = ["ray", "rule", "our renderer", "volpath", "standard error", "z"]
     title = f"One ray through three random grids: {FINE_BINS} bins against {estimate.paths} paths, {variant.name}"
     yield Table(f"reference.tracking.{variant.name}", 12, title, columns, rows)
-    yield judged(
-        "R1", f"{variant.name}, noise", "ours", largest_error, LARGEST_ERROR,
-        what="largest standard error of volpath's estimates",
-    )  # fmt: skip
+    yield check(
+        "largest standard error of volpath's estimates",
+        largest_error,
+        high=LARGEST_ERROR,
+        subject=f"{variant.name}, noise",
+    )
     for rule, largest in worst.items():
         what = f"largest |z| against volpath, {variant.name}, three grids × three channels"
-        yield judged("R1", f"{rule}, {variant.name}", _whose(rule), largest, LARGEST_Z, what=what)
+        yield check(what, largest, high=LARGEST_Z, subject=f"{rule}, {variant.name}", owner=_whose(rule))
 
 
 # (2) Dr.Jit on Mitsuba's volumes
@@ -209,7 +210,7 @@ def _against_gridvolume(variant: Variant) -> Iterator[Finding]:
             ("∂σ", d_sigma, SIGMA_BAR, "relative difference of the gradient in σ"),
             ("∂c", d_colour, COLOUR_BAR, "relative difference of the gradient in colour"),
         ):
-            yield judged("R1", f"{rule}, gridvolume {name}", _whose(rule), figure, bar, what=what)
+            yield check(what, figure, high=bar, subject=f"{rule}, gridvolume {name}", owner=_whose(rule))
 
 
 # (3) closed forms
@@ -261,12 +262,12 @@ def _against_closed_forms() -> Iterator[Finding]:
             bar = FIRST_ORDER_BAR
             why = f"misses the {CLOSED_FORM_BAR:g} of the others: of first order, it would need some 1e6 bins"
         what = "largest error of colour and opacity through layers, mpmath"
-        yield judged("R1", f"{rule}, closed form", _whose(rule), max(found), bar, what=what, why=why)
+        yield check(what, max(found), high=bar, why=why, subject=f"{rule}, closed form", owner=_whose(rule))
     title = f"Layers of varying density and colour against their closed form, {FINE_BINS} bins"
     yield Table("reference.closed_form", 12, title, ["rule", "error of colour", "error of opacity"], rows)
 
 
-def _whose(rule: str) -> Whose:
+def _whose(rule: str) -> Owner:
     return "paper" if QUADRATURES[rule].of_the_paper else "ours"
 
 
@@ -288,7 +289,7 @@ def independent(situation: StabilityContext) -> Iterator[Finding]:
     yield from _against_tracking(SCALAR, paths)
     if fast is None:
         for subject in ("midpoint, llvm_ad_rgb", "midpoint, gridvolume"):
-            yield Outcome("R1", subject, "ours", "not_available", why=missing)
+            yield Check("", None, why=missing, subject=subject, status="not_available")
     else:
         yield from _against_tracking(fast, paths)
         yield from _against_gridvolume(fast)

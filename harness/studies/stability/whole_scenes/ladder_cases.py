@@ -16,8 +16,7 @@ from harness.plan.needed import needs_of
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Outcome, Status, judged
+from harness.records.study import Check, Series, Status, Table, check
 from harness.studies.choices.omissions import Omission
 from harness.studies.stability.stability_context import Finding, StabilityContext, whose
 from harness.studies.stability.whole_scenes.scene_truth import (
@@ -150,15 +149,15 @@ def _row(ladder: Ladder, method: str, climbed: list[RungScore]) -> list[str | fl
     return [ladder.name, method, where, why, *(one.share for one in climbed), "; ".join(notes)]
 
 
-def _outcome(ladder: Ladder, found: SceneRun, method: str, climbed: list[RungScore]) -> Outcome:
+def _outcome(ladder: Ladder, found: SceneRun, method: str, climbed: list[RungScore]) -> Check:
     what = f"{ladder.name}: rungs climbed of {len(climbed)}"
     first = found.cells[ladder.scenes[0], method][0]
     if first.status == "not_available":
-        return Outcome(CASE, method, whose(method), "not_available", what=what, why=first.reason or "")
+        return Check(what, None, why=first.reason or "", subject=method, owner=whose(method), status="not_available")
     count = rungs_climbed(climbed)
     why = f"at {ladder.values[count]:g} {ladder.unit} it {climbed[count].broken}" if count < len(climbed) else ""
     least = float(LEAST_RUNGS[ladder.name])
-    return judged(CASE, method, whose(method), float(count), least, sense="at_least", what=what, why=why)
+    return check(what, float(count), low=least, why=why, subject=method, owner=whose(method))
 
 
 SCENES = ("materials", "tiny")
@@ -216,7 +215,7 @@ def _plan(situation: StabilityContext) -> Plan:
     return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None), train=train)
 
 
-def _worst(found: list[Omission]) -> Outcome:
+def _worst(found: list[Omission]) -> Check:
     """Of one part over scenes: what costs more than its bound fails; what is not settled is no pass, nor a failure."""
     costly = [one for one in found if one.verdict == "costs more"]
     open_ = [one for one in found if one.verdict != "within its bound" or one.difference is None]
@@ -230,16 +229,14 @@ def _worst(found: list[Omission]) -> Outcome:
     seconds = [one.seconds_saved for one in found if one.seconds_saved is not None]
     why += [f"shown: {worst.scene}"] if measured else []
     why += [f"{sum(seconds):.1f} s saved ({found[0].clock}) on {len(seconds)} scenes"] if seconds else []
-    return Outcome(
-        "N1",
-        worst.title,
-        "ours",
-        status,
+    return Check(
+        "test PSNR lost by leaving it out" if worst.unit == "dB" else "change of a colour",
         _cost(worst),
-        worst.bound,
+        high=worst.bound,
         unit=worst.unit,
-        what="test PSNR lost by leaving it out" if worst.unit == "dB" else "change of a colour",
         why="; ".join(why),
+        subject=worst.title,
+        status=status,
     )
 
 
@@ -261,15 +258,12 @@ def _uncounted(one: Omission) -> str:
     return f"{one.diverged} of {one.pairs + one.diverged} pairs of cells have no score, as one of them diverged"
 
 
-def _control(one: Omission) -> Outcome:
+def _control(one: Omission) -> Check:
     cost, subject, what = _cost(one), f"control: {one.title}", "what leaving out something needed costs"
     if cost is None:
         why = f"no measurement: {_uncounted(one)}"
-        return Outcome("N1", subject, "ours", "not_available", None, one.bound, "at_least", one.unit, what, why)
-    return judged(
-        "N1", subject, "ours", cost, one.bound, unit=one.unit, sense="at_least", what=what,
-        why="else nothing could fail here",
-    )  # fmt: skip
+        return Check(what, None, low=one.bound, unit=one.unit, why=why, subject=subject, status="not_available")
+    return check(what, cost, low=one.bound, unit=one.unit, why="else nothing could fail here", subject=subject)
 
 
 def _cost(one: Omission) -> float | None:

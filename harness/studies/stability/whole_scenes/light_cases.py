@@ -12,7 +12,7 @@ from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import uniform_edges
 from harness.execution.ground_truth import read_views
 from harness.records.cells import CellRecord
-from harness.records.stability_record import Outcome, Whose, judged
+from harness.records.study import Check, Owner, check
 from harness.studies.stability.stability_context import Finding, StabilityContext
 from harness.studies.stability.whole_scenes.scene_truth import (
     LARGEST_Z,
@@ -55,7 +55,7 @@ def fog(situation: StabilityContext) -> Iterator[Finding]:
     yield scores("S3", "Fog", found)
 
 
-def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Outcome]:
+def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Check]:
     """Rays of a test view through the ball, bins from where they enter to where they leave: 1 − exp(−σ · chord).
 
     Opacity of even fog telescopes, whatever the bins. A colour that grows from 0 to 1 along the chord does not: it is
@@ -71,16 +71,22 @@ def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Outcome]:
         t, t_edges = QUADRATURES[rule].place(uniform_edges(near, far, 64), None)
         w, _ = QUADRATURES[rule](torch.full_like(t, density(tau)), t, t_edges)
         error = np.abs(w.sum(dim=-1).double().numpy() - truth)
-        yield judged(
-            "S3", rule, whose, float((error / np.maximum(truth, 1e-12)).max()), 1e-4,  # type: ignore[arg-type]
-            what=f"{scene}: largest relative error of opacity against 1 − exp(−σ · chord), 64 bins",
-        )  # fmt: skip
+        yield check(
+            f"{scene}: largest relative error of opacity against 1 − exp(−σ · chord), 64 bins",
+            float((error / np.maximum(truth, 1e-12)).max()),
+            high=1e-4,
+            subject=rule,
+            owner=whose,  # type: ignore[arg-type]
+        )
         ramp = (t - near[:, None]) / (far - near)[:, None]
         seen = (w * ramp).sum(dim=-1).double().numpy()
-        yield judged(
-            "S3", rule, whose, float(np.abs(seen - colour).max()), 2e-3,  # type: ignore[arg-type]
-            what=f"{scene}: largest error of a colour that grows from 0 to 1 along the chord, 64 bins",
-        )  # fmt: skip
+        yield check(
+            f"{scene}: largest error of a colour that grows from 0 to 1 along the chord, 64 bins",
+            float(np.abs(seen - colour).max()),
+            high=2e-3,
+            subject=rule,
+            owner=whose,  # type: ignore[arg-type]
+        )
 
 
 def mean_of_ramp(tau: np.ndarray) -> np.ndarray:
@@ -108,17 +114,22 @@ def wires_thinner_than_a_pixel(situation: StabilityContext) -> Iterator[Finding]
     size = views.truth.shape[2]
     for width in WIDTHS:
         centres, area = covered_share(width, size, 1), covered_share(width, size, 0)
-        yield judged(
-            "S4", "one ray a pixel", "usual", abs(centres / area - 1.0), 0.5,
-            what=f"wires {width:g} of a pixel thin: relative error of the covered share of a view",
+        yield check(
+            f"wires {width:g} of a pixel thin: relative error of the covered share of a view",
+            abs(centres / area - 1.0),
+            high=0.5,
             why=f"{centres:.3g} found by rays through pixel centres, {area:.3g} covered",
-        )  # fmt: skip
+            subject="one ray a pixel",
+            owner="usual",
+        )
         z, hits = z_of_thin_wires(width, size)
-        yield judged(
-            "S4", "ground truth", "ours", abs(z), LARGEST_Z,
-            what=f"wires {width:g} of a pixel thin: |z| of the rendered share of a view against the covered area",
+        yield check(
+            f"wires {width:g} of a pixel thin: |z| of the rendered share of a view against the covered area",
+            abs(z),
+            high=LARGEST_Z,
             why=f"{hits:.0f} rays are to hit; if none did, |z| would be {math.sqrt(hits):.1f}",
-        )  # fmt: skip
+            subject="ground truth",
+        )
     every = read_views(found.folder("wires"), situation.plan(PROFILE).views, situation.scratch).test
     blank = float(np.mean([np.mean((over_white(rgba) - 1.0) ** 2) for rgba in every.rgba]))
     yield from each_method(
@@ -178,16 +189,22 @@ def mirror_and_glass(situation: StabilityContext) -> Iterator[Finding]:
         yield from held_to_closed_form("S5", scene, views)
         if scene == "glass_air":
             clear = (views.truth[..., :3] == 1.0).all(-1) & (views.truth[..., 3] == 1.0)
-            yield judged(
-                "S5", "ground truth", "ours", worst_z(views, clear), LARGEST_Z,
-                what="glass of index 1.0: largest |z| against nothing, where nothing is behind it",
-            )  # fmt: skip
+            yield check(
+                "glass of index 1.0: largest |z| against nothing, where nothing is behind it",
+                worst_z(views, clear),
+                high=LARGEST_Z,
+                subject="ground truth",
+            )
         yield from _explained(found, scene, "S5", LEAST_SHARE[scene], situation)
-    yield judged(
-        "S5", "depth of the first surface", "usual", virtual_depth(), 0.1, unit="scene units",
-        what="mirror: median distance from the surface, which is the depth that is scored, to the image in it",
+    yield check(
+        "mirror: median distance from the surface, which is the depth that is scored, to the image in it",
+        virtual_depth(),
+        high=0.1,
+        unit="scene units",
         why="a field without reflection can only put the image behind the mirror, where its depth is scored as wrong",
-    )  # fmt: skip
+        subject="depth of the first surface",
+        owner="usual",
+    )
     yield scores("S5", "Mirror and glass", found)
 
 
@@ -208,7 +225,7 @@ LEAST_SHARE = {"mirror": 0.3, "glass": 0.5, "glass_air": 0.3, "grazing": 0.5}
 0.98, 0.60 to 0.89 and 0.77 to 0.84. Over whole views the silhouette alone would be most of it."""
 
 
-def _explained(found: SceneRun, scene: str, case: str, bar: float, situation: StabilityContext) -> Iterator[Outcome]:
+def _explained(found: SceneRun, scene: str, case: str, bar: float, situation: StabilityContext) -> Iterator[Check]:
     views = read_views(found.folder(scene), situation.plan(PROFILE).views, situation.scratch)
     yield from each_method(
         case, found, scene, lambda cell: share_of_looks(found, cell, views), bar,
@@ -250,25 +267,31 @@ def extreme_light(situation: StabilityContext) -> Iterator[Finding]:
     yield scores("S6", "Extreme light", found)
 
 
-def _hdr(found: SceneRun, views: Views) -> Iterator[Outcome]:
+def _hdr(found: SceneRun, views: Views) -> Iterator[Check]:
     lamp = views.truth[..., 0] > 2 * light.BRIGHTEST
     floor = (views.truth[..., 3] == 1.0) & ~lamp & (views.rendered[..., 0] < 2 * light.BRIGHTEST)
     rendered, truth = (one[floor][:, :3] for one in (views.rendered, views.truth))
-    yield judged(
-        "S6", "ground truth", "ours", float(np.median(np.abs(np.log(np.maximum(rendered, 1e-9) / truth)))), 0.1,
-        what="hdr_emitter: median |ln| of rendered over true radiance, on the floor",
-        why=f"root mean square error in linear light {np.sqrt(np.mean((views.rendered - views.truth) ** 2)):.3g}, of "
+    yield check(
+        "hdr_emitter: median |ln| of rendered over true radiance, on the floor",
+        float(np.median(np.abs(np.log(np.maximum(rendered, 1e-9) / truth)))),
+        high=0.1,
+        why=f"root mean square error in linear light "
+        f"{np.sqrt(np.mean((views.rendered - views.truth) ** 2)):.3g}, of "
         f"a lamp of {light.RATIO * light.BRIGHTEST:.3g}",
-    )  # fmt: skip
+        subject="ground truth",
+    )
     for subject, whose, values in (
         ("loss of display colour", "ours", _display(views.truth)),
         ("loss of linear light", "usual", views.truth[..., :3]),
     ):
         squares = (values - values[floor].mean(axis=0)) ** 2
-        yield judged(
-            "S6", subject, whose, float(squares[lamp].sum() / squares[lamp | floor].sum()), 0.5,  # type: ignore[arg-type]
-            what="hdr_emitter: share of the squared error that the lamp owns, before anything is learnt",
-        )  # fmt: skip
+        yield check(
+            "hdr_emitter: share of the squared error that the lamp owns, before anything is learnt",
+            float(squares[lamp].sum() / squares[lamp | floor].sum()),
+            high=0.5,
+            subject=subject,
+            owner=whose,  # type: ignore[arg-type]
+        )
     yield from each_method(
         "S6", found, "hdr_emitter", lambda cell: _median_change(found, cell, views), LARGEST_MEDIAN_CHANGE,
         "relative change of the floor's median radiance",
@@ -292,7 +315,7 @@ def _median_change(found: SceneRun, cell: CellRecord, views: Views) -> float | N
 THICKNESS = 1e-3
 
 
-def _grazing_chord() -> Iterator[Outcome]:
+def _grazing_chord() -> Iterator[Check]:
     """A slab of THICKNESS, hit at 89.9° from its normal: its chord is 573 times as long."""
     elevation = math.radians(light.ELEVATION)
     azimuth = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
@@ -306,12 +329,15 @@ def _grazing_chord() -> Iterator[Outcome]:
     edges = np.linspace(2.0, 6.0, 65)
     middles = -4.0 * d[:, None] + 0.5 * (edges[1:] + edges[:-1])[None, :, None] * d[:, None]
     sampled = (np.abs(middles[..., 2]) < THICKNESS / 2).sum(axis=1) * (edges[1] - edges[0])
-    measured: list[tuple[str, Whose, np.ndarray]] = [
+    measured: list[tuple[str, Owner, np.ndarray]] = [
         ("ray cut to the box", "ours", (leave - entry).double().numpy()),
         ("64 samples from near to far", "usual", sampled),
     ]
     for subject, whose, found in measured:
-        yield judged(
-            "S6", subject, whose, float(np.abs(found / chord - 1.0).max()), 1e-4,
-            what="relative error of the chord through a slab at 89.9°",
-        )  # fmt: skip
+        yield check(
+            "relative error of the chord through a slab at 89.9°",
+            float(np.abs(found / chord - 1.0).max()),
+            high=1e-4,
+            subject=subject,
+            owner=whose,
+        )

@@ -11,8 +11,7 @@ import numpy as np
 
 from harness.execution.ground_truth import read_views
 from harness.records.cells import CellRecord
-from harness.records.charts import Table
-from harness.records.stability_record import Outcome, judged
+from harness.records.study import Check, Table, check
 from harness.studies.stability.fields.small_training import STEPS, planted_billboard
 from harness.studies.stability.stability_context import Finding, StabilityContext
 from harness.studies.stability.whole_scenes.scene_truth import (
@@ -69,7 +68,7 @@ def nothing_to_see(situation: StabilityContext) -> Iterator[Finding]:
     yield scores("S1", "Nothing to see", found)
 
 
-def _scores_of_the_truth_itself(situation: StabilityContext, found: SceneRun, scene: str) -> Iterator[Outcome]:
+def _scores_of_the_truth_itself(situation: StabilityContext, found: SceneRun, scene: str) -> Iterator[Check]:
     """A view against itself: every score must be a number, or None where it is not defined."""
     split = read_views(found.folder(scene), situation.plan(PROFILE).views, situation.scratch).test
     image, rgba = over_white(split.rgba[0]), split.rgba[0]
@@ -79,10 +78,13 @@ def _scores_of_the_truth_itself(situation: StabilityContext, found: SceneRun, sc
         ("harness", "ours", numbers),
         ("textbook formulas", "usual", list(textbook_scores(image, image).values())),
     ):
-        yield judged(
-            "S1", subject, whose, float(np.count_nonzero(~np.isfinite(values))), 0.0,  # type: ignore[arg-type]
-            what=f"{scene}: scores of a view against itself that are not finite",
-        )  # fmt: skip
+        yield check(
+            f"{scene}: scores of a view against itself that are not finite",
+            float(np.count_nonzero(~np.isfinite(values))),
+            high=0.0,
+            subject=subject,
+            owner=whose,  # type: ignore[arg-type]
+        )
 
 
 def _outside(views: Views) -> np.ndarray:
@@ -114,10 +116,13 @@ def too_close(situation: StabilityContext) -> Iterator[Finding]:
     for scene in ("wall", "inside"):
         views = views_of(found, scene)
         yield from held_to_closed_form("S2", scene, views)
-        yield judged(
-            "S2", "ground truth", "ours", depth_error(views), 1e-3, unit="scene units",
-            what=f"{scene}: largest error of rendered depth",
-        )  # fmt: skip
+        yield check(
+            f"{scene}: largest error of rendered depth",
+            depth_error(views),
+            high=1e-3,
+            unit="scene units",
+            subject="ground truth",
+        )
         yield from each_method(
             "S2", found, scene, above_the_copy, 0.0, "test views above a copy of the nearest training view",
             unit="dB", sense="at_least",
@@ -158,20 +163,22 @@ def best_constant_depth(views: Views) -> float:
     return float(views.true_depth[views.covered].std())
 
 
-def _billboard(situation: StabilityContext) -> Outcome:
+def _billboard(situation: StabilityContext) -> Check:
     """The failure itself, brought about on purpose, must be named."""
     plan = situation.plan(PROFILE)
     result = planted_billboard(
         view_set_of(situation, "black"), plan.views, plan.train, situation.scratch, 4 if situation.quick else STEPS
     )
     named = any(warning.startswith("billboard:") for warning in result.warnings)
-    return judged(
-        "S2", "harness", "ours", float(named), 1.0, sense="at_least",
-        what="fog planted before the cameras is named a billboard",
+    return check(
+        "fog planted before the cameras is named a billboard",
+        float(named),
+        low=1.0,
         why=f"training views {result.train:.1f} dB, test views {result.test:.1f} dB, a copy of the nearest training "
         f"view {result.floor:.1f} dB; median depth {result.depth:.2f}, rays begin at {result.near:g}; the name needs "
         f"a gap of {BILLBOARD_GAP_DB:g} dB, and test views below the copy",
-    )  # fmt: skip
+        subject="harness",
+    )
 
 
 RAW = {
@@ -190,14 +197,14 @@ def scaled(situation: StabilityContext) -> Iterator[Finding]:
     unit = views_beside(view_set_of(situation, "scale_1"), nothing)
     for scene in ("tiny", "huge"):
         views = views_beside(found.folder(scene), nothing)
-        yield judged(
-            "S7", "ground truth", "ours", worst_z(against(views, unit)), LARGEST_Z,
-            what=f"{scene}: largest |z| of red, green, blue and opacity against the scene at unit scale",
-        )  # fmt: skip
-    for name, change in RAW.items():
-        yield judged(
-            "S7", "harness", "ours", float(refused(change)), 1.0, sense="at_least", what=f"as it is refused: {name}"
+        yield check(
+            f"{scene}: largest |z| of red, green, blue and opacity against the scene at unit scale",
+            worst_z(against(views, unit)),
+            high=LARGEST_Z,
+            subject="ground truth",
         )
+    for name, change in RAW.items():
+        yield check(f"as it is refused: {name}", float(refused(change)), low=1.0, subject="harness")
     other = {cell.method: cell for cell in found.of("huge")}
     yield from each_method(
         "S7", found, "tiny", lambda cell: psnr_apart(cell, other.get(cell.method)), LARGEST_APART_DB,

@@ -13,10 +13,9 @@ import numpy as np
 
 from harness.execution.ground_truth import render_view_sets
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
-from harness.records.charts import Table
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import last_of, read_renders
-from harness.records.stability_record import Outcome, Status, judged
+from harness.records.study import Check, Status, Table, check, limits
 from harness.run_folder.integrity import mend
 from harness.studies.stability.stability_context import Finding, StabilityContext, whose
 from scenes.catalog.entries import scene_named
@@ -195,7 +194,7 @@ def _run_of(folder: Path) -> RunRecord | None:
     return None
 
 
-def unscored(case: str, cell: CellRecord, what: str) -> Outcome | None:
+def unscored(case: str, cell: CellRecord, what: str) -> Check | None:
     """What is said of a cell without scores: not available where the method is not, else failed; None of a whole one.
 
     A cell that diverged or failed is a failure of whoever its method belongs to.
@@ -203,8 +202,13 @@ def unscored(case: str, cell: CellRecord, what: str) -> Outcome | None:
     if cell.status == "done":
         return None
     status: Status = "not_available" if cell.status == "not_available" else "fail"
-    return Outcome(
-        case, cell.method, whose(cell.method), status, what=what, why=f"{cell.scene}: {cell.status}, {cell.reason}"
+    return Check(
+        what,
+        None,
+        why=f"{cell.scene}: {cell.status}, {cell.reason}",
+        subject=cell.method,
+        owner=whose(cell.method),
+        status=status,
     )
 
 
@@ -311,16 +315,21 @@ def view_set_of(situation: StabilityContext, scene: str) -> Path:
     return next(event.path for event in render_view_sets((scene,), views, situation.view_sets) if event.path)
 
 
-def held_to_closed_form(case: str, scene: str, views: Views, why: str = "") -> Iterator[Outcome]:
+def held_to_closed_form(case: str, scene: str, views: Views, why: str = "") -> Iterator[Check]:
     """The rendered ground truth against closed form: the means of whole views, and pixel by pixel."""
-    yield judged(
-        case, "ground truth", "ours", worst_z(views), LARGEST_Z,
-        what=f"{scene}: largest |z| of red, green, blue and opacity against closed form", why=why,
-    )  # fmt: skip
-    yield judged(
-        case, "ground truth", "ours", unexplained(views), LARGEST_EXCESS,
-        what=f"{scene}: mean square difference of pixels over what noise explains",
-    )  # fmt: skip
+    yield check(
+        f"{scene}: largest |z| of red, green, blue and opacity against closed form",
+        worst_z(views),
+        high=LARGEST_Z,
+        why=why,
+        subject="ground truth",
+    )
+    yield check(
+        f"{scene}: mean square difference of pixels over what noise explains",
+        unexplained(views),
+        high=LARGEST_EXCESS,
+        subject="ground truth",
+    )
 
 
 def each_method(
@@ -332,7 +341,7 @@ def each_method(
     what: str,
     unit: str = "",
     sense: Literal["at_most", "at_least"] = "at_most",
-) -> Iterator[Outcome]:
+) -> Iterator[Check]:
     """`figure` of every cell of the scene against `bar`; None where the cell has none, which is said.
 
     A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at all comes close to many a
@@ -344,22 +353,36 @@ def each_method(
         if missing:
             yield missing
         elif value is None:
-            yield Outcome(
-                case, cell.method, whose(cell.method), "not_applicable", what=f"{scene}: {what}",
+            yield Check(
+                f"{scene}: {what}",
+                None,
                 why="its record holds no such score",
-            )  # fmt: skip
+                subject=cell.method,
+                owner=whose(cell.method),
+                status="not_applicable",
+            )
         elif learnt_nothing(found, cell):
-            yield Outcome(
-                case, cell.method, whose(cell.method), "not_applicable",
-                value if isfinite(value) else None, bar, sense, unit, f"{scene}: {what}",
-                f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge",
-            )  # fmt: skip
+            yield Check(
+                f"{scene}: {what}",
+                value if isfinite(value) else None,
+                *limits(bar, sense),
+                unit=unit,
+                why=f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge",
+                subject=cell.method,
+                owner=whose(cell.method),
+                status="not_applicable",
+            )
         else:
             why = "; ".join(cell.warnings)
-            yield judged(
-                case, cell.method, whose(cell.method), value, bar,
-                what=f"{scene}: {what}", unit=unit, sense=sense, why=why,
-            )  # fmt: skip
+            yield check(
+                f"{scene}: {what}",
+                value,
+                *limits(bar, sense),
+                unit=unit,
+                why=why,
+                subject=cell.method,
+                owner=whose(cell.method),
+            )
 
 
 def scores(case: str, title: str, found: SceneRun) -> Finding:

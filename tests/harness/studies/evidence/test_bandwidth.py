@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS as BASES
 from baselines.composition import encoding_bands
 from harness.records.cells import CellRecord
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.bandwidth import BASE, DECISIVE, LADDER_DESIGN, REACH, answer, bandwidth
 from harness.studies.evidence.contrasts import Design, Term, contrast_effects
 from harness.studies.evidence.evidence_context import LADDERS, TRAININGS, Finding
@@ -192,8 +192,8 @@ def test_one_case_of_many_is_said_to_be_one_with_its_size(found: list[Finding]) 
     effects = [one for one in found if isinstance(one, Effect) and (one.metric, one.budget) == ("psnr", "steps")]
     here = [one for one in effects if "from step" not in one.name]
     case = next(one for one in here if one.name.startswith(f"{REACH} at") and one.scene != "all")
-    nothing = [replace(one, verdict="inconclusive") for one in here if one is not case]
-    said = answer([replace(case, verdict="better", difference=0.8), *nothing])
+    nothing = [structs.replace(one, verdict="inconclusive") for one in here if one is not case]
+    said = answer([structs.replace(case, verdict="better", difference=0.8), *nothing])
     assert "a shorter reach raises PSNR in 1 of 6 cases (+0.80 dB); at the same reach no difference" in said
 
 

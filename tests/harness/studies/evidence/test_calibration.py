@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import nct
 
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import Check
+from harness.records.study import Check, Series, Table
 from harness.studies.evidence import calibration as study
 from harness.studies.evidence.calibration import ELSEWHERE, HERE, ONE_SCENE, POWER, calibration, checks, simulated
 from harness.verdicts import nested
@@ -51,14 +50,14 @@ def test_intervals_of_a_third_of_their_width_are_seen(scaled: Callable[[float], 
     scaled(0.3)
     found = few_kinds()
     assert len(failed(found)) == 6
-    assert all(one.figure is not None and one.figure < 0.8 for one in found if "intervals" in one.what)
+    assert all(one.value is not None and one.value < 0.8 for one in found if "intervals" in one.what)
 
 
 def test_intervals_of_three_times_their_width_are_seen(scaled: Callable[[float], None]) -> None:
     scaled(3.0)
     found = few_kinds()
     assert len(failed(found)) == 8, "coverage of all three from above, and the power that is lost"
-    assert all(one.figure is not None and one.figure > 0.98 for one in found if "intervals" in one.what)
+    assert all(one.value is not None and one.value > 0.98 for one in found if "intervals" in one.what)
 
 
 def test_many_at_once_are_what_one_is() -> None:

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.records.charts import Table
-from harness.records.evidence_record import Check
+from harness.records.study import Check, Table
 from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judged, limited, noise_rows
 from scenes.files.errors import InputError
 
@@ -43,7 +42,7 @@ def test_equal_noise_agrees() -> None:
     mean, worst, _ = checks(found())
     assert mean.holds
     assert worst.holds
-    assert worst.figure == 0.0
+    assert worst.value == 0.0
     sentence = next(iter(judged(found())))
     assert isinstance(sentence, str)
     assert sentence.startswith("8 of 8 ceilings lie within 0.1 dB")
@@ -53,7 +52,7 @@ def test_equal_noise_agrees() -> None:
 def test_a_wrong_factor_is_caught(factor: float) -> None:
     """5 % is 0.21 dB, and the eight scenes together show it to 0.01 dB."""
     mean, worst, _ = checks(found(factor=factor))
-    assert mean.figure == pytest.approx(10 * np.log10(factor), abs=0.05)
+    assert mean.value == pytest.approx(10 * np.log10(factor), abs=0.05)
     assert not mean.holds
     assert not worst.holds
 
@@ -72,7 +71,7 @@ def test_a_scene_whose_views_differ_too_much_to_tell_is_not_called_wrong() -> No
     assert worst.holds
     # … but that this says nothing is seen
     assert not error.holds
-    assert error.figure == wide.error
+    assert error.value == wide.error
     assert error.why.startswith("mic; with a larger one 0.1 dB would not be told")
 
 
@@ -80,17 +79,17 @@ def test_standard_errors_that_resolve_the_tolerance_hold_and_the_widest_pass_is_
     """Two logarithms of ±2 % each: 10 / ln 10 · 0.02 · √2 / √15 = 0.032 dB, and with all eight scenes' quantile."""
     _, worst, error = checks(found())
     assert error.holds
-    assert error.figure == pytest.approx(0.032, rel=0.5)
-    assert error.figure is not None
+    assert error.value == pytest.approx(0.032, rel=0.5)
+    assert error.value is not None
     assert worst.high is not None
-    assert f"{TOLERANCE_DB + worst.high * error.figure:.2f} dB where they are largest" in worst.why
+    assert f"{TOLERANCE_DB + worst.high * error.value:.2f} dB where they are largest" in worst.why
 
 
 def test_one_view_has_no_error_and_no_verdict() -> None:
     single = agreement("lego", [1e-4], [2e-4], [1e-4])
     assert (single.error, single.excess()) == (None, None)
     for one in checks([single, *found(2)])[1:]:
-        assert (one.figure, one.holds) == (None, False)
+        assert (one.value, one.holds) == (None, False)
 
 
 def test_the_table_has_every_scene() -> None:

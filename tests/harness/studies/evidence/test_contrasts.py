@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from harness.records.evidence_record import Effect
+from harness.records.study import Effect
 from harness.studies.evidence.contrasts import (
     Design,
     common_steps,

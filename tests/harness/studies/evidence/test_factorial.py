@@ -9,14 +9,16 @@ from baselines.catalog import CATALOG
 from baselines.methods.ablations import PARTS_OF_QNERF
 from baselines.methods.nerf import NERF
 from harness.records.cells import CellRecord
-from harness.records.charts import Series, Table
-from harness.records.evidence_record import (
+from harness.records.study import (
+    Answer,
     Effect,
-    EvidenceRecord,
+    Series,
+    Studies,
     StudyInfo,
     StudyRecord,
-    read_evidence,
-    write_evidence,
+    Table,
+    read_studies,
+    write_studies,
 )
 from harness.studies.evidence.contrasts import Term
 from harness.studies.evidence.evidence_context import READINGS, TRAININGS, Finding
@@ -186,15 +188,10 @@ def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Pa
     one = effect(found, "amplifier (Listing 2)")
     assert (one.difference, one.verdict, one.unpaired) == (None, "inconclusive", 9)
     assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
-    record = StudyRecord(
-        StudyInfo("factorial", "t", "q?", "m"),
-        findings=sentences(iter(found)),
-        effects=[one for one in found if isinstance(one, Effect)],
-        series=[one for one in found if isinstance(one, Series)],
-        tables=[one for one in found if isinstance(one, Table)],
-    )
-    write_evidence(tmp_path / "evidence.json", EvidenceRecord({}, {}, [record]))
-    assert read_evidence(tmp_path / "evidence.json").studies == [record]
+    written = [Answer(one) if isinstance(one, str) else one for one in found]
+    record = StudyRecord(StudyInfo("factorial", "t", "q?", "m"), findings=written)
+    write_studies(tmp_path / "evidence.json", Studies("evidence", {}, {}, [record]))
+    assert read_studies(tmp_path / "evidence.json").studies == [record]
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from harness.plan.profiles import PROFILES
-from harness.records.charts import Table
-from harness.records.evidence_record import Check
+from harness.records.study import Check, Table
 from harness.studies.evidence.ground_truth_work import TEST_SPP, Noise, charts, noise_of, room, sentences, tabled
 
 SPP = [1, 4, 16, 64, 256]
@@ -69,7 +68,7 @@ def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> Non
     found = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
     (check,) = (one for one in sentences(found, "") if isinstance(one, Check))
     assert check.holds == holds
-    assert check.figure == pytest.approx(max(-0.5, -power / 2))
+    assert check.value == pytest.approx(max(-0.5, -power / 2))
 
 
 def test_without_any_clear_error_nothing_is_claimed() -> None:

@@ -9,7 +9,7 @@ import pytest
 from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, LeftOut
-from harness.records.evidence_record import Check, Effect
+from harness.records.study import Check, Effect, check
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import TRAININGS, StudyRun
 from harness.studies.evidence.positive_controls import CONTROLS, ORIGINAL, TIMES, positive_controls
@@ -104,7 +104,7 @@ def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
     assert any(isinstance(one, str) and "No view direction is needed on lego" in one for one in found)
     none = list(positive_controls(situation(LOSSES, without=SCENES)))
     missing = [one for one in checks(none) if "view direction" in one.what]
-    assert [(one.figure, one.holds) for one in missing] == [(None, False)] * 2
+    assert [(one.value, one.holds) for one in missing] == [(None, False)] * 2
     assert any(isinstance(one, str) and "not applicable" in one for one in none)
 
 
@@ -112,7 +112,7 @@ def test_a_lost_run_keeps_the_loss_from_being_found() -> None:
     quarter = [diverged(scene, "nerf", seed) for scene in SCENES for seed in range(3)]
     found = checks(list(positive_controls(situation(LOSSES, quarter_images=quarter))))
     lost = [one for one in found if "quarter" in one.what]
-    assert [(one.figure, one.holds) for one in lost] == [(0.0, False), (None, False)]
+    assert [(one.value, one.holds) for one in lost] == [(0.0, False), (None, False)]
 
 
 def test_the_plausible_range_is_the_declared_one() -> None:
@@ -121,7 +121,7 @@ def test_the_plausible_range_is_the_declared_one() -> None:
     found = checks(list(positive_controls(situation(LOSSES))))
     sizes = [(one.low, one.high) for one in found if "difference in PSNR" in one.what]
     assert sizes == [(pytest.approx(TIMES * (one.original - ORIGINAL)), -0.2) for one in CONTROLS]
-    assert replace(found[0], figure=0.0).holds is False
+    assert check(found[0].what, 0.0, found[0].low, found[0].high).holds is False
 
 
 def test_it_is_said_that_the_design_was_changed_after_results() -> None:

@@ -14,8 +14,7 @@ from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from harness.execution.progress import Quiet
 from harness.plan.profiles import PROFILES, Machine
-from harness.records.charts import Table
-from harness.records.evidence_record import Check
+from harness.records.study import Check, Table
 from harness.studies.evidence import rendering_work as study
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.evidence.rendering_work import (
@@ -205,7 +204,7 @@ def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: 
     assert isinstance(found[0], str)
     assert "8 × 8 rays of a test view of lego (nerf, a test)" in found[0]
     (check,) = (one for one in found if isinstance(one, Check))
-    assert check.figure is not None
-    assert 0.0 < check.figure < 1e-3
+    assert check.value is not None
+    assert 0.0 < check.value < 1e-3
     (table,) = (one for one in found if isinstance(one, Table))
     assert len(table.rows) == len(QUADRATURES) * len(SAMPLERS)

@@ -9,8 +9,7 @@ import pytest
 
 from baselines.numerics.encoding import PHI
 from harness.records.cells import CellRecord
-from harness.records.charts import Table
-from harness.records.evidence_record import Check, Effect
+from harness.records.study import Check, Effect, Table
 from harness.studies.choices.repair_search import read_search
 from harness.studies.evidence import repaired as study_module
 from harness.studies.evidence.contrasts import told
@@ -166,7 +165,7 @@ def test_a_choice_that_is_not_the_search_s_is_found(study: Study, monkeypatch: p
     monkeypatch.setattr(study_module, "read_search", lambda: replace(found, rows=rows, chosen=other))
     failed = {name: one for name, one in checks(study(cells_of(0.5))).items() if not one.holds}
     assert set(failed) == {"methods that", "scenes and"}
-    assert failed["scenes and"].figure == 2.0
+    assert failed["scenes and"].value == 2.0
 
 
 def test_the_table_of_the_search_holds_what_was_measured(study: Study) -> None:

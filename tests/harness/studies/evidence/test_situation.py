@@ -1,7 +1,7 @@
 """What is trained again and what is not, and what is said of cells of another commit; nothing is trained here."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,16 +21,18 @@ from harness.records.cells import (
     write_cell,
     write_run,
 )
-from harness.records.evidence_record import EVIDENCE_FILE, EvidenceRecord, StudyRecord, read_evidence, write_evidence
 from harness.records.json_record import DamagedRecord
+from harness.records.study import SHELVES, Answer, Studies, StudyRecord, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED
-from harness.studies.evidence import evidence_run as study_runner
+from harness.studies.evidence import evidence_context as study_runner
 from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
-from harness.studies.evidence.evidence_run import STUDIES, Study
+from harness.studies.evidence.evidence_studies import STUDIES
+from harness.studies.framework import Found, Shelf
 from tests.harness.cells import cell, checkpoint
 
 TRAINING = "no_encoding"
 HERE = "0123456789ab"
+EVIDENCE_FILE = SHELVES["evidence"]
 
 
 def a_run(plan: Plan, finished: bool = True) -> RunRecord:
@@ -129,23 +131,26 @@ def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Call
     assert TRAINING in STUDIES[NAMES[0]].trainings
     interest = {name: one.smallest_of_interest for name, one in study_runner.METRICS.items()}
     settings = {"quick": True, "device": "cpu", "smallest_of_interest": interest}
-    studies = [StudyRecord(STUDIES[name].info, "as it was") for name in NAMES]
-    write_evidence(situation.out / EVIDENCE_FILE, EvidenceRecord({}, settings, studies, finished=True))
+    studies = [StudyRecord(STUDIES[name].info, findings=[Answer("as it was")]) for name in NAMES]
+    write_studies(situation.out / EVIDENCE_FILE, Studies("evidence", {}, settings, studies, finished=True))
     monkeypatch.setattr(study_runner, "multiplies_bfloat16", lambda device: True)
 
     def go_on(asked: list[str] = NAMES, stopped: bool = False) -> tuple[list[str], str]:
         done: list[str] = []
         told = Told()
 
-        def measured(study: Study, here: EvidenceContext) -> StudyRecord:
-            done.append(study.info.id)
-            for name in set(study.trainings) & {TRAINING}:
-                here.trained(name)
-            if stopped:
-                raise KeyboardInterrupt
-            return StudyRecord(study.info, "as it was")
+        def measure_of(shelf: Shelf, name: str) -> Callable[[EvidenceContext], Iterator[Found]]:
+            def measure(here: EvidenceContext) -> Iterator[Found]:
+                done.append(name)
+                for training in set(shelf.studies[name].trainings) & {TRAINING}:
+                    here.trained(training)
+                if stopped:
+                    raise KeyboardInterrupt
+                yield "as it was"
 
-        monkeypatch.setattr(study_runner, "measured", measured)
+            return measure
+
+        monkeypatch.setattr(Shelf, "measure_of", measure_of)
         machine = Machine("cpu", 1, 1)
         study_runner.run(asked, situation.out, situation.view_sets, machine, quick=True, resume=True, show=told)
         return done, "\n".join(told.lines)
@@ -173,10 +178,10 @@ def test_figures_of_other_cells_do_not_outlive_a_stop_before_they_are_measured_a
     with pytest.raises(KeyboardInterrupt, match="1 of 2 studies are kept"):
         resumed(stopped=True)
     assert len(runs) == 1, "the training is whole by now"
-    record = read_evidence(situation.out / EVIDENCE_FILE)
+    record = read_studies(situation.out / EVIDENCE_FILE)
     assert ([one.info.id for one in record.studies], record.finished) == (NAMES[1:], False)
     assert resumed()[0] == NAMES[:1]
-    assert [one.info.id for one in read_evidence(situation.out / EVIDENCE_FILE).studies] == NAMES
+    assert [one.info.id for one in read_studies(situation.out / EVIDENCE_FILE).studies] == NAMES
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -189,7 +194,7 @@ def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training
     done, said = resumed(NAMES[1:])
     assert (done, len(runs)) == (NAMES[1:], 1) if shared else ([], 0)
     assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be gone on with" in said) == shared
-    kept = [one.info.id for one in read_evidence(situation.out / EVIDENCE_FILE).studies]
+    kept = [one.info.id for one in read_studies(situation.out / EVIDENCE_FILE).studies]
     assert kept == (NAMES[1:] if shared else NAMES)
 
 
@@ -206,8 +211,8 @@ def test_studies_whose_record_is_lost_are_done_again_from_trainings_that_are_who
     assert f"{EVIDENCE_FILE}: {'missing' if how == 'missing' else ''}" in said
     assert "everything in it is measured again" in said
     assert runs == [], "nothing is trained again"
-    record = read_evidence(file)
-    assert [(one.info.id, one.scale) for one in record.studies] == [(name, "as it was") for name in NAMES]
+    record = read_studies(file)
+    assert [(one.info.id, one.answers) for one in record.studies] == [(name, ["as it was"]) for name in NAMES]
     if how != "missing":
         assert (situation.out / DAMAGED / f"{EVIDENCE_FILE}.1").read_bytes() == spoilt
 

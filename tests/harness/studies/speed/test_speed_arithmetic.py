@@ -13,10 +13,10 @@ from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import by_autograd, by_product, largest_error
-from harness.studies.speed.matrix_rate import products, step_flops
 from harness.studies.speed.memory import family_of, proportional_bytes
 from harness.studies.speed.memory_worker import memory_of
 from harness.studies.speed.speed_context import interleaved
+from harness.studies.speed.throughput import products, step_flops
 from harness.studies.speed.time_to_target import PsnrCurve, Target, reached, targets_of
 from tests.harness.tiny import rays_and_colours
 

@@ -1,17 +1,13 @@
-"""`python -m harness speed`: options, the folder, going on after a stop, and all of it at sizes that mean nothing."""
+"""`python -m harness speed`: its own options, and every question at sizes that mean nothing."""
 
 import json
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from harness.__main__ import main
-from harness.records.charts import Series, Table
-from harness.records.speed_record import QUESTIONS, Measurement, read_speed
-from harness.studies.speed import speed_run
-from harness.studies.speed.speed_context import measured
+from harness.records.study import Check, read_studies
 from tests.harness import shell
 from tests.test_architecture import heavy_imports_of, run_module
 
@@ -21,12 +17,10 @@ refused = partial(shell.refused, command="speed")
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--items 0", "--items 0: choose from 1 2 3"),
-        ("--items 1 12 13", "--items 12 13"),
+        ("--items 0", "--studies: unknown '0'; known: 1 2 3"),
         ("--plain-seconds 0", "--plain-seconds 0: must lie between"),
         ("--plain-seconds nan", "--plain-seconds nan"),
         ("--plain-seconds 1e9", "--plain-seconds 1e+09"),
-        ("--resume", "--resume: name the folder"),
     ],
 )
 def test_bad_options_are_said_in_one_line(
@@ -37,102 +31,14 @@ def test_bad_options_are_said_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_in_use_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    assert "is in use" in refused(capsys, "--quiet", "--out", tmp_path)
-    assert "is a file" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt")
-    assert "cannot be written" in refused(capsys, "--quiet", "--out", tmp_path / "mine.txt" / "run")
-    assert "holds no speed.json" in refused(capsys, "--quiet", "--out", tmp_path, "--resume")
-    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
-
-
-class Script:
-    """Questions that answer at once, and stop the run where they are told to."""
-
-    def __init__(self, stop_in: int | None) -> None:
-        self.stop_in = stop_in
-        self.asked: list[int] = []
-
-    def question(self, item: int) -> Iterator[speed_run.Finding]:
-        self.asked.append(item)
-        yield measured(f"q{item}.ratio", item, "ratio", [float(item)], "×")
-        if item == self.stop_in:
-            raise KeyboardInterrupt
-        yield Series("panel", item, "line", "x", "y", [1.0], [2.0])
-        yield Table(f"q{item}", item, "table", ["a"], [["b"]])
-
-
-def scripted(monkeypatch: pytest.MonkeyPatch, stop_in: int | None = None) -> Script:
-    script = Script(stop_in)
-    measures = {item: lambda situation, item=item: script.question(item) for item in QUESTIONS}
-    monkeypatch.setattr(speed_run, "MEASURES", measures)
-    return script
-
-
-def ids(out: Path) -> list[str]:
-    return [one.id for one in read_speed(out / "speed.json").measurements]
-
-
-def test_a_stopped_run_keeps_what_it_has_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "speed"
-    options = ["speed", "--quick", "--quiet", "--items", "5", "2", "6", "--out", str(out)]
-    first = scripted(monkeypatch, stop_in=5)
-    assert main(options) == 130
-    assert first.asked == [2, 5]
-    record = read_speed(out / "speed.json")
-    assert ids(out) == ["q2.ratio", "q5.ratio"]
-    assert set(record.seconds) == {"2", "total"}, "5 was not finished"
-    assert record.settings["quick"] is True
-    assert [file.name for file in out.iterdir()] == ["speed.json"]
-
-    second = scripted(monkeypatch)
-    assert main([*options, "--resume"]) == 0
-    assert second.asked == [5, 6]
-    record = read_speed(out / "speed.json")
-    assert ids(out) == ["q2.ratio", "q5.ratio", "q6.ratio"], "5 is there once"
-    assert [one.item for one in record.series] == [one.item for one in record.tables] == [2, 5, 6]
-    assert set(record.seconds) == {"2", "5", "6", "total"}
-    assert record.seconds["total"] == pytest.approx(sum(record.seconds[item] for item in "256"))
-
-
-def test_a_damaged_record_is_named_moved_aside_and_measured_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "speed"
-    options = ["speed", "--quick", "--items", "2", "--out", str(out)]
-    scripted(monkeypatch)
+def answers(out: Path, *items: int) -> dict[str, Check]:
+    options = ["speed", "--quick", "--quiet", "--studies", *map(str, items), "--out", str(out)]
     assert main(options) == 0
-    data = bytearray((out / "speed.json").read_bytes())
-    data[len(data) // 2] ^= 1
-    (out / "speed.json").write_bytes(data)
-    second = scripted(monkeypatch)
-    capsys.readouterr()
-    assert main([*options, "--resume"]) == 0
-    assert "speed.json: " in capsys.readouterr().out
-    assert second.asked == [2]
-    assert ids(out) == ["q2.ratio"]
-    assert (out / "damaged" / "speed.json.1").read_bytes() == data
-
-
-def test_other_options_are_not_gone_on_with(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted(monkeypatch)
-    assert main(["speed", "--quick", "--quiet", "--items", "1", "--out", str(tmp_path / "a")]) == 0
-    said = refused(capsys, "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "a")
-    assert "other options" in said
-    assert ids(tmp_path / "a") == ["q1.ratio"]
-
-
-def answers(out: Path, *items: int) -> dict[str, Measurement]:
-    options = ["speed", "--quick", "--quiet", "--items", *map(str, items), "--out", str(out)]
-    assert main(options) == 0
-    record = read_speed(out / "speed.json")
-    assert set(record.seconds) == {*map(str, items), "total"}
-    found = {one.id: one for one in record.measurements}
-    assert len(found) == len(record.measurements), "ids are there once"
-    assert {one.item for one in record.measurements} == set(items)
-    assert all(one.value is not None or one.detail for one in found.values())
+    record = read_studies(out / "speed.json")
+    assert [one.info.id for one in record.studies] == [str(item) for item in items]
+    found = {one.id: one for _, one in record.checks()}
+    assert len(found) == len(list(record.checks())), "ids are there once"
+    assert all(one.value is not None or one.why for one in found.values())
     json.dumps(json.loads((out / "speed.json").read_text()), allow_nan=False)
     assert [file.name for file in out.iterdir()] == ["speed.json"], "nothing is left behind"
     return found
@@ -156,12 +62,13 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
         "accelerations.none.view.ratio",
     ):
         assert id in found
-    record = read_speed(tmp_path / "speed" / "speed.json")
-    assert {one.panel for one in record.series} == {
+    record = read_studies(tmp_path / "speed" / "speed.json")
+    assert {one.panel for study in record.studies for one in study.series} == {
         f"PSNR against training seconds, {scene}" for scene in ("lego", "hotdog", "drums")
     }
-    assert [one.id for one in record.tables] == ["machine.products", "accelerations.profile"]
-    shares = [row[1] for row in record.tables[1].rows]
+    products, profile = (one for study in record.studies for one in study.tables)
+    assert [products.id, profile.id] == ["machine.products", "accelerations.profile"]
+    shares = [row[1] for row in profile.rows]
     assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from baselines.contract import Rays
 from harness.execution.progress import Quiet
-from harness.records.speed_record import Measurement
+from harness.records.study import Check
 from harness.studies.speed import speed_context as where
 from harness.studies.speed import time_to_target as contest
 from harness.studies.speed.speed_context import SpeedContext
@@ -71,7 +71,7 @@ def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
     assert follow(Scripted(shows_nan=True), black(), [2.0], lambda curve: False).ended != ""
 
 
-def ratio(here: SpeedContext, curves: list[PsnrCurve], share: float = 1.0, floor: float | None = None) -> Measurement:
+def ratio(here: SpeedContext, curves: list[PsnrCurve], share: float = 1.0, floor: float | None = None) -> Check:
     return contest._ratio(here, "lego", "same", Target(share, 20.0, 60.0), curves, floor)
 
 
@@ -80,8 +80,8 @@ def test_the_ratio_is_plain_seconds_over_seconds() -> None:
         return PsnrCurve([seconds, seconds + 1.0], [20.0, 21.0])
 
     found = ratio(SpeedContext(CPU, 1, True, 1.0, Path(), Path(), Quiet()), [curve(2.0), curve(3.0), curve(6.0)])
-    assert (found.id, found.value, found.low, found.high) == ("target.same.lego", 20.0, 10.0, 30.0)
-    assert found.target is not None
+    assert (found.id, found.value, found.spread) == ("target.same.lego", 20.0, (10.0, 30.0))
+    assert found.limit is not None
 
 
 def test_one_that_is_late_has_no_ratio_and_says_its_best(here: SpeedContext) -> None:
@@ -90,16 +90,16 @@ def test_one_that_is_late_has_no_ratio_and_says_its_best(here: SpeedContext) -> 
         PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss"),
     )
     found = ratio(here, [good, late], share=0.5)
-    assert (found.id, found.value, found.target) == ("target.same.lego.at50", None, None)
+    assert (found.id, found.value, found.limit) == ("target.same.lego.at50", None, None)
     for said in ("1 of 2", "19.50 dB", "not finite at step 3"):
-        assert said in found.detail
+        assert said in found.why
     assert ratio(here, [PsnrCurve()]).value is None
 
 
 def test_what_is_shown_without_training_is_no_target(here: SpeedContext) -> None:
     found = ratio(here, [PsnrCurve([1.0, 2.0], [20.0, 21.0], before=20.0)])
     assert found.value is None
-    assert "without any training" in found.detail
+    assert "without any training" in found.why
     assert ratio(here, [PsnrCurve([1.0, 2.0], [20.0, 21.0], before=19.9)]).value == 60.0
 
 

@@ -6,23 +6,22 @@ import pytest
 import torch
 
 from harness.execution.progress import Quiet
-from harness.records.stability_record import Outcome
+from harness.records.study import Check
 from harness.studies.stability.rays import camera_cases
 from harness.studies.stability.stability_context import StabilityContext
 
 
-def outcomes(scratch: Path) -> list[Outcome]:
+def outcomes(scratch: Path) -> list[Check]:
     situation = StabilityContext((), scratch, scratch, scratch, 1, True, Quiet())
     found = list(camera_cases.cameras(situation))
-    assert all(isinstance(one, Outcome) for one in found)
+    assert all(isinstance(one, Check) for one in found)
     return found  # type: ignore[return-value]
 
 
 def test_ours_hold_and_the_dangers_are_real(tmp_path: Path) -> None:
     found = outcomes(tmp_path)
-    assert {one.case for one in found} == {"C1"}
-    assert [one.status for one in found if one.whose == "ours"] == ["pass"] * 6
-    assert [one.status for one in found if one.whose == "usual"] == ["fail"] * 3
+    assert [one.status for one in found if one.owner == "ours"] == ["pass"] * 6
+    assert [one.status for one in found if one.owner == "usual"] == ["fail"] * 3
     mitsuba = next(one for one in found if one.subject == "Mitsuba alone")
     assert "origin on target" in mitsuba.why
     assert "NaN" in mitsuba.why
@@ -30,15 +29,15 @@ def test_ours_hold_and_the_dangers_are_real(tmp_path: Path) -> None:
 
 def test_a_check_that_is_gone_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_cases, "check_poses", lambda poses, names: None)
-    broken = [one for one in outcomes(tmp_path) if one.broke]
+    broken = [one for one in outcomes(tmp_path) if one.is_broken]
     assert len(broken) == 1
-    assert broken[0].figure == 7
+    assert broken[0].value == 7
     assert "pose: mirrored" in broken[0].why
 
 
 def test_a_careless_slab_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_cases, "ray_box", camera_cases.naive_slab)
-    assert next(one.what for one in outcomes(tmp_path) if one.broke).startswith("axis-parallel rays")
+    assert next(one.what for one in outcomes(tmp_path) if one.is_broken).startswith("axis-parallel rays")
 
 
 def test_the_exact_interval_is_by_cases() -> None:

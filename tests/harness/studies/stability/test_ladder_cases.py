@@ -115,13 +115,13 @@ def test_the_first_broken_rung_is_the_one_that_counts() -> None:
 def test_what_is_ours_must_climb_the_first_rung(method: str, first: RungScore, status: str, broke: bool) -> None:
     found = left_behind(Path(), cell("frequency_1", method, 0, []))
     outcome = _outcome(FREQUENCY, found, method, [first, *[RungScore(0.1, "explains 10%")] * 4])
-    assert (outcome.status, outcome.broke) == (status, broke)
+    assert (outcome.status, outcome.is_broken) == (status, broke)
 
 
 def test_a_method_that_is_not_available_is_no_failure() -> None:
     missing = cell("frequency_1", "nerf", 0, [], status="not_available", reason="no LLVM")
     outcome = _outcome(FREQUENCY, left_behind(Path(), missing), "nerf", [RungScore(None, "not_available: no LLVM")] * 5)
-    assert (outcome.status, outcome.why, outcome.broke) == ("not_available", "no LLVM", False)
+    assert (outcome.status, outcome.why, outcome.is_broken) == ("not_available", "no LLVM", False)
 
 
 def test_the_control_must_be_climbed_whole() -> None:
@@ -130,4 +130,4 @@ def test_the_control_must_be_climbed_whole() -> None:
     found = left_behind(Path(), cell("scale_1", "nerf", 0, []))
     whole, broken = RungScore(0.9, ""), RungScore(0.1, "explains 10%")
     assert _outcome(scale, found, "nerf", [whole] * 5).status == "pass"
-    assert _outcome(scale, found, "nerf", [*[whole] * 4, broken]).broke
+    assert _outcome(scale, found, "nerf", [*[whole] * 4, broken]).is_broken

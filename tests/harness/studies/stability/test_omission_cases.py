@@ -21,14 +21,14 @@ def omission(
 
 def test_a_cost_within_its_bound_passes() -> None:
     found = _worst([omission("within its bound", 0.01), omission("within its bound", -0.02, scene="materials")])
-    assert (found.status, found.figure, found.bar) == ("pass", 0.02, PARTS[NAME].bound)
+    assert (found.status, found.value, found.limit) == ("pass", 0.02, PARTS[NAME].bound)
     assert "materials" in found.why
     assert "2.0 s saved" in found.why
 
 
 def test_what_costs_more_fails_whatever_else_there_is() -> None:
     found = _worst([omission("inconclusive", -9.0), omission("costs more", -0.5, scene="materials")])
-    assert (found.status, found.figure, found.broke) == ("fail", 0.5, True)
+    assert (found.status, found.value, found.is_broken) == ("fail", 0.5, True)
     assert "costs more on materials" in found.why
 
 
@@ -37,19 +37,19 @@ def test_what_is_inconclusive_never_passes_and_says_its_interval(difference: flo
     found = _worst(
         [omission("within its bound", -0.01), omission("inconclusive", difference, (-0.6, 0.1), "materials")]
     )
-    assert (found.status, found.figure) == ("inconclusive", -difference)
+    assert (found.status, found.value) == ("inconclusive", -difference)
     assert "materials: inconclusive: interval [-0.1, +0.6] dB over 3 seeds" in found.why
 
 
 def test_no_measurement_is_not_available_and_says_why() -> None:
     found = _worst([omission("within its bound", 0.0), omission("inconclusive", None, None, "materials", pairs=0)])
-    assert (found.status, found.figure) == ("not_available", None)
+    assert (found.status, found.value) == ("not_available", None)
     assert "materials: no measurement: 3 of 3 pairs" in found.why
     ended = _worst([omission("costs more", None, None, pairs=0)])
-    assert (ended.status, ended.figure) == ("fail", None)
+    assert (ended.status, ended.value) == ("fail", None)
 
 
 def test_a_control_must_cost_and_be_measured() -> None:
     assert _control(omission("costs more", -20.0)).status == "pass"
-    assert _control(omission("within its bound", 0.0)).broke
+    assert _control(omission("within its bound", 0.0)).is_broken
     assert _control(omission("inconclusive", None, None, pairs=0)).status == "not_available"

@@ -12,8 +12,8 @@ from torch import Tensor
 from baselines.numerics import sampling
 from baselines.numerics.quadrature import QUADRATURES
 from harness.execution.progress import Quiet
-from harness.records.stability_record import CHAPTERS, Outcome
-from harness.studies.stability.cases import CASES, measure_of
+from harness.records.study import CHAPTERS, Check
+from harness.studies.stability.cases import SHELF
 from harness.studies.stability.rays import quadrature_edges, quadrature_orders, quadrature_rounding
 from harness.studies.stability.rays.exact_rays import exact, exponential, gaussian, homogeneous, ramp, weights_in_digits
 from harness.studies.stability.rays.quadrature_orders import fitted_order
@@ -29,23 +29,22 @@ def situation(tmp_path: Path) -> StabilityContext:
 
 
 def findings(name: str, situation: StabilityContext) -> list[Finding]:
-    return list(measure_of(CASES[name])(situation))
+    return list(SHELF.measure_of(name)(situation))
 
 
-def outcomes(name: str, situation: StabilityContext) -> list[Outcome]:
-    return [one for one in findings(name, situation) if isinstance(one, Outcome)]
+def outcomes(name: str, situation: StabilityContext) -> list[Check]:
+    return [one for one in findings(name, situation) if isinstance(one, Check)]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_ours_pass_and_someone_else_is_measured_too(name: str, situation: StabilityContext) -> None:
     found = findings(name, situation)
-    ours = [one for one in found if isinstance(one, Outcome) and one.whose == "ours"]
+    ours = [one for one in found if isinstance(one, Check) and one.owner == "ours"]
     assert ours
     assert [one for one in ours if one.status == "fail"] == []
-    assert any(isinstance(one, Outcome) and one.whose != "ours" for one in found)
+    assert any(isinstance(one, Check) and one.owner != "ours" for one in found)
     for one in found:
-        if isinstance(one, Outcome):
-            assert one.case == name
+        if isinstance(one, Check):
             assert one.what or one.why
         else:
             assert one.item in CHAPTERS
@@ -53,7 +52,7 @@ def test_ours_pass_and_someone_else_is_measured_too(name: str, situation: Stabil
 
 @pytest.mark.parametrize("name", ["Q1", "Q3", "Q6", "Q7", "Q8", "Q9"])
 def test_the_danger_is_seen(name: str, situation: StabilityContext) -> None:
-    assert any(one.status == "fail" and one.whose != "ours" for one in outcomes(name, situation))
+    assert any(one.status == "fail" and one.owner != "ours" for one in outcomes(name, situation))
 
 
 def broken(monkeypatch: pytest.MonkeyPatch, weights: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]) -> None:
@@ -62,7 +61,7 @@ def broken(monkeypatch: pytest.MonkeyPatch, weights: Callable[[Tensor, Tensor], 
 
 def test_a_running_product_in_our_place_fails_q1(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     broken(monkeypatch, running_product)
-    failed = [one for one in outcomes("Q1", situation) if one.broke]
+    failed = [one for one in outcomes("Q1", situation) if one.is_broken]
     assert {one.subject for one in failed} == {"midpoint"}
     assert len(failed) == 2, "rounding, and half precision that is not refused"
 
@@ -70,9 +69,9 @@ def test_a_running_product_in_our_place_fails_q1(situation: StabilityContext, mo
 def test_a_stock_expm1_in_our_place_fails_q3(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     broken(monkeypatch, stock_expm1)
     monkeypatch.setattr(quadrature_rounding, "BIN_DEPTHS", [15.6])
-    failed = [one for one in outcomes("Q3", situation) if one.broke]
+    failed = [one for one in outcomes("Q3", situation) if one.is_broken]
     assert {one.subject for one in failed} == {"midpoint"}
-    assert max(one.figure or 0.0 for one in failed) > 0.05
+    assert max(one.value or 0.0 for one in failed) > 0.05
 
 
 def test_another_order_than_declared_fails_q2(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,7 +79,7 @@ def test_another_order_than_declared_fails_q2(situation: StabilityContext, monke
     orders = dataclasses.replace(QUADRATURES["left"], orders=QUADRATURES["midpoint"].orders)
     monkeypatch.setitem(QUADRATURES, "trapezoid", orders)
     quadrature_orders._errors.cache_clear()
-    failed = [one.subject for one in outcomes("Q2", situation) if one.broke]
+    failed = [one.subject for one in outcomes("Q2", situation) if one.is_broken]
     quadrature_orders._errors.cache_clear()
     assert failed == ["trapezoid"]
 
@@ -89,8 +88,8 @@ def test_what_is_not_refused_fails_q8_and_q9(situation: StabilityContext, monkey
     for module in ("baselines.numerics.quadrature", "baselines.rendering"):
         monkeypatch.setattr(f"{module}.require_density", lambda sigma: None)
     monkeypatch.setattr("baselines.rendering.require_interval", lambda near, far: None)
-    assert [one.subject for one in outcomes("Q9", situation) if one.broke] == quadrature_rounding.OURS
-    assert set(quadrature_rounding.OURS) <= {one.subject for one in outcomes("Q8", situation) if one.broke}
+    assert [one.subject for one in outcomes("Q9", situation) if one.is_broken] == quadrature_rounding.OURS
+    assert set(quadrature_rounding.OURS) <= {one.subject for one in outcomes("Q8", situation) if one.is_broken}
 
 
 def test_a_bad_sample_that_spreads_fails_q9(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,17 +98,17 @@ def test_a_bad_sample_that_spreads_fails_q9(situation: StabilityContext, monkeyp
 
     broken(monkeypatch, coupled)
     monkeypatch.setattr(quadrature_edges, "OURS", {"midpoint": QUADRATURES["midpoint"]})
-    failed = [one for one in outcomes("Q9", situation) if one.broke]
+    failed = [one for one in outcomes("Q9", situation) if one.is_broken]
     assert [one.what for one in failed] == ["other rays with a changed bit, where nobody asks (audit)"]
-    assert failed[0].figure is not None
-    assert failed[0].figure >= 30, "NaN and infinity reach all 15 others"
+    assert failed[0].value is not None
+    assert failed[0].value >= 30, "NaN and infinity reach all 15 others"
 
 
 def test_samples_that_step_back_fail_q10(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         quadrature_edges, "inverse_cdf", lambda t_edges, w, u: sampling.inverse_cdf(t_edges, w, u).flip(-1)
     )
-    assert any(one.broke for one in outcomes("Q10", situation))
+    assert any(one.is_broken for one in outcomes("Q10", situation))
 
 
 def test_the_reference_is_the_closed_form() -> None:
@@ -147,8 +146,8 @@ def test_left_ends_that_miss_the_shell_are_judged_and_not_left_out(situation: St
     looked = [one for one in outcomes("Q5", situation) if "importance" in one.what]
     by_name = {one.subject: one for one in looked}
     assert set(by_name) == set(QUADRATURES)
-    assert (by_name["left"].status, by_name["left"].whose) == ("fail", "usual")
-    assert (by_name["left"].figure or 0.0) > 0.5
+    assert (by_name["left"].status, by_name["left"].owner) == ("fail", "usual")
+    assert (by_name["left"].value or 0.0) > 0.5
     assert "misses what lies in front" in by_name["left"].why
     assert "bar of its own" in by_name["trapezoid"].why
 
@@ -156,7 +155,7 @@ def test_left_ends_that_miss_the_shell_are_judged_and_not_left_out(situation: St
 def test_log_space_is_said_to_be_nan_only_where_it_is(
     situation: StabilityContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def of(name: str) -> Outcome:
+    def of(name: str) -> Check:
         return next(one for one in outcomes("Q3", situation) if one.subject == name)
 
     assert "nan where one density is 0" in of("log space").why
@@ -173,4 +172,4 @@ def test_a_gradient_that_is_wrong_on_a_ramp_alone_fails_q3(
 
     broken(monkeypatch, flattened)
     monkeypatch.setattr(quadrature_rounding, "BIN_DEPTHS", [0.1])
-    assert any(one.broke and "ramp" in one.why for one in outcomes("Q3", situation))
+    assert any(one.is_broken and "ramp" in one.why for one in outcomes("Q3", situation))

@@ -127,7 +127,7 @@ def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], status
     found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
     (one,) = each_method("S4", found, scene, lambda _: 0.5, 0.9, "error")
     assert {one.status} == statuses
-    assert one.figure == 0.5, "recorded all the same"
+    assert one.value == 0.5, "recorded all the same"
     assert ("learnt nothing in" in one.why) == (one.status == "not_applicable")
     (row,) = scores_table("S4", "title", found, [scene], 10).rows
     assert ("learnt nothing" in str(row[-1])) == (one.status == "not_applicable")
@@ -152,7 +152,7 @@ def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
 def test_a_figure_that_misses_its_bar_still_fails(tmp_path: Path) -> None:
     found = left_behind(tmp_path, cell("wires", "nerf", 0, [checkpoint(1, 1.0, 20.0)]))
     (one,) = each_method("S4", found, "wires", lambda _: 0.99, 0.9, "error")
-    assert one.broke
+    assert one.is_broken
 
 
 def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
@@ -249,7 +249,7 @@ def test_every_stress_scene_has_its_case() -> None:
 @pytest.mark.parametrize(("scene", "tau"), [("fog_dense", 50.0), ("fog_thin", 1e-3)])
 def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str, tau: float) -> None:
     found = list(_fog_by_quadrature(scene, tau))
-    assert [(one.status, one.whose) for one in found] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
+    assert [(one.status, one.owner) for one in found] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
 
 
 def test_the_colour_in_dense_fog_tells_a_rule_of_lower_order(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,8 +263,8 @@ def test_a_grazing_ray_is_cut_exactly_and_samples_are_not() -> None:
     ours, usual = _grazing_chord()
     assert ours.status == "pass"
     assert usual.status == "fail"
-    assert usual.figure is not None
-    assert usual.figure > 0.05
+    assert usual.value is not None
+    assert usual.value > 0.05
 
 
 def test_covered_share_is_in_proportion_to_width() -> None:

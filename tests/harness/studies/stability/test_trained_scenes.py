@@ -85,11 +85,11 @@ def test_a_cell_without_scores_is_told_from_a_whole_one() -> None:
     assert unscored("S1", cell("a", "nerf", 0, [checkpoint(1, 1.0, 20.0)]), "x") is None
     broke = unscored("S1", diverged("a", "nerf", 0), "x")
     assert broke is not None
-    assert (broke.status, broke.figure, broke.broke) == ("fail", None, True)
+    assert (broke.status, broke.value, broke.is_broken) == ("fail", None, True)
     assert "not finite at step 7: loss" in broke.why
     paper = unscored("S1", diverged("a", "qnerf", 0), "x")
     assert paper is not None
-    assert not paper.broke
+    assert not paper.is_broken
     missing = unscored("S1", cell("a", "nerf", 0, [], status="not_available", reason="no LLVM"), "x")
     assert missing is not None
-    assert (missing.status, missing.broke) == ("not_available", False)
+    assert (missing.status, missing.is_broken) == ("not_available", False)

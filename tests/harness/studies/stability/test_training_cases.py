@@ -1,6 +1,5 @@
 """Cases about encoding, amplifier, calls and optimiser: their measures against closed forms, and all of them tried."""
 
-import importlib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +11,8 @@ from baselines.amplifiers import AMPLIFIERS
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
 from harness.execution.progress import Quiet
-from harness.records.charts import Series, Table
-from harness.records.stability_record import Outcome, Picture
-from harness.studies.stability.cases import CASES
+from harness.records.study import Check, Picture, Series, Table
+from harness.studies.stability.cases import SHELF
 from harness.studies.stability.fields import amplifier_cases, optimiser_cases, small_training, unit_cases
 from harness.studies.stability.rays import encoding_cases
 from harness.studies.stability.stability_context import METHODS, Finding, StabilityContext
@@ -32,20 +30,18 @@ def situation(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
 
 
 def findings(situation: StabilityContext, case: str) -> list[Finding]:
-    module, _, name = CASES[case].measure.partition(":")
-    return list(getattr(importlib.import_module(module), name)(situation))
+    return list(SHELF.measure_of(case)(situation))
 
 
 @pytest.mark.parametrize("case", MINE)
 def test_every_case_says_something_of_every_subject(case: str, situation: StabilityContext) -> None:
     small_training.trained.cache_clear()  # a case must not need another one before it
     found = findings(situation, case)
-    outcomes = [one for one in found if isinstance(one, Outcome)]
+    outcomes = [one for one in found if isinstance(one, Check)]
     assert outcomes
-    assert {one.case for one in outcomes} == {case}
     assert len({one.subject for one in outcomes}) == len(outcomes), "a cell of the matrix is one outcome"
     for one in outcomes:
-        assert one.why if one.figure is None else one.what
+        assert one.why if one.value is None else one.what
     for one in found:
         if isinstance(one, Series):
             assert len(one.x) == len(one.y)
@@ -59,7 +55,7 @@ def test_every_case_says_something_of_every_subject(case: str, situation: Stabil
 @pytest.mark.parametrize("case", ["A2", "O3", "C2"])
 def test_a_method_without_these_parts_is_not_applicable_and_says_why(case: str, situation: StabilityContext) -> None:
     alone = replace(situation, methods=("voxels_drjit",))
-    found = [one for one in findings(alone, case) if isinstance(one, Outcome) and one.subject == "voxels_drjit"]
+    found = [one for one in findings(alone, case) if isinstance(one, Check) and one.subject == "voxels_drjit"]
     assert [one.status for one in found] == ["not_applicable"]
     assert "grid of values" in found[0].why
 
@@ -68,10 +64,10 @@ def test_a_method_without_these_parts_is_not_applicable_and_says_why(case: str, 
 
 
 def test_the_recurrence_of_phi_is_said_to_be_less_exact_than_the_printed_sine(situation: StabilityContext) -> None:
-    found = {one.subject: one for one in encoding_cases.top_frequency(situation) if isinstance(one, Outcome)}
+    found = {one.subject: one for one in encoding_cases.top_frequency(situation) if isinstance(one, Check)}
     ours, printed = found["φ^k, L = 10"], found["φ^k, L = 10, as printed"]
-    assert (printed.bar or 0.0) < (ours.bar or 0.0)
-    assert f"{printed.figure:.2g}" in ours.why
+    assert (printed.limit or 0.0) < (ours.limit or 0.0)
+    assert f"{printed.value:.2g}" in ours.why
     assert "sine" not in found["φ^k, L = 14"].why
 
 
@@ -133,9 +129,9 @@ def test_listing_2_is_opaque_in_the_unit_of_the_box_and_63_percent_per_scene_uni
     assert amplifier_cases.largest_density("listing2") == 1.0
     assert amplifier_cases.largest_density("none") > 1e3
     assert amplifier_cases.largest_density("equation4") > 1e3
-    found = {one.subject: one for one in amplifier_cases.slab(situation) if isinstance(one, Outcome)}
+    found = {one.subject: one for one in amplifier_cases.slab(situation) if isinstance(one, Check)}
     printed = found["listing2, 1 per scene unit"]
-    assert printed.figure == pytest.approx(1.0 - math.exp(-0.1))
+    assert printed.value == pytest.approx(1.0 - math.exp(-0.1))
     assert "8.7 dB at scale 1" in printed.why
     assert printed.status == "fail"
     assert {found[name].status for name in ("none", "listing2", "equation4")} == {"pass"}
@@ -181,21 +177,21 @@ def test_only_the_spoilt_ray_is_lost_and_a_wrong_number_is_seen(
 def test_a_nan_that_is_hidden_fails(situation: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     none = torch.zeros(16 * 16, dtype=torch.bool)
     monkeypatch.setattr(amplifier_cases, "rays_lost", lambda trainer, rays, bad: none[: len(rays)])
-    found = {one.subject: one for one in amplifier_cases.one_nan(situation) if isinstance(one, Outcome)}
-    assert found["nerf"].broke
+    found = {one.subject: one for one in amplifier_cases.one_nan(situation) if isinstance(one, Check)}
+    assert found["nerf"].is_broken
     assert "hidden" in found["nerf"].why
 
 
 def test_without_a_trainer_the_harness_has_nothing_to_pass(situation: StabilityContext, tmp_path: Path) -> None:
     alone = replace(situation, methods=("voxels_drjit",), scratch=tmp_path)
-    found = {one.subject: one.status for one in amplifier_cases.one_nan(alone) if isinstance(one, Outcome)}
+    found = {one.subject: one.status for one in amplifier_cases.one_nan(alone) if isinstance(one, Check)}
     assert found == {"voxels_drjit": "not_applicable", "harness": "not_applicable"}
 
 
 def test_unchecked_positions_are_judged_where_they_are_finite(situation: StabilityContext) -> None:
-    found = {one.subject: one for one in encoding_cases.positions(situation) if isinstance(one, Outcome)}
+    found = {one.subject: one for one in encoding_cases.positions(situation) if isinstance(one, Check)}
     for ladder in ("2^k", "φ^k"):
-        assert 0.03 < (found[f"{ladder}, unchecked"].figure or 0.0) <= 2.0
+        assert 0.03 < (found[f"{ladder}, unchecked"].value or 0.0) <= 2.0
         assert "inf, nan" in found[f"{ladder}, unchecked"].why
 
 

@@ -1,0 +1,315 @@
+"""What a question that is measured leaves behind: `OUT/<shelf>.json`, one entry a study and one shape for all shelves.
+
+A finding is a sentence, a check against limits, an effect, a line, a table or a picture; the first sentence of a study
+is its answer. This module imports no other library than msgspec, as reports read it.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from harness.records.cells import Estimate
+from harness.records.json_record import DamagedRecord, load_record, write_record
+
+SCHEMA = 2
+SHELVES = {"evidence": "evidence.json", "stability": "stability.json", "speed": "speed.json"}
+"""Shelf → its file under OUT."""
+PICTURES_FOLDER = "stability"
+"""Folder under OUT in which `Picture.path` lies."""
+
+CHAPTERS: dict[int, str] = {
+    1: "Rounding: error against optical depth",
+    2: "Truncation: error against samples and time",
+    3: "Gradients",
+    4: "Does a picture depend on how it is cut into calls?",
+    5: "Opacity that a scene can reach",
+    6: "The amplifier in training",
+    7: "Digits lost in half precision",
+    8: "Ghosts of an encoding",
+    9: "Ladders: where each method breaks",
+    10: "Stiff and extreme scenes",
+    11: "Spikes, and coming back from them",
+    12: "An independent reference",
+    13: "What scenes do not need",
+}
+"""Chapters of stability, across its cases: the number in `Series.item`, `Table.item` and `Picture.item` → its title."""
+
+Owner = Literal["ours", "paper", "usual", "machine"]
+"""Who answers for a check: this harness, the paper's form as printed, the form that the field's code usually has, or
+the machine that it was measured on. Only a check of ours fails a run; the others are properties that are shown."""
+Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "not_available"]
+"""`measured`: a figure without a limit."""
+Values = Sequence[float | None]
+"""`None` where a figure was not finite: a gap in the line, which a chart marks."""
+
+
+class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of all that is written: frozen, and refused where a file has a field that it has not."""
+
+
+class Answer(Record, frozen=True, tag="answer"):
+    """A sentence made from figures."""
+
+    text: str
+
+
+class Check(Record, frozen=True, tag="check"):
+    """A figure, and what became of it against its limits."""
+
+    what: str
+    """What the figure is, in a few words: `largest relative error of colour`."""
+    value: float | None
+    """The worst or the median of what was measured; `None` where nothing was: `why` says so."""
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    """`×` for a ratio, `%` for a share, else a unit."""
+    why: str = ""
+    """How it was measured, what a reader must know, or why there is no figure."""
+    subject: str = ""
+    """Method, quadrature rule, encoding, amplifier or `harness`; empty where the study is about one thing."""
+    owner: Owner = "ours"
+    status: Status = "measured"
+    spread: tuple[float, float] | None = None
+    """Smallest and largest of the repetitions."""
+    repeats: int = 1
+    id: str = ""
+    """A stable dotted name, where others ask for this figure: `training.dense.ratio`."""
+
+    @property
+    def holds(self) -> bool:
+        return self.status in ("pass", "measured")
+
+    @property
+    def must_hold(self) -> bool:
+        """Whether it would fail the run."""
+        return self.owner == "ours"
+
+    @property
+    def is_broken(self) -> bool:
+        return self.must_hold and self.status == "fail"
+
+    @property
+    def limit(self) -> float | None:
+        """The only limit, or the nearer one of two."""
+        limits = [one for one in (self.low, self.high) if one is not None]
+        return min(limits, key=lambda one: abs(one - (self.value or 0.0)), default=None)
+
+
+class Effect(Record, frozen=True, tag="effect"):
+    """A difference with its interval: of one method from another, of a part, or of an interaction of parts."""
+
+    name: str
+    """What is added, changed or taken away: a method's name where it is one method against another."""
+    against: str
+    """A method's name; empty for a main effect or an interaction, which is against its own absence."""
+    scene: str
+    """A scene's name, or `all`."""
+    metric: str
+    """psnr, ssim, …"""
+    budget: Literal["steps", "seconds"]
+    difference: float | None
+    interval: tuple[float, float] | None
+    """The 95 % interval of this comparison alone."""
+    simultaneous: tuple[float, float] | None
+    """The one that the verdict is taken from: as many are looked at together as `family` says."""
+    family: int
+    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
+    smallest_detectable: float | None
+    pairs: int
+    unpaired: int
+    """Pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
+    note: str = ""
+    on_these_scenes: Estimate | None = None
+    """The estimate with error from seeds alone. What stands beside the difference itself is of scenes like these where
+    several were tried."""
+
+
+class Series(Record, frozen=True, tag="series"):
+    """One line of a chart; lines with the same `panel` share their axes."""
+
+    panel: str
+    item: int
+    """The number of the chapter that it belongs to, or 0."""
+    name: str
+    x_label: str
+    y_label: str
+    x: list[float]
+    y: Values
+    low: Values | None = None
+    high: Values | None = None
+    log_x: bool = True
+    log_y: bool = True
+
+
+class Table(Record, frozen=True, tag="table"):
+    """Rows that are no single figure: where the remaining time goes, for instance."""
+
+    id: str
+    item: int
+    title: str
+    columns: list[str]
+    rows: list[list[str | float | None]]
+
+
+class Picture(Record, frozen=True, tag="picture"):
+    """An image beside the record."""
+
+    item: int
+    title: str
+    caption: str
+    path: str
+    """The path of a PNG, relative to the output folder."""
+
+
+Finding = Answer | Check | Effect | Series | Table | Picture
+
+
+class StudyInfo(Record, frozen=True):
+    """A study as the report introduces it."""
+
+    id: str
+    title: str
+    question: str = ""
+    """One sentence that ends with a question mark."""
+    method: str = ""
+    """How it is answered, in two or three sentences; scenes, steps and seeds stand in `StudyRecord.scale`."""
+    facts: dict[str, str] = {}
+    """What else the report says of it, by its title: `input`, `danger`, `reference`, `bar` of a stiff case."""
+
+
+class StudyRecord(Record, frozen=True):
+    """One study and everything that came of it, in the order in which it came."""
+
+    info: StudyInfo
+    scale: str = ""
+    """The scale at which it was measured, in one line: scenes, seeds, steps, pixels."""
+    findings: list[Finding] = []
+    seconds: float = 0.0
+
+    @property
+    def answers(self) -> list[str]:
+        return [one.text for one in self.findings if isinstance(one, Answer)]
+
+    @property
+    def checks(self) -> list[Check]:
+        return [one for one in self.findings if isinstance(one, Check)]
+
+    @property
+    def effects(self) -> list[Effect]:
+        return [one for one in self.findings if isinstance(one, Effect)]
+
+    @property
+    def series(self) -> list[Series]:
+        return [one for one in self.findings if isinstance(one, Series)]
+
+    @property
+    def tables(self) -> list[Table]:
+        return [one for one in self.findings if isinstance(one, Table)]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        return [one for one in self.findings if isinstance(one, Picture)]
+
+
+class Studies(Record, frozen=True):
+    """The studies of one shelf that are complete, in the order of its catalogue."""
+
+    shelf: str
+    provenance: dict[str, Any]
+    settings: dict[str, Any]
+    studies: list[StudyRecord] = []
+    finished: bool = False
+    schema: int = SCHEMA
+
+    def study(self, name: str) -> StudyRecord | None:
+        return next((one for one in self.studies if one.info.id == name), None)
+
+    def checks(self) -> Iterator[tuple[StudyRecord, Check]]:
+        return ((study, check) for study in self.studies for check in study.checks)
+
+    @property
+    def broken(self) -> list[tuple[StudyRecord, Check]]:
+        """What must hold and does not."""
+        return [(study, check) for study, check in self.checks() if check.is_broken]
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether it was measured at sizes at which no figure means anything."""
+        return bool(self.settings.get("quick"))
+
+
+def check(
+    what: str,
+    value: float | None,
+    low: float | None = None,
+    high: float | None = None,
+    unit: str = "",
+    why: str = "",
+    *,
+    subject: str = "",
+    owner: Owner = "ours",
+    spread: tuple[float, float] | None = None,
+    repeats: int = 1,
+    id: str = "",
+) -> Check:
+    """`value` against its limits. One that is missing or not finite fails, whatever the limits."""
+    if value is not None and not math.isfinite(value):
+        why = f"the figure is {value}" + (f"; {why}" if why else "")
+        value = None
+    if value is None:
+        status: Status = "fail"
+    elif low is None and high is None:
+        status = "measured"
+    else:
+        status = "pass" if (low is None or value >= low) and (high is None or value <= high) else "fail"
+    return Check(what, value, low, high, unit, why, subject, owner, status, spread, repeats, id)
+
+
+def limits(bar: float, sense: Literal["at_most", "at_least"]) -> tuple[float | None, float | None]:
+    """The lowest and the highest value of a check whose sense is decided elsewhere."""
+    return (None, bar) if sense == "at_most" else (bar, None)
+
+
+def write_studies(path: Path, record: Studies) -> None:
+    """Writes `record` as JSON. A point of a line that is not finite is kept as a gap, a table's as words.
+
+    Raises `ValueError` where another figure is not finite.
+    """
+    data = msgspec.to_builtins(record)
+    for finding in (one for study in data["studies"] for one in study["findings"]):
+        if finding["type"] == "series":
+            for name in ("y", "low", "high"):
+                finding[name] = None if finding[name] is None else [_finite_or_gap(value) for value in finding[name]]
+        elif finding["type"] == "table":
+            finding["rows"] = [[_in_words(value) for value in row] for row in finding["rows"]]
+    write_record(path, data)
+
+
+def read_studies(path: Path) -> Studies:
+    """Raises `DamagedRecord` where the file is not what this version or the one before it writes."""
+    from harness.records.study_of_schema_1 import converted
+
+    shelf = path.stem
+    try:
+        data = load_record(path)
+        if data.get("schema") == 1:
+            data = converted(shelf, data)
+        if data.get("schema") != SCHEMA:
+            raise ValueError(f"not a record of studies of schema {SCHEMA}")
+        return msgspec.convert(data, Studies)
+    except OSError as error:
+        raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+        raise DamagedRecord(f"{path}: {error}; run `nox -s {shelf}` again") from error
+
+
+def _finite_or_gap(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _in_words(value: str | float | None) -> str | float | None:
+    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,189 @@
+"""How a question is measured: a catalogue of studies, and the one loop that runs them into `OUT/<shelf>.json`.
+
+A study is a generator of findings and one line in the catalogue of its shelf. To resume is to find it in the file.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from harness.records.study import (
+    SHELVES,
+    Answer,
+    Check,
+    Finding,
+    Studies,
+    StudyInfo,
+    StudyRecord,
+    read_studies,
+    write_studies,
+)
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+Found = Finding | str
+"""What a study yields; a string is an `Answer`."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One line of a catalogue."""
+
+    info: StudyInfo
+    measure: str
+    """`module:function` below `harness.studies`, imported when it is measured: a generator of findings of a context."""
+    seconds: float
+    """How long it takes on two cores, estimated."""
+    trainings: tuple[str, ...] = ()
+    """What it trains (`harness.studies.evidence.evidence_context.TRAININGS`)."""
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """A catalogue, and how its studies are called."""
+
+    name: str
+    noun: str
+    """`studies`, `cases`, `questions`."""
+    studies: dict[str, Study]
+    folders: tuple[str, ...] = ()
+    """Folders under OUT that are this shelf's alone and tell whose OUT is."""
+    beside: bool = False
+    """Whether OUT may hold a run, in whose report it then stands."""
+
+    @property
+    def file(self) -> str:
+        return SHELVES[self.name]
+
+    def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
+        """The generator behind a study; what is heavy is imported here, one study at a time."""
+        module, _, function = self.studies[name].measure.partition(":")
+        found: Callable[[Any], Iterator[Found]] = getattr(import_module(f"harness.studies.{module}"), function)
+        return found
+
+
+def catalogue(*studies: Study) -> dict[str, Study]:
+    return {study.info.id: study for study in studies}
+
+
+def run(
+    shelf: Shelf,
+    asked: list[str],
+    out: Path,
+    resume: bool,
+    settings: dict[str, Any],
+    provenance: dict[str, Any],
+    context_of: Callable[[Path, tuple[str, ...]], Any],
+    show: "Progress",
+    seconds_of: Callable[[str], float] | None = None,
+    repaired: Callable[[Studies, Any], Studies] | None = None,
+    scale_of: Callable[[Study, Any], str] = lambda study, context: "",
+) -> int:
+    """Measure the studies `asked` into `out`; with `resume` only those that are not complete there.
+
+    `context_of` makes what they work with from a scratch folder and the names of what is missing; `repaired` takes out
+    of the record what has to be measured again. Returns 0, or 3 where a check of ours fails. Raises `InputError` before
+    anything is measured where `out` cannot be used.
+    """
+    from harness.machine.stopping import ON, told_when_stopped
+    from harness.run_folder.folder_lock import scratch_folder
+
+    path = out / shelf.file
+    record = _claimed(shelf, out, resume, settings, provenance, show)
+
+    def kept() -> str:
+        complete = sum(one.info.id in asked for one in record.studies)
+        return f"{complete} of {len(asked)} {shelf.noun} are kept; `python -m reports {out}` reports them; {ON} {out}"
+
+    with told_when_stopped(kept), scratch_folder(out) as scratch:
+        if resume and repaired is not None:
+            record = repaired(record, context_of(scratch, ()))
+            # before anything is measured: from then on nothing tells that figures were of something else
+            write_studies(path, record)
+        missing = [name for name in asked if record.study(name) is None]
+        context = context_of(scratch, tuple(missing))
+        costs = [seconds_of(name) if seconds_of else shelf.studies[name].seconds for name in missing]
+        show.line(f"{shelf.name}: {len(missing)} {shelf.noun}, about {sum(costs) / 60:.0f} min")
+        for place, name in enumerate(missing):
+            study = shelf.studies[name]
+            show.line(f"[{place + 1}/{len(missing)}] {name}: {study.info.question or study.info.title}")
+            began = time.monotonic()
+            findings = measure(shelf.measure_of(name)(context), show)
+            measured = StudyRecord(study.info, scale_of(study, context), findings, time.monotonic() - began)
+            record = _with_study(shelf, record, measured)
+            write_studies(path, record)
+    record = msgspec.structs.replace(record, finished=True)
+    write_studies(path, record)
+    for study_record, one in record.broken:
+        show.line(f"does not hold: {study_record.info.id}: {line_of(one)}")
+    return 3 if record.broken else 0
+
+
+def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
+    """Everything that one study yields, said as it comes."""
+    found: list[Finding] = []
+    for one in findings:
+        finding = Answer(one) if isinstance(one, str) else one
+        found.append(finding)
+        if isinstance(finding, Answer):
+            show.line(f"  {finding.text}")
+        elif isinstance(finding, Check):
+            show.line(f"  {line_of(finding)}")
+    return found
+
+
+def line_of(one: Check) -> str:
+    """`midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`, with its spread and why, where there are."""
+    status = one.status.replace("_", " ")
+    if one.status == "fail":
+        status = "FAIL" if one.must_hold else "missed" if one.owner == "machine" else "fails, a property of it"
+    unit = one.unit and f" {one.unit}"
+    figure = "no figure" if one.value is None else f"{one.value:.3g}{unit}"
+    spread = f" [{one.spread[0]:.3g}, {one.spread[1]:.3g}]" if one.spread and one.value is not None else ""
+    limits = [f"{word} {end:.3g}" for word, end in (("at least", one.low), ("at most", one.high)) if end is not None]
+    between = f" ({', '.join(limits)})" if limits else ""
+    if one.value is None and one.status not in ("fail", "inconclusive"):
+        figure = between = ""
+    joint = ", " if figure == "no figure" else " "
+    said = joint.join(filter(None, (one.what, f"{figure}{spread}{between}".strip())))
+    return ": ".join(filter(None, (one.subject, status, said))) + (f"; {one.why}" if one.why else "")
+
+
+def list_lines(shelf: Shelf) -> list[str]:
+    """A line a study: its id, how long it takes, and what it asks."""
+    return [
+        f"{name:18} {study.seconds / 60:4.0f} min  {study.info.title}: {study.info.question or study.info.facts['bar']}"
+        if study.info.question or "bar" in study.info.facts
+        else f"{name:18} {study.seconds / 60:4.0f} min  {study.info.title}"
+        for name, study in shelf.studies.items()
+    ]
+
+
+def _claimed(
+    shelf: Shelf, out: Path, resume: bool, settings: dict[str, Any], provenance: dict[str, Any], show: "Progress"
+) -> Studies:
+    """The record to resume, or a fresh one; raises `InputError`."""
+    from harness.run_folder.output_folder import gone_on_with
+
+    record = gone_on_with(out, shelf.file, resume, read_studies, show.line, beside=shelf.beside, folders=shelf.folders)
+    if record is None:
+        record = Studies(shelf.name, provenance, json.loads(json.dumps(settings)))
+        write_studies(out / shelf.file, record)
+    if record.settings != json.loads(json.dumps(settings)):
+        raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
+    known = [one for one in record.studies if one.info.id in shelf.studies]
+    return msgspec.structs.replace(record, studies=known, finished=False)
+
+
+def _with_study(shelf: Shelf, record: Studies, study: StudyRecord) -> Studies:
+    order = list(shelf.studies)
+    studies = sorted([*record.studies, study], key=lambda one: order.index(one.info.id))
+    return msgspec.structs.replace(record, studies=studies, finished=False)

@@ -1,0 +1,30 @@
+"""The one table of questions about speed. A new question is a generator of findings and one entry here."""
+
+from harness.records.study import StudyInfo
+from harness.studies.framework import Shelf, Study, catalogue
+
+QUICK_SECONDS = 4
+PLAIN_SECONDS = 420.0
+"""Training of the plain side of question 3, on its own clock."""
+QUICK_PLAIN_SECONDS = 1.5
+
+
+def _question(number: int, title: str, measure: str, seconds: float) -> Study:
+    return Study(StudyInfo(str(number), title), f"speed.{measure}", seconds)
+
+
+QUESTIONS: dict[str, Study] = catalogue(
+    _question(1, "Training throughput at the paper's network", "throughput:measure", 50),
+    _question(2, "Share of the machine's matrix rate", "throughput:share_of_matrix_rate", 60),
+    # three scenes: plain, then the others on their own clocks, and evaluation off the clock
+    _question(3, "Time to a target PSNR", "time_to_target:measure", 3 * (1.15 * PLAIN_SECONDS + 100)),
+    _question(4, "Full-frame rendering", "kernels:rendering", 60),
+    _question(5, "Encodings", "kernels:encodings", 25),
+    _question(6, "Quadrature", "kernels:quadrature", 15),
+    _question(7, "Ground truth by Mitsuba variant", "kernels:ground_truth", 80),
+    _question(8, "Peak memory", "memory:measure", 130),
+    _question(9, "How the cost grows", "growth:measure", 110),
+    _question(10, "Several processes on all cores", "processes:measure", 80),
+    _question(11, "What each acceleration gains", "accelerations:measure", 60),
+)
+SHELF = Shelf("speed", "questions", QUESTIONS)

@@ -1,0 +1,247 @@
+"""The one loop that runs studies: what is kept, resumed, refused and said, by commands whose studies are made up."""
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from harness.__main__ import main
+from harness.records.json_record import DamagedRecord
+from harness.records.study import (
+    PICTURES_FOLDER,
+    SHELVES,
+    Answer,
+    Check,
+    Effect,
+    Picture,
+    Series,
+    Studies,
+    StudyInfo,
+    StudyRecord,
+    Table,
+    check,
+    limits,
+    read_studies,
+    write_studies,
+)  # fmt: skip
+from harness.run_folder.integrity import DAMAGED
+from harness.studies.evidence.evidence_studies import SHELF as EVIDENCE
+from harness.studies.framework import Found, Shelf, line_of, list_lines
+from harness.studies.speed.questions import SHELF as SPEED
+from harness.studies.stability.cases import SHELF as STABILITY
+from tests.harness.shell import refused
+
+ALL = (EVIDENCE, STABILITY, SPEED)
+
+
+class Script:
+    """Studies that answer at once, and stop or fail where they are told to."""
+
+    def __init__(self, stop_in: str = "", fail_in: str = "", owner: str = "ours") -> None:
+        self.stop_in, self.fail_in, self.owner = stop_in, fail_in, owner
+        self.asked: list[str] = []
+
+    def measure_of(self, _: Shelf, name: str) -> Callable[[object], Iterator[Found]]:
+        def measure(context: object) -> Iterator[Found]:
+            self.asked.append(name)
+            yield f"{name} is answered"
+            yield check("a figure", 2.0 if name == self.fail_in else 1.0, high=1.0, owner=self.owner, id=name)  # type: ignore[arg-type]
+            if name == self.stop_in:
+                raise KeyboardInterrupt
+            yield Series("panel", 0, "line", "x", "y", [1.0], [math.inf])
+            yield Table("t", 0, "table", ["a"], [["b", math.nan]])
+
+        return measure
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, **how: str) -> Script:
+    script = Script(**how)
+    monkeypatch.setattr(Shelf, "measure_of", lambda shelf, name: script.measure_of(shelf, name))
+    return script
+
+
+def run(out: Path, *names: str, resume: bool = False, shelf: str = "speed") -> int:
+    options = ["--resume"] if resume else []
+    return main([shelf, "--quick", "--quiet", "--studies", *names, "--out", str(out), *options])
+
+
+def done(out: Path, shelf: str = "speed") -> list[str]:
+    return [one.info.id for one in read_studies(out / SHELVES[shelf]).studies]
+
+
+@pytest.mark.parametrize("shelf", ALL, ids=lambda shelf: shelf.name)
+def test_every_study_of_a_catalogue_is_a_generator_that_can_be_imported(shelf: Shelf) -> None:
+    assert shelf.name in SHELVES
+    for name, study in shelf.studies.items():
+        assert study.info.id == name
+        assert study.info.title
+        assert study.seconds > 0
+        assert callable(shelf.measure_of(name))
+    assert len(list_lines(shelf)) == len(shelf.studies)
+
+
+@pytest.mark.parametrize("shelf", ["speed", "stability", "evidence"])
+def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
+    shelf: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second, *_ = next(one for one in ALL if one.name == shelf).studies
+    script = scripted(monkeypatch)
+    assert run(tmp_path / "out", second, first, shelf=shelf) == 0
+    assert script.asked == done(tmp_path / "out", shelf) == [first, second]
+    record = read_studies(tmp_path / "out" / SHELVES[shelf])
+    assert (record.shelf, record.finished, record.is_quick) == (shelf, True, True)
+    study = record.studies[0]
+    assert (study.answers, len(study.checks), study.seconds >= 0) == ([f"{first} is answered"], 1, True)
+    assert study.series[0].y == [None], "a figure that is not finite is a gap"
+    assert study.tables[0].rows == [["b", "not finite (nan)"]]
+    assert [file.name for file in (tmp_path / "out").iterdir()] == [SHELVES[shelf]], "nothing is left behind"
+
+
+def test_a_stopped_run_keeps_complete_studies_and_is_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch, stop_in="5")
+    assert run(tmp_path / "out", "2", "5", "6") == 130
+    assert "1 of 3 questions are kept" in capsys.readouterr().err
+    assert done(tmp_path / "out") == ["2"]
+    assert not read_studies(tmp_path / "out/speed.json").finished
+    again = scripted(monkeypatch)
+    assert run(tmp_path / "out", "2", "5", "6", resume=True) == 0
+    assert again.asked == ["5", "6"]
+    assert done(tmp_path / "out") == ["2", "5", "6"]
+
+
+@pytest.mark.parametrize(("owner", "code"), [("ours", 3), ("paper", 0), ("usual", 0), ("machine", 0)])
+def test_only_a_check_of_ours_fails_the_run(
+    owner: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, fail_in="5", owner=owner)
+    assert run(tmp_path / "out", "2", "5") == code
+    broken = read_studies(tmp_path / "out/speed.json").broken
+    assert [study.info.id for study, _ in broken] == (["5"] if code else [])
+
+
+def test_a_damaged_record_is_named_moved_aside_and_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch)
+    assert run(tmp_path / "out", "2") == 0
+    file = tmp_path / "out" / "speed.json"
+    spoilt = bytearray(file.read_bytes())
+    spoilt[len(spoilt) // 2] ^= 1
+    file.write_bytes(spoilt)
+    again = scripted(monkeypatch)
+    capsys.readouterr()
+    assert main(["speed", "--quick", "--studies", "2", "--out", str(tmp_path / "out"), "--resume"]) == 0
+    assert "speed.json: " in capsys.readouterr().out
+    assert again.asked == ["2"]
+    assert (tmp_path / "out" / DAMAGED / "speed.json.1").read_bytes() == spoilt
+
+
+def test_other_options_are_not_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripted(monkeypatch)
+    assert run(tmp_path / "out", "2") == 0
+    assert (
+        main(["speed", "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", str(tmp_path / "out")]) == 2
+    )
+    assert "other options" in capsys.readouterr().err
+    assert done(tmp_path / "out") == ["2"]
+
+
+@pytest.mark.parametrize("shelf", ["speed", "stability", "evidence"])
+def test_bad_options_and_folders_are_refused(shelf: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    for options, said in {
+        ("--studies", "none"): "--studies: unknown 'none'",
+        ("--resume",): "--resume: name the folder",
+        ("--out", tmp_path): "is in use",
+        ("--out", tmp_path / "mine.txt"): "is a file",
+        ("--out", tmp_path / "mine.txt" / "run"): "cannot be written",
+        ("--out", tmp_path, "--resume"): f"holds no {SHELVES[shelf]}",
+    }.items():
+        assert said in refused(capsys, "--quiet", *options, command=shelf)
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_the_former_names_of_the_option_still_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = scripted(monkeypatch)
+    assert main(["speed", "--quick", "--quiet", "--items", "2", "--out", str(tmp_path / "a")]) == 0
+    assert main(["stability", "--quick", "--quiet", "--cases", "Q1", "--out", str(tmp_path / "b")]) == 0
+    assert script.asked == ["2", "Q1"]
+
+
+@pytest.mark.parametrize(
+    ("value", "sense", "status"),
+    [(0.5, "at_most", "pass"), (1.0, "at_most", "pass"), (1.5, "at_most", "fail"),
+     (0.5, "at_least", "fail"), (1.5, "at_least", "pass"), (None, "at_most", "fail"), (math.nan, "at_least", "fail"),
+     (math.inf, "at_least", "fail"), (-math.inf, "at_most", "fail")],
+)  # fmt: skip
+def test_a_figure_is_held_to_its_limit(value: float | None, sense: str, status: str) -> None:
+    found = check("it", value, *limits(1.0, sense))  # type: ignore[arg-type]
+    assert found.status == status
+    if value is not None and not math.isfinite(value):
+        assert (found.value, str(value) in found.why) == (None, True)
+    assert check("it", 3.0).status == "measured"
+
+
+def test_a_line_says_what_became_of_a_check() -> None:
+    assert (
+        line_of(check("error", 2.1e-7, high=1e-6, subject="midpoint"))
+        == "midpoint: pass: error 2.1e-07 (at most 1e-06)"
+    )
+    missed = check("ratio", 7.4, 10.0, unit="×", why="plain", owner="machine", spread=(7.1, 7.6))
+    assert line_of(missed) == "missed: ratio 7.4 × [7.1, 7.6] (at least 10); plain"
+    assert line_of(check("share", None, high=0.05, why="nothing to see")) == (
+        "FAIL: share, no figure (at most 0.05); nothing to see"
+    )
+    absent = Check("", None, why="no LLVM", subject="volpath", status="not_available")
+    assert line_of(absent) == "volpath: not available; no LLVM"
+
+
+EVERYTHING = Studies(
+    "stability", {"commit": "a"}, {"quick": False},
+    [StudyRecord(
+        StudyInfo("Q1", "title", "question?", "method", {"bar": "small"}), "scale",
+        [Answer("It is."), check("error", 1.0, 0.5, 2.0, "dB", "why", subject="nerf", owner="paper", repeats=3,
+                                 spread=(0.9, 1.1), id="a.b"),
+         Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, "inconclusive", None, 3, 0),
+         Series("panel", 1, "line", "x", "y", [1.0, 2.0], [None, 1.0], None, [1.0, 2.0], False, True),
+         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]]), Picture(1, "t", "c", f"{PICTURES_FOLDER}/p.png")],
+        1.5)], True,
+)  # fmt: skip
+
+
+def test_a_record_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    write_studies(tmp_path / "stability.json", EVERYTHING)
+    assert read_studies(tmp_path / "stability.json") == EVERYTHING
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data["studies"][0]["findings"][1].update(value="high"), "findings[1].value"),
+        (lambda data: data["studies"][0]["findings"][1].update(repeats=True), "findings[1].repeats"),
+        (lambda data: data["studies"][0]["findings"][1].update(more=1), "more"),
+        (lambda data: data["studies"][0]["findings"][1].update(status="fine"), "findings[1].status"),
+        (lambda data: data["studies"][0]["findings"][2].update(interval=[1.0]), "findings[2].interval"),
+        (lambda data: data["studies"][0]["findings"][0].update(type="poem"), "poem"),
+        (lambda data: data["studies"][0].pop("info"), "info"),
+        (lambda data: data.update(schema=3), "schema"),
+    ],
+)
+def test_what_is_not_a_record_is_refused_by_name(
+    change: Callable[[dict[str, object]], object], said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "stability.json"
+    write_studies(path, EVERYTHING)
+    data = json.loads(path.read_text())
+    data.pop("digest", None)
+    change(data)
+    path.write_text(json.dumps(data))
+    with pytest.raises(DamagedRecord, match="nox -s stability") as caught:
+        read_studies(path)
+    assert said in str(caught.value)
