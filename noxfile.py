@@ -1,6 +1,4 @@
-"""nox -s benchmark · judge · view · film · conformance · evidence · stability · speed · gate · tests · tests_slow ·
-commands · tests_thorough · fuzz · endurance · lint; uv makes their environments.
-"""
+"""nox -s SESSION -- OPTIONS: uv makes the environment, and `nox -s SESSION -- --help` explains the options."""
 
 import sys
 import time
@@ -16,21 +14,19 @@ PROJECT = nox.project.load_toml("pyproject.toml")
 
 
 def install(session: nox.Session, *groups: str) -> None:
-    """The pinned dependencies of the project and of the named groups."""
+    """Install the pinned dependencies of the project and of the named groups, and the extras that the options need."""
     extras = PROJECT["project"]["optional-dependencies"]
-    asked = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
-    asked["parquet"] = {word for word in session.posargs if word.endswith(".parquet")}
-    whole = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
-    wanted = [one for name, words in asked.items() if whole or words & set(session.posargs) for one in extras[name]]
-    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *wanted)
+    options = set(session.posargs)
+    words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
+    words["parquet"] = {option for option in options if option.endswith(".parquet")}
+    takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
+    needed = [package for name in words if takes_all or words[name] & options for package in extras[name]]
+    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *needed)
 
 
 @nox.session
 def benchmark(session: nox.Session) -> None:
-    """Train the methods side by side and write the report: `python -m harness run --help`; `--with FOLDER`.
-
-    FOLDER is a package of your own that has methods.
-    """
+    """Train the methods side by side and write the report."""
     install(session)
     options = with_packages(session)
     # a diverged cell (3) is part of the result: the report is written, and says 3 in its turn
@@ -41,52 +37,52 @@ def benchmark(session: nox.Session) -> None:
 
 @nox.session
 def judge(session: nox.Session) -> None:
-    """Verdicts on anybody's table of results, without training; options as in `python -m harness judge --help`."""
+    """Judge anybody's table of results, without training."""
     install(session)
     session.run("python", "-m", "harness", "judge", *session.posargs)
 
 
 @nox.session
 def conformance(session: nox.Session) -> None:
-    """Hold methods to the contract of the catalogue, as `python -m harness conformance --help`; `--with FOLDER`."""
+    """Hold methods to the contract of the catalogue."""
     install(session)
     session.run("python", "-m", "harness", "conformance", *with_packages(session))
 
 
 @nox.session
 def view(session: nox.Session) -> None:
-    """Look at a finished run in the browser; options as in `python -m harness view --help`."""
+    """Look at a finished run in the browser."""
     install(session)
     session.run("python", "-m", "harness", "view", *with_packages(session), success_codes=[0, 130])
 
 
 @nox.session
 def film(session: nox.Session) -> None:
-    """A camera path through a finished run; options as in `python -m harness render --help`."""
+    """Render a camera path through a finished run."""
     install(session)
     session.run("python", "-m", "harness", "render", *with_packages(session))
 
 
 @nox.session
 def evidence(session: nox.Session) -> None:
-    """The studies that a verdict rests on; options as in `python -m harness evidence --help`."""
-    measured(session, "evidence", not_for_a_report={"--list"})
+    """Run the studies that a verdict rests on."""
+    measure(session, "evidence", not_for_a_report={"--list"})
 
 
 @nox.session
 def stability(session: nox.Session) -> None:
-    """Try the catalogue of stiff and extreme cases; options as in `python -m harness stability --help`."""
-    measured(session, "stability", not_for_a_report={"--list"})
+    """Try stiff and extreme cases, on formulas and in training."""
+    measure(session, "stability", not_for_a_report={"--list"})
 
 
 @nox.session
 def speed(session: nox.Session) -> None:
-    """Measure how fast this machine trains and renders; options as in `python -m harness speed --help`."""
-    measured(session, "speed")
+    """Measure how fast this machine trains and renders."""
+    measure(session, "speed")
 
 
-def measured(session: nox.Session, command: str, not_for_a_report: set[str] | None = None) -> None:
-    """A command that writes its figures to a folder, and the page about them."""
+def measure(session: nox.Session, command: str, not_for_a_report: set[str] | None = None) -> None:
+    """Run a command that measures into a folder, and write the page about it."""
     install(session)
     if {"--help", "-h", *(not_for_a_report or ())} & set(session.posargs):
         session.run("python", "-m", "harness", command, *session.posargs)
@@ -100,64 +96,60 @@ def measured(session: nox.Session, command: str, not_for_a_report: set[str] | No
 
 @nox.session
 def gate(session: nox.Session) -> None:
-    """Hold this code to the reviewed limits in gates/; options as in `python -m harness gate --help`."""
+    """Hold this code to the reviewed limits in gates/."""
     install(session)
     session.run("python", "-m", "harness", "gate", *session.posargs)
 
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """The test suite without its slow part."""
+    """Run the test suite without its slow part."""
     install(session, "test")
     session.run("pytest", "-n", "auto", *(session.posargs or ["-m", "not slow"]))
 
 
 @nox.session
 def tests_slow(session: nox.Session) -> None:
-    """The slow part of the test suite: whole runs, browsers, measurements from end to end.
-
-    The tests of a file share a process: what they start from takes long to make.
-    """
+    """Run the slow tests: whole runs, browsers, processes that are killed."""
     install(session, "test")
+    # the tests of a file share a process: what they start from takes long to make
     share = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
     session.run("pytest", *share, "-m", "slow and not thorough and not cluster", *session.posargs)
 
 
 @nox.session
 def tests_thorough(session: nox.Session) -> None:
-    """What takes minutes and seldom breaks: whole contracts, slow readers of the fuzzer, a Ray cluster.
-
-    The cluster has a process of its own, as Ray leaves an event loop behind.
-    """
+    """Run what takes minutes and seldom breaks: whole contracts, a Ray cluster."""
     install(session, "test")
     session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
+    # a process of its own: Ray leaves an event loop behind
     session.run("pytest", "-m", "cluster", *session.posargs)
 
 
 @nox.session
 def commands(session: nox.Session) -> None:
-    """Every session and every command from end to end, each in its shortest form."""
+    """Run every session and every command from end to end, each in its shortest form."""
     install(session, "test")
     session.run("python", "-m", "tests.every_command", sys.executable)
 
 
 @nox.session
 def fuzz(session: nox.Session) -> None:
-    """Bad input by the thousand for everything that reads a file or an option; as in `python -m tests.fuzz --help`."""
+    """Try bad input by the thousand on everything that reads a file or an option."""
     install(session, "test", "fuzz")
     session.run("python", "-m", "tests.fuzz", *session.posargs)
 
 
 @nox.session
 def endurance(session: nox.Session) -> None:
-    """Kill runs a hundred times and damage what they wrote; options as in `python -m tests.endurance --help`."""
+    """Kill runs a hundred times, damage what they wrote, and compare what is resumed."""
     install(session)
     session.run("python", "-m", "tests.endurance", *session.posargs, env={"OMP_NUM_THREADS": "1"})
 
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Style and types."""
+    """Check style and types."""
     install(session, "lint")
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
@@ -165,13 +157,13 @@ def lint(session: nox.Session) -> None:
 
 
 def with_packages(session: nox.Session) -> list[str]:
-    """The options without `--with FOLDER`; the packages in these folders are installed, as they stand there."""
-    options, given = [], iter(session.posargs)
-    for option in given:
+    """Install the package of each `--with FOLDER` as it stands there, and return the other options."""
+    options, words = [], iter(session.posargs)
+    for option in words:
         name, is_joined, value = option.partition("=")
         if name != "--with":
             options.append(option)
-        elif folder := value if is_joined else next(given, ""):
+        elif folder := value if is_joined else next(words, ""):
             session.install("--editable", folder)
         else:
             session.error("--with: name the folder of a package (with its pyproject.toml)")

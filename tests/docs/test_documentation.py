@@ -1,5 +1,6 @@
 """What the documentation says can be typed: commands parse, links lead somewhere, Python runs on a run."""
 
+import ast
 import re
 import runpy
 import shlex
@@ -60,6 +61,18 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     run = {THROUGH.get(name, name) for name in sessions} | {words[3] for words in typed if words[2] == "harness"}
     (known,) = [action.choices for action in parser()._actions if isinstance(action.choices, dict)]
     assert set(known) <= run
+
+
+def test_nox_lists_each_session_in_one_line() -> None:
+    functions = {
+        node.name: ast.get_docstring(node) or ""
+        for node in ast.parse((ROOT / "noxfile.py").read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef)
+    }
+    for name in SESSIONS:
+        assert functions[name], name
+        assert "\n" not in functions[name], name
+        assert len(f"- {name} -> {functions[name]}") <= 100, name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
