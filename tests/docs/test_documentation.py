@@ -63,6 +63,12 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     assert set(known) <= run
 
 
+def test_contributing_fits_one_screen() -> None:
+    lines = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 45
+    assert max(map(len, lines)) <= 110
+
+
 def test_nox_lists_each_session_in_one_line() -> None:
     functions = {
         node.name: ast.get_docstring(node) or ""
