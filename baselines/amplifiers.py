@@ -1,8 +1,7 @@
 """The part between the network's density output and the density that is rendered.
 
-`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none. What they give is
-density in the unit of `baselines.composition.Parts.density_unit`, which the field multiplies by: no reading has a unit
-of its own.
+`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none. They return density in
+the unit of `baselines.composition.Parts.density_unit`, which the field multiplies by: no reading has a unit of its own.
 """
 
 import math
@@ -21,34 +20,37 @@ from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, c
 from baselines.numerics.encoding import PHI
 
 DENSITY_BIAS = -4.4
-"""Shift before softplus: a fresh field is thin fog (0.012 of the unit), light reaches everything, nothing saturates.
-Listing 2 as printed has none; `nerf_no_shift` measures what it is worth."""
+"""A shift before softplus: a fresh field is thin fog (0.012 of the unit), light reaches everything, nothing saturates.
+Listing 2 as printed has none; `nerf_no_shift` measures what it is worth.
+"""
 
 
 class Amplifier(nn.Module, ABC):
-    """What every reading supplies; the classes below are final."""
+    """The interface of every reading; the classes below are final."""
 
     bounded: bool
-    """Whether what it gives stays within [0, 1]."""
+    """Whether its output stays within [0, 1]."""
     pointwise: bool
-    """Whether a rendered point's density does not depend on the other points of the call."""
+    """Whether a rendered point's density does not depend on the other points of the chunk."""
 
     @abstractmethod
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         """The density entering the amplifier and the density leaving it, both [points]; equal without one."""
 
     def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """The density [points] with which a call of the renderer composites these points."""
+        """Return the density [points] with which the renderer composites a chunk of these points."""
         return self.before_and_after(raw)[1]
 
     def begin_step(self) -> None:
-        """A training step begins: a mean that belongs to the field takes in what is evaluated from here on."""
+        """Begin a training step: a mean that belongs to the field observes what is evaluated from here on."""
 
     def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
-        """It has ended: such a mean moves. `raw_in_box` gives raw densities at fixed points all over the box."""
+        """End a training step and update such a mean. `raw_in_box` returns raw densities at fixed points all over the
+        box.
+        """
 
     def drop_step(self) -> None:
-        """It was left by an error: such a mean stays where it was."""
+        """Discard a step that an error ended: such a mean keeps its value."""
 
 
 class NoAmplifier(Amplifier):
@@ -67,9 +69,10 @@ class NoAmplifier(Amplifier):
 
 
 class CallMeanAmplifier(Amplifier):
-    """An amplifier about the mean of the points that share a call of the renderer, as the paper prints both of its own.
+    """An amplifier about the mean of the points that share a chunk of the renderer, as the paper prints both of its
+    own.
 
-    A pixel then depends on the chunk that it is rendered in. Whoever asks for density alone – the occupancy grid, a
+    A pixel then depends on the chunk that it is rendered in. Whatever asks for density alone – the occupancy grid, a
     histogram – asks about other points, whose mean is another one: it gets the density about the mean that training
     rendered with last, so that it sees the field that is rendered.
     """
@@ -83,11 +86,11 @@ class CallMeanAmplifier(Amplifier):
 
     @abstractmethod
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """What the mean is taken of [points]."""
+        """Return the quantity [points] that the mean is taken over."""
 
     @abstractmethod
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
-        """The density [points] about a given mean."""
+        """Return the density [points] about a given mean."""
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         quantity = self.quantity(raw)
@@ -96,26 +99,26 @@ class CallMeanAmplifier(Amplifier):
 
     def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
         quantity = self.quantity(raw)
-        self.mean.take(quantity)
+        self.mean.observe(quantity)
         return self.about(quantity, _mean_of(quantity))
 
     def begin_step(self) -> None:
         self.mean.begin()
 
     def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
-        self.mean.move(share=1.0)
+        self.mean.update(share=1.0)
 
     def drop_step(self) -> None:
         self.mean.drop()
 
 
 def _mean_of(values: Float[Tensor, " points"]) -> Float[Tensor, ""]:
-    """0 for no points, whose mean is 0/0: there is nothing to amplify either."""
+    """The mean; 0 for no points, whose mean would be 0/0: there is nothing to amplify either."""
     return values.mean() if values.numel() else values.new_zeros(())
 
 
 class Listing2Amplifier(CallMeanAmplifier):
-    """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the call, β above 0.5, clamp to [0, 1]."""
+    """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the chunk, β above 0.5, clamp to [0, 1]."""
 
     bounded = True
 
@@ -131,7 +134,7 @@ class Listing2Amplifier(CallMeanAmplifier):
 
 
 class Equation4Amplifier(CallMeanAmplifier):
-    """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the call; negative density becomes 0."""
+    """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the chunk; negative density becomes 0."""
 
     bounded = False
 
@@ -151,18 +154,18 @@ opacity: density ends at 13.8."""
 
 @dataclass(frozen=True)
 class Reading:
-    """What Eq. 4 acts on, and how that is a density."""
+    """The quantity that Eq. 4 acts on, and how it becomes a density."""
 
     quantity: Callable[[Tensor], Tensor]
-    """Of the network's raw output [points]."""
+    """Map the network's raw output [points] to the quantity."""
     density: Callable[[Tensor], Tensor]
-    """Of the quantity, before or after Eq. 4; takes whatever Eq. 4 makes of it, gives density >= 0."""
+    """Map the quantity, before or after Eq. 4, to a density >= 0; any value that Eq. 4 produces is accepted."""
     threshold: float = math.inf
-    """Of the quantity, above which β boosts where a reading has it."""
+    """The threshold of the quantity above which β boosts, for readings that boost."""
 
 
 def _shifted_share(raw: Tensor) -> Tensor:
-    """A sigmoid that begins at the density of NeRF's fresh field."""
+    """Return a sigmoid that begins at the density of NeRF's fresh field."""
     fog = math.log1p(math.exp(DENSITY_BIAS))
     return torch.sigmoid(raw + math.log(fog / (1.0 - fog)))
 
@@ -181,7 +184,7 @@ READINGS = {
     "listing2_shifted": Reading(_shifted_share, lambda share: share.clamp(0.0, 1.0), 0.5),
 }
 """density           the density of NeRF, as Eq. 4 is printed; negative becomes 0
-preactivation     what softplus makes a density of
+preactivation     the input of softplus
 opacity           the [0, 1] of Listing 2 read as the opacity of a short length, from which density follows
 listing2          the [0, 1] of Listing 2 as it is printed
 listing2_shifted  the same with the start that NeRF's density has
@@ -189,7 +192,7 @@ listing2_shifted  the same with the start that NeRF's density has
 
 
 class HeldMeanAmplifier(Amplifier):
-    """Eq. 4 about a mean that belongs to the field: density is a function of the point alone, whatever shares the call.
+    """Eq. 4 about a mean that belongs to the field: density is a function of the point alone.
 
     `boost` multiplies by β above the threshold, as Listing 2 does; `positive` keeps α above 0; `over_box` takes the
     mean over fixed points of the box, otherwise it is that of the points which training evaluates.
@@ -212,12 +215,12 @@ class HeldMeanAmplifier(Amplifier):
 
     @property
     def alpha(self) -> Tensor:
-        """1/φ at first, in either form."""
+        """The contrast α, 1/φ at first in either form."""
         return self.free_alpha if hasattr(self, "free_alpha") else softplus(self.rho) / (math.log(2.0) * PHI)
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         quantity = self.reading.quantity(raw)
-        self.mean.take(quantity)
+        self.mean.observe(quantity)
         gain = self.alpha.clamp(-LARGEST_ALPHA, LARGEST_ALPHA) * PHI
         amplified = contrast_about(quantity, self.mean.value, gain)
         if hasattr(self, "beta"):
@@ -231,7 +234,7 @@ class HeldMeanAmplifier(Amplifier):
         if self.over_box:
             self.mean.set(self.reading.quantity(raw_in_box()).mean())
         else:
-            self.mean.move()
+            self.mean.update()
 
     def drop_step(self) -> None:
         self.mean.drop()
@@ -251,5 +254,8 @@ AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {
     "running_mean_listing2": partial(HeldMeanAmplifier, "listing2", boost=True),
     "running_mean_listing2_shifted": partial(HeldMeanAmplifier, "listing2_shifted", boost=True),
 }
-"""none and none_unshifted are NeRF's softplus with and without its shift; listing2 and equation4 are printed, with a
-mean of the call; the others are about a mean that belongs to the field."""
+"""The amplifiers by name.
+
+none and none_unshifted are NeRF's softplus with and without its shift; listing2 and equation4 are printed, with a
+mean of the chunk; the others are about a mean that belongs to the field.
+"""

@@ -1,4 +1,4 @@
-"""The one table of methods. A new method is one file and one line here; being listed is being tested.
+"""The one table of methods. A new method is one file and one line here; every listed method is tested.
 
 Methods of a user's own package are `Method`s as well (`harness.plan.plugins` finds them).
 """
@@ -18,32 +18,34 @@ from baselines.methods.repaired import CANDIDATES, MEANING, REPAIRED
 
 @dataclass(frozen=True)
 class Method:
-    """What is trained."""
+    """A method that can be trained."""
 
     parts: Parts | None
-    """Of a network; None for a method that is made of something else."""
+    """The parts of a network; None for a method of another kind."""
     title: str
-    """What it is, in one line of the report."""
+    """A one-line description for the report."""
     kind: Literal["network", "voxels_drjit"] = "network"
-    """What it is made of, and so who trains it (`harness.training.learner`)."""
+    """The kind of model, which determines its trainer (`harness.training.learner`)."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
-    """Encodings of its own that `parts` names; `amplifiers` and `skips` likewise, in the form of the tables `LADDERS`,
-    `AMPLIFIERS` and `SKIPS`, which they are added to."""
+    """Additional encodings that `parts` names; `amplifiers` and `skips` likewise. They have the form of the tables
+    `LADDERS`, `AMPLIFIERS` and `SKIPS`, to which they are added.
+    """
     amplifiers: Mapping[str, Callable[[], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
     make_field: Callable[[FieldSpec], Any] | None = None
-    """Makes a field that is not made of our parts (`parts` is then None): a `torch.nn.Module` that keeps
-    `baselines.contract.TrainableField`."""
+    """A factory of a field that is not composed of our parts (`parts` is then None): a `torch.nn.Module` that
+    implements `baselines.contract.TrainableField`.
+    """
 
 
 def parts_named(combination: str) -> str:
-    """nerf_phi_encoding_amplifier → φ encoding, amplifier."""
+    """Return the parts that a name lists: nerf_phi_encoding_amplifier → φ encoding, amplifier."""
     words = combination.removeprefix("nerf_").replace("phi_", "φ ").replace("equation4", "amplifier of Eq. 4")
     return words.replace("_", ", ")
 
 
 def unit_title(name: str, parts: Parts) -> str:
-    """A rung of the ladder of units, in words."""
+    """Describe a rung of the ladder of units."""
     who = "Q-NeRF as listed" if name.startswith("qnerf") else "NeRF"
     return f"{who} with density {parts.density_scale:g} per half of the box's longest side, not {DENSITY_SCALE:g}"
 

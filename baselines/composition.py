@@ -1,4 +1,4 @@
-"""A method as a composition of named parts: what differs between two methods is visible on one screen."""
+"""A method as a composition of named parts: the difference between two methods is visible on one screen."""
 
 import math
 from collections.abc import Callable
@@ -21,9 +21,9 @@ class Parts:
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
-    sees_direction  whether colour may depend on where it is seen from
-    density_scale   density σ where the amplifier gives 1: the unit of density, the same for all unless it is what
-                    is compared
+    sees_direction  whether colour may depend on the view direction
+    density_scale   density σ where the amplifier gives 1: the unit of density, the same for all methods unless it is
+                    what is compared
     density_per     the length that this density is per: "box", half of the longest side of the scene's box, so that
                     no result depends on the unit in which poses are written, or "scene", one unit of the poses
     """
@@ -37,20 +37,20 @@ class Parts:
     density_per: Literal["box", "scene"] = "box"
 
     def density_unit(self, box: Box) -> float:
-        """Density in 1 / scene unit where the amplifier gives 1."""
+        """The density in 1 / scene unit where the amplifier gives 1."""
         return self.density_scale / (box.half_extent if self.density_per == "box" else 1.0)
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The frequencies f_k = base^k of an encoding, and how many of them stand where the paper has `bands`."""
+    """The frequencies f_k = base^k of an encoding, and how many of them are used where the paper has `bands`."""
 
     base: float
     bands: Callable[[int], int] = lambda bands: bands
 
 
 def reaching(base: float, bands: int) -> int:
-    """How many bands base^k come nearest to the top frequency 2^(bands − 1): 14 for φ where 2^k has 10."""
+    """Return how many bands base^k come nearest to the top frequency 2^(bands − 1): 14 for φ where 2^k has 10."""
     return 1 + round((bands - 1) * math.log(2.0, base))
 
 
@@ -62,12 +62,15 @@ LADDERS: dict[str, Ladder] = {
     "base1.65": Ladder(1.65),
     "none": Ladder(2.0, lambda bands: 0),
 }
-"""base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1); base1.65 has nothing golden about it
-and reaches about as far as φ; none leaves raw coordinates alone, of positions and of directions."""
+"""The encodings by name.
+
+base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1); base1.65 has nothing golden about it
+and reaches about as far as φ; none uses raw coordinates alone, for positions and directions.
+"""
 
 
 def encoding_bands(encoding: str, bands: int) -> int:
-    """Number of frequencies of an encoding where the paper has `bands` of them."""
+    """Return the number of frequencies of an encoding where the paper has `bands` of them."""
     return LADDERS[encoding].bands(bands)
 
 
@@ -75,9 +78,11 @@ SKIPS: dict[str, Callable[[int], int]] = {
     "half": lambda depth: depth // 2,
     "phi": lambda depth: int(PHI * depth / 2),
 }
-"""Depth → the layer after which the encoded position is concatenated: depth/2, ⌊φ·depth/2⌋."""
+"""Map depth to the layer after which the encoded position is concatenated: depth/2, ⌊φ·depth/2⌋."""
 
 
 def skip_layer(skip: str, depth: int) -> int:
-    """Index of the layer after which the encoded position is concatenated; it feeds the next layer or the heads."""
+    """Return the index of the layer after which the encoded position is concatenated; it feeds the next layer or the
+    heads.
+    """
     return min(SKIPS[skip](depth), depth - 1)

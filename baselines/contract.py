@@ -1,4 +1,4 @@
-"""What passes between a method and those who train and render it."""
+"""The interface between a method and the code that trains and renders it."""
 
 import hashlib
 from dataclasses import dataclass, fields, replace
@@ -11,23 +11,24 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Accelerations:
-    """All on by default, for every method to which they can apply."""
+    """The accelerations, all on by default for every method to which they can apply."""
 
     fused: bool = True
-    """The field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
+    """Whether the field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
     recurrence: bool = True
-    """Bands of the encoding follow from the bands below them, where that is as accurate as a sine of its own."""
+    """Whether bands of the encoding follow from the bands below them, where that is as accurate as a sine of their own.
+    """
     grid: bool = True
-    """Empty space is skipped by an occupancy grid (`GridSettings` says how)."""
+    """Whether an occupancy grid skips empty space (`GridSettings` has its settings)."""
     clipping: bool = True
-    """Rays are cut to the scene's box, and those that miss it are not sampled."""
+    """Whether rays are cut to the scene's box, and those that miss it are not sampled."""
     early_stop: bool = True
-    """Rendering without gradients leaves a ray once it is opaque (not where density depends on the call)."""
+    """Whether rendering without gradients leaves a ray once it is opaque (not where density depends on the chunk)."""
     directions: bool = True
-    """Scenes that look the same from all sides get no view direction."""
+    """Whether scenes that look the same from all sides get no view direction."""
 
     def without(self, names: tuple[str, ...]) -> "Accelerations":
-        """The named ones switched off; raises `ValueError` naming the known ones."""
+        """Return a copy with the named ones switched off; raises `ValueError` naming the known ones."""
         known = [one.name for one in fields(self)]
         unknown = [name for name in names if name not in known]
         if unknown:
@@ -40,7 +41,7 @@ NO_ACCELERATION = Accelerations(*(False for _ in fields(Accelerations)))
 
 
 UNIT_TOLERANCE = 1e-3
-"""By which the length of a direction may differ from 1."""
+"""The tolerance by which the length of a direction may differ from 1."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,9 @@ class Rays:
         return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
 
     def require_finite(self) -> None:
-        """Raises `ValueError` naming the first ray with a NaN or an infinity: the test against a box, which compares,
-        would call it a miss, and a renderer background. Likewise the ray whose direction is farthest from unit length.
+        """Check that all values are finite. Raises `ValueError` naming the first ray with a NaN or an infinity, which
+        the test against a box, a comparison, would call a miss, and a renderer background; likewise the ray whose
+        direction is farthest from unit length.
         """
         finite = torch.isfinite(self.origins).all(dim=-1) & torch.isfinite(self.directions).all(dim=-1)
         if not bool(finite.all()):
@@ -90,7 +92,7 @@ class Box:
     upper: Float[Tensor, " 3"]
 
     def to_unit(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
-        """World → box coordinates in [0, 1]³."""
+        """Map world coordinates to box coordinates in [0, 1]³."""
         return (x - self.lower) / (self.upper - self.lower)
 
     def from_unit(self, unit: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
@@ -98,31 +100,33 @@ class Box:
 
     @property
     def half_extent(self) -> float:
-        """Half of the longest side, in scene units: the length that density is counted by."""
+        """Half of the longest side, in scene units: the length per which density is counted."""
         return 0.5 * float((self.upper - self.lower).max())
 
     def normalised(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
-        """World → centre at 0, longest half-extent 1: what an encoding sees. Keeps the aspect ratio."""
+        """Map world coordinates to centre 0 and longest half-extent 1, as an encoding sees them. Keeps the aspect
+        ratio.
+        """
         return (x - 0.5 * (self.lower + self.upper)) / (0.5 * (self.upper - self.lower).max())
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """What a batch of rays shows."""
+    """The rendering of a batch of rays."""
 
     colour: Float[Tensor, "rays 3"]
-    """Display colour over the background."""
+    """The display colour over the background."""
     opacity: Float[Tensor, " rays"]
     depth: Float[Tensor, " rays"]
-    """Expected distance of what was hit; far where nothing was."""
+    """The expected distance of the hit; far where nothing was hit."""
     network_evaluations: int
     coarse_colour: Float[Tensor, "rays 3"] | None = None
-    """Of the coarse pass, where there are two."""
+    """The colour of the coarse pass, if there are two passes."""
 
 
 @dataclass(frozen=True)
 class NetworkSize:
-    """Table 1 of the paper by default."""
+    """The size of the networks, by default that of Table 1 of the paper."""
 
     depth: int = 8
     width: int = 256
@@ -133,36 +137,37 @@ class NetworkSize:
 
 
 Precision = Literal["float32", "bfloat16", "float16"]
-"""Of matrix products alone: weights, encoding, amplifier and quadrature are float32 in each of them."""
+"""The precision of matrix multiplications alone: weights, encoding, amplifier and quadrature are always float32."""
 
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """What a field that is not made of our parts is to be made for."""
+    """The specification of a field that is not composed of our parts."""
 
     size: NetworkSize
-    """Of the networks that it is compared with."""
+    """The size of the networks that it is compared with."""
     box: Box
     precision: Precision
     seed: int | str
-    """The first weights follow from it alone (`uniform_weights`)."""
+    """The seed that alone determines the first weights (`uniform_weights`)."""
     view_dependent: bool
-    """False where the scene looks the same from all sides."""
+    """Whether colour may depend on direction; False where the scene looks the same from all sides."""
 
 
 @runtime_checkable
 class RadianceField(Protocol):
-    """A density and a colour for each point in space: what a renderer needs to know of a method.
+    """A density and a colour for each point in space: all that a renderer needs of a method.
 
     Density is in 1 / scene unit. A field that is made for a box k times as large has 1 / k of it, so that no result
     depends on the unit of length (`Box.half_extent`).
 
-    `view` [rays, features] comes from `encode_directions` and `ray` [points] tells which of its rows a point takes.
+    `view` [rays, features] comes from `encode_directions`, and `ray` [points] gives the row of it that belongs to each
+    point.
     """
 
     @property
     def pointwise(self) -> bool:
-        """Whether a point's density does not depend on the other points of the call."""
+        """Whether a point's density does not depend on the other points of the chunk."""
         ...
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]: ...
@@ -172,7 +177,7 @@ class RadianceField(Protocol):
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        """The density entering the amplifier and the density that is rendered; equal without an amplifier."""
+        """Return the density entering the amplifier and the density that is rendered; equal without an amplifier."""
         ...
 
     def density_and_colour(
@@ -185,7 +190,7 @@ class RadianceField(Protocol):
 
 @runtime_checkable
 class TrainableField(RadianceField, Protocol):
-    """What a method's own field has to be besides a `torch.nn.Module`."""
+    """The interface of a method's own field, besides that of `torch.nn.Module`."""
 
     @property
     def density_limit(self) -> float:
@@ -193,12 +198,14 @@ class TrainableField(RadianceField, Protocol):
         ...
 
     def parameter_counts(self) -> dict[str, int]:
-        """Numbers that are learnt, by component, and their `total`."""
+        """Count the learnt numbers by component, with their `total`."""
         ...
 
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
-    """U(−bound, bound) from a generator of (seed, parameter name): equal wherever name and shape are equal."""
+    """Fill a parameter with U(−bound, bound) from a generator of (seed, parameter name): equal for equal name and
+    shape.
+    """
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
     generator = torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)
     return (2.0 * torch.rand(shape, generator=generator, dtype=torch.float32) - 1.0) * bound

@@ -1,7 +1,7 @@
 """Encoding → MLP → density and colour: the network of Table 1 with replaceable parts.
 
-Matrix products run in the chosen precision on float32 master weights; encoding, amplifier and everything behind it
-run in float32 always.
+Matrix multiplications run in the chosen precision on float32 master weights; encoding, amplifier and everything
+behind it always run in float32.
 """
 
 import math
@@ -41,7 +41,7 @@ class NetworkField(nn.Module):
     """A radiance field held by one MLP (`baselines.contract.RadianceField`).
 
     The concatenations of Listing 3 and of the view direction are not built: the matrix that would follow them is
-    applied to its two halves. That is the same product, and the direction's half is taken once a ray. Where a scene
+    applied to its two halves. The result is the same, and the direction's half is computed once per ray. Where a scene
     looks the same from all sides (`view_dependent` False), colour gets no direction at all.
     """
 
@@ -83,7 +83,7 @@ class NetworkField(nn.Module):
         _initialise(self, seed)
 
     def parameter_counts(self) -> dict[str, int]:
-        """Weights by the components of Table 1."""
+        """Count the weights by the components of Table 1."""
         parts = {
             "density_net": self.density_net,
             "density_head": self.density_head,
@@ -126,11 +126,11 @@ class NetworkField(nn.Module):
 
     @torch.no_grad()
     def raw_in_box(self) -> Float[Tensor, " points"]:
-        """Raw densities at points that are the same in every call, evenly spread over the box."""
+        """Return raw densities at points that are the same in every call, evenly spread over the box."""
         return self._outputs(self.box.from_unit(_evenly_spread().to(self.box.lower)), None, None)[0]
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
-        """Raw density [points] and, with a view, colour logits [points, 3], both float32."""
+        """Return raw density [points] and, with a view, colour logits [points, 3], both float32."""
         position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
         if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
@@ -142,7 +142,7 @@ class NetworkField(nn.Module):
         return [weight for layer in layers for weight in (layer.weight, layer.bias)]
 
     def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
-        """The network from single operations, differentiable by autograd."""
+        """Compute the network from single operations, differentiable by autograd."""
         hidden, skipped = position, None
         for index, layer in enumerate(_linears(self.density_net)):
             hidden = relu(self._split_linear(layer, hidden, skipped))
@@ -159,7 +159,7 @@ class NetworkField(nn.Module):
         return raw, h.float()
 
     def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
-        """`layer` applied to [hidden, skipped, …]; further columns of its weight are left to the caller."""
+        """Apply `layer` to [hidden, skipped, …]; further columns of its weight are left to the caller."""
         weight = self._weight(layer)
         bias = layer.bias.to(self.dtype) if with_bias else None
         width = hidden.shape[-1]
@@ -173,8 +173,8 @@ class NetworkField(nn.Module):
 
 
 def field_of(method: Method, asked: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
-    """A fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes itself, of
-    which no more may be asked than a `baselines.contract.TrainableField` has.
+    """Return a fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes
+    itself, of which only the interface `baselines.contract.TrainableField` may be used.
 
     Raises `ValueError` for a method that has neither.
     """
@@ -189,8 +189,8 @@ def field_of(method: Method, asked: FieldSpec, accelerations: Accelerations = EV
 
 @contextmanager
 def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
-    """What a step of training goes through: means of density that belong to a field move at its end, by what was
-    evaluated within, unless it is left by an error. Whatever is evaluated outside leaves them alone.
+    """Enclose a training step: means of density that belong to a field are updated at its end from what was evaluated
+    within, unless an error ends it. Evaluations outside leave them alone.
     """
     amplifiers = {field: field.amplifier for field in fields if isinstance(field, NetworkField)}
     for amplifier in amplifiers.values():
@@ -207,12 +207,13 @@ def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
 
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
-    """In the unit cube: the first points of a Sobol sequence."""
+    """Return the first points of a Sobol sequence in the unit cube."""
     return torch.quasirandom.SobolEngine(3).draw(MEAN_POINTS)
 
 
 MEAN_POINTS = 512
-"""At which a mean over the box is measured each step: a tenth of what the step evaluates at reduced size."""
+"""The number of points at which a mean over the box is measured each step: a tenth of a step's points at reduced size.
+"""
 
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
@@ -220,7 +221,7 @@ def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
 
 
 def _initialise(module: nn.Module, seed: int | str) -> None:
-    """Glorot-uniform weights and zero biases, as the original NeRF; the amplifier keeps the paper's α and β."""
+    """Set Glorot-uniform weights and zero biases, as the original NeRF; the amplifier keeps the paper's α and β."""
     with torch.no_grad():
         for name, parameter in module.named_parameters():
             if name.startswith("amplifier"):

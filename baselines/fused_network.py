@@ -20,21 +20,22 @@ from torch.autograd.function import once_differentiable
 _Result = TypeVar("_Result")
 
 BLOCK_BYTES = 1 << 21
-"""Of one layer's activations in a block: a few of them fit a core's second-level cache."""
+"""The bytes of one layer's activations in a block: a few of them fit a core's second-level cache."""
 ROWS_MULTIPLE = 1024
-"""In reduced precision the CPU library builds and keeps a kernel for each new shape, which takes longer than the
-product: blocks there have a multiple of this many rows, so that few shapes occur."""
+"""The multiple of rows that blocks have in reduced precision. The CPU library builds and keeps a kernel for each new
+shape, which takes longer than the multiplication, so that few shapes should occur.
+"""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What the flat list of weights means: W, b of each density layer, of the density head, of each colour layer."""
+    """The order of the flat list of weights: W, b of each density layer, of the density head, of each colour layer."""
 
     depth: int
     skip: int
-    """The encoded position enters again beside the output of this density layer."""
+    """The density layer beside whose output the encoded position enters again."""
     dtype: torch.dtype
-    """Of matrix products; everything that adds up over points is float32 or better."""
+    """The type of matrix multiplications; everything that adds up over points is float32 or better."""
 
 
 def evaluate(
@@ -44,9 +45,9 @@ def evaluate(
     ray: Int[Tensor, " points"] | None,
     weights: list[Tensor],
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
-    """Raw density and colour logits in float32 or better, differentiable once with respect to `weights`.
+    """Return raw density and colour logits in float32 or better, differentiable once with respect to `weights`.
 
-    Density alone, and no gradient, where `view` is None. `ray` tells which row of `view` belongs to a point.
+    Without a `view` the density alone is computed, without gradient. `ray` gives the row of `view` of each point.
     """
     count = len(position)
     if layout.dtype.itemsize < 4 and position.device.type == "cpu":
@@ -62,7 +63,7 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Stage:
-    """One matrix product: `hidden` applied to the layer before, `again` to the encoded position where it enters."""
+    """One matrix multiplication: `hidden` applied to the layer before, `again` to the encoded position where it enters."""
 
     hidden: Tensor
     bias: Tensor
@@ -71,11 +72,11 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Weights in the precision of the products, cut as the products need them."""
+    """Weights in the precision of the matrix multiplications, cut as these need them."""
 
     density: list[_Stage]
     heads: _Stage
-    """Density head and the first colour layer without its direction part: one product, density in column 0."""
+    """Density head and the first colour layer without its direction part: one multiplication, density in column 0."""
     direction: _Stage
     colour: list[_Stage]
     dtype: torch.dtype
@@ -116,7 +117,7 @@ def _stage(weight: Tensor, bias: Tensor, cut: int) -> _Stage:
 
 @dataclass(frozen=True)
 class _Kept:
-    """Rectified activations [points, width] of each layer, for the way back."""
+    """Rectified activations [points, width] of each layer, kept for the backward pass."""
 
     density: list[Tensor]
     colour: list[Tensor]
@@ -130,8 +131,8 @@ def _blocks(points: int, width: int, like: Tensor) -> list[slice]:
 
 
 def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]) -> list[_Result]:
-    """`through` on the blocks, dealt out to one thread a core: blocks have nothing to wait for each other, while a
-    single product that is shared between cores ends with the slower one. Few blocks stay on this thread.
+    """Run `through` on the blocks, one thread per core: blocks do not wait for each other, while a single
+    multiplication that is shared between cores ends with the slower one. A few blocks stay on this thread.
     """
     threads = torch.get_num_threads() if blocks else 0
     if threads < 2 or len(blocks) < 4 * threads:
@@ -155,7 +156,7 @@ def _apply(stage: _Stage, x: Tensor, position: Tensor, out: Tensor) -> Tensor:
 def _forward(
     net: _Prepared, position: Tensor, view: Tensor | None, ray: Tensor | None, keep: bool
 ) -> tuple[Tensor, Tensor | None, _Kept]:
-    """Every block through every layer. Without `keep` activations are overwritten block after block."""
+    """Run every block through every layer. Without `keep` activations are overwritten block after block."""
     count, points = len(position), position.to(net.dtype)
     width, colour_width = net.density[0].hidden.shape[0], net.heads.hidden.shape[0] - 1
     blocks = _blocks(count, width, points)
@@ -197,7 +198,7 @@ def _forward(
 
 
 class _Sum:
-    """Σ aᵀ b over blocks."""
+    """The sum Σ aᵀ b over blocks."""
 
     def __init__(self, rows: int, columns: int, like: Tensor) -> None:
         self.total = like.new_zeros((rows, columns), dtype=_sums(like.dtype))
@@ -210,7 +211,7 @@ class _Sum:
 
 
 class _StageGradient:
-    """What adds up for one stage over the blocks."""
+    """The sums over blocks for one stage."""
 
     def __init__(self, stage: _Stage) -> None:
         outputs, inputs = stage.hidden.shape
@@ -258,7 +259,7 @@ class _Evaluation(torch.autograd.Function):
 def _backward(
     net: _Prepared, kept: _Kept, position: Tensor, view: Tensor, ray: Tensor, g_raw: Tensor, g_logits: Tensor
 ) -> list[Tensor]:
-    """Gradients in the order of the flat weights."""
+    """Return the gradients in the order of the flat weights."""
     blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
     shares = _side_by_side(partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits), blocks)
     total = shares[0] if shares else _Gradients(net, len(view))
@@ -268,7 +269,7 @@ def _backward(
 
 
 class _Gradients:
-    """What adds up over blocks."""
+    """The sums over blocks for all stages."""
 
     def __init__(self, net: _Prepared, rays: int) -> None:
         self.density = [_StageGradient(stage) for stage in net.density]
@@ -285,7 +286,7 @@ class _Gradients:
         return [*self.density, self.heads, *self.colour]
 
     def flat(self, view: Tensor) -> list[Tensor]:
-        """In the order of the flat weights."""
+        """Return the gradients in the order of the flat weights."""
         heads, bias = self.heads.weight(), self.heads.bias
         direction = torch.mm(self.of_view.t(), view)
         found = [part for one in self.density for part in (one.weight(), one.bias)]

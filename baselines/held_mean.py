@@ -1,19 +1,21 @@
-"""A mean that belongs to the field and not to a call."""
+"""A running mean that belongs to the field and not to a chunk."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 MEAN_SHARE = 0.1
-"""By which a held mean moves a step: the momentum of batch normalisation (Ioffe & Szegedy 2015) as torch has it."""
+"""The share by which a running mean moves per step: torch's momentum of batch normalisation (Ioffe & Szegedy 2015)."""
 
 
 class RunningMean(nn.Module):
-    """Detached, kept in the checkpoint, moved by training steps alone: a constant within a step and outside of one."""
+    """A detached mean that the checkpoint holds and training steps alone update: a constant within a step and outside
+    it.
+    """
 
     value: Tensor
     steps: Tensor
-    """That have moved it."""
+    """The number of steps that have updated it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -22,18 +24,18 @@ class RunningMean(nn.Module):
         self._seen: tuple[Tensor, int] | None = None
 
     def begin(self) -> None:
-        """From here on `take` counts."""
+        """Begin a step, in which `observe` counts."""
         self._seen = (torch.zeros((), dtype=torch.float64, device=self.value.device), 0)
 
-    def take(self, values: Float[Tensor, " points"]) -> None:
-        """Summed in double precision: it does not matter in how many calls the values of a step come."""
+    def observe(self, values: Float[Tensor, " points"]) -> None:
+        """Add values, in double precision: into how many chunks the values of a step are split does not matter."""
         if self._seen is not None:
             total, count = self._seen
             self._seen = (total + values.detach().sum(dtype=torch.float64), count + values.numel())
 
     @torch.no_grad()
-    def move(self, share: float = MEAN_SHARE) -> None:
-        """Ends the step: to the mean of what it has seen at first, later a `share` of the way there."""
+    def update(self, share: float = MEAN_SHARE) -> None:
+        """End the step: move to the mean of the observed values at first, later a `share` of the way there."""
         if self._seen is not None and self._seen[1]:
             of_the_way = torch.clamp(1.0 / (self.steps + 1.0), min=share)
             self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), of_the_way)
@@ -42,11 +44,11 @@ class RunningMean(nn.Module):
 
     @torch.no_grad()
     def set(self, value: Float[Tensor, ""]) -> None:
-        """Ends the step with a mean that was measured otherwise."""
+        """End the step with a mean that was measured otherwise."""
         self.value.copy_(value)
         self.steps += 1.0
         self._seen = None
 
     def drop(self) -> None:
-        """Ends the step as if it had not been."""
+        """End the step without any change."""
         self._seen = None

@@ -1,4 +1,4 @@
-"""Which cells of the scene's box hold matter: empty ones need no network evaluation.
+"""The non-empty cells of the scene's box: empty ones need no network evaluation.
 
 All methods have the same grid, each of its own density. It starts full; nothing is left out before it has been
 measured, and a ray always keeps some random samples outside of it (`baselines.rendering`), so what was deleted by
@@ -12,7 +12,7 @@ from torch import Tensor
 from baselines.contract import Box, RadianceField
 
 DECAY = 0.6
-"""A cell's remembered density fades by this much a refresh, so that matter which went away is forgotten."""
+"""The decay of a cell's remembered density per refresh, so that geometry that vanished is forgotten."""
 
 
 class OccupancyGrid:
@@ -27,17 +27,17 @@ class OccupancyGrid:
         self.density = torch.full((cells**3,), torch.inf, device=box.lower.device)
         self.occupied = torch.ones(cells**3, dtype=torch.bool, device=box.lower.device)
         self.emptied = False
-        """Whether the last refresh found no matter at all; the mask is then full again."""
+        """Whether the last refresh found no occupied cell; the mask is then full again."""
 
     def at(self, x: Float[Tensor, "*points 3"]) -> Bool[Tensor, "*points"]:
-        """Whether the cell around each point is occupied; points outside the box belong to its nearest cell."""
+        """Return whether the cell around each point is occupied; points outside the box belong to its nearest cell."""
         index = (self.box.to_unit(x) * self.cells).long().clamp_(0, self.cells - 1)
         flat = (index[..., 0] * self.cells + index[..., 1]) * self.cells + index[..., 2]
         return self.occupied[flat]
 
     @torch.no_grad()
     def refresh(self, field: RadianceField, share: float, generator: torch.Generator) -> int:
-        """Measure a random `share` of the cells, each at one random point; gives the number of evaluations."""
+        """Measure a random `share` of the cells, each at one random point; returns the number of evaluations."""
         count = self.cells**3
         if share >= 1.0:
             chosen = torch.arange(count)
@@ -54,10 +54,11 @@ class OccupancyGrid:
         return len(chosen)
 
     def _threshold(self) -> None:
-        """Occupied: where a ray through a cell loses more than this share of what it loses in the densest one.
+        """Return the density above which a cell is occupied: a ray through it loses more than this share of what it
+        loses in the densest one.
 
         Relative, because methods differ in the density that they can reach: what is thin fog to one is all that
-        another has. Equal for all methods as a rule, cautious while nothing is dense yet.
+        another has. The threshold is the same rule for all methods, and cautious while nothing is dense yet.
         """
         thickness = float((self.box.upper - self.box.lower).max()) / self.cells
         opacity = -torch.expm1(-self.density * thickness)

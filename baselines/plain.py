@@ -1,6 +1,6 @@
 """A training step of NeRF as anyone would write it: eager, every sample evaluated, autograd through everything.
 
-It is the oracle with which whatever is faster must agree, and what `nox -s speed` compares with. It is kept simple
+It is the oracle with which faster code must agree, and the reference of `nox -s speed`. It is kept simple
 and slow: concatenations are built, directions are encoded for every sample, no box, no grid, no chunks.
 """
 
@@ -16,7 +16,7 @@ from baselines.contract import Box, NetworkSize, Rays, uniform_weights
 
 
 def positional_encoding(x: Float[Tensor, "*batch axes"], bands: int) -> Float[Tensor, "*batch features"]:
-    """[x, sin(2^0 π x), cos(2^0 π x), …, sin(2^(L−1) π x), cos(2^(L−1) π x)]."""
+    """Return [x, sin(2^0 π x), cos(2^0 π x), …, sin(2^(L−1) π x), cos(2^(L−1) π x)]."""
     features = [x]
     for k in range(bands):
         features += [torch.sin(2.0**k * math.pi * x), torch.cos(2.0**k * math.pi * x)]
@@ -47,7 +47,7 @@ class PlainField(nn.Module):
     def forward(
         self, x: Float[Tensor, "rays samples 3"], d: Float[Tensor, "rays 3"]
     ) -> tuple[Float[Tensor, "rays samples"], Float[Tensor, "rays samples 3"]]:
-        """Density in 1 / scene unit, and display colour."""
+        """Return density in 1 / scene unit, and display colour."""
         position = positional_encoding(self.box.normalised(x), self.bands[0])
         h = position
         for index, layer in enumerate(self.density_net):
@@ -67,8 +67,8 @@ class PlainField(nn.Module):
 def plain_render(
     field: PlainField, rays: Rays, samples: int, background: Float[Tensor, " 3"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays 3"]:
-    """Colours of `rays` (Eq. 6), one sample in each of `samples` equal bins from near to far: random with a generator,
-    else in the middle.
+    """Return the colours of `rays` (Eq. 6), one sample in each of `samples` equal bins from near to far: random with a
+    generator, else in the middle.
     """
     o, d = rays.origins, rays.directions
     edges = torch.linspace(rays.near, rays.far, samples + 1, dtype=o.dtype, device=o.device)
@@ -87,7 +87,7 @@ def plain_render(
 def plain_loss(
     field: PlainField, rays: Rays, colours: Float[Tensor, "rays 3"], samples: int, generator: torch.Generator | None
 ) -> Float[Tensor, ""]:
-    """Mean squared error of display colours over white."""
+    """Return the mean squared error of display colours over white."""
     return torch.mean((plain_render(field, rays, samples, torch.ones_like(colours[0]), generator) - colours) ** 2)
 
 
@@ -99,7 +99,7 @@ def plain_step(
     samples: int,
     generator: torch.Generator | None,
 ) -> float:
-    """One step on one batch; gives the loss before it."""
+    """Take one step on one batch; returns the loss before it."""
     optimiser.zero_grad()
     loss = plain_loss(field, rays, colours, samples, generator)
     loss.backward()

@@ -22,25 +22,26 @@ from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from baselines.occupancy import OccupancyGrid
 
 OPAQUE = 1e-4
-"""Transmittance behind which nothing is evaluated: a colour changes by less than this, 1/39 of an 8-bit step."""
+"""The transmittance below which nothing is evaluated: a colour changes by less than this, 1/39 of an 8-bit step."""
 SEGMENTS = 4
-"""A ray that may stop early is evaluated in this many parts, front to back."""
+"""The number of parts, front to back, in which a ray that may stop early is evaluated."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How many points a ray gets, and where."""
+    """The number and placement of a ray's points."""
 
     bins: int
     fine_bins: int = 0
-    """Further fenceposts by importance, where there is a second (fine) field."""
+    """The further fenceposts by importance, used with a second (fine) field."""
     quadrature: str = "midpoint"
     clip_to_box: bool = True
-    """Without it rays run from near to far; the listing-4 quadrature needs its last point to lie at `far`."""
+    """Whether rays are cut to the box, else from near to far; the listing-4 quadrature needs its last point at `far`.
+    """
     early_stop: bool = False
-    """Without gradients: leave a ray where its transmittance is below `OPAQUE`, if density allows it."""
+    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
     exploration: float = 0.0
-    """Share of unoccupied points that are evaluated all the same (training alone)."""
+    """The share of unoccupied points that are evaluated all the same (training alone)."""
 
 
 def render_rays(
@@ -53,10 +54,10 @@ def render_rays(
     background: Float[Tensor, " 3"],
     generator: torch.Generator | None,
 ) -> Rendering:
-    """Colours of `rays`. With a generator points are random inside their bins (training), without one midpoints.
+    """Return the colours of `rays`. Points are random inside their bins with a generator (training), else midpoints.
 
-    The result does not depend on which rays share the call, unless a field's density does (Listing 2, Eq. 4).
-    Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field gives
+    The result does not depend on which rays share the chunk, unless a field's density does (Listing 2, Eq. 4).
+    Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field returns
     a density that is negative or not finite.
     """
     require_interval(rays.near, rays.far)
@@ -76,7 +77,7 @@ def render_rays(
 def _among_all(
     seen: Rendering, inside: Int[Tensor, " hits"], rays: int, background: Float[Tensor, " 3"], far: float
 ) -> Rendering:
-    """A rendering of the rays `inside`, with background for all others."""
+    """Expand a rendering of the rays `inside` to all rays, with background for the others."""
 
     def colour(values: Tensor) -> Tensor:
         return background.expand(rays, 3).index_put((inside,), values)
@@ -92,7 +93,7 @@ def _among_all(
 
 @dataclass(frozen=True)
 class _Marcher:
-    """What is the same for both passes."""
+    """The state that both passes share."""
 
     far: float
     sampling: Sampling
@@ -126,10 +127,10 @@ def _coarse_and_fine(
 def _march(
     field: RadianceField, rays: Rays, t_edges: Float[Tensor, "rays edges"], march: _Marcher
 ) -> tuple[Rendering, Float[Tensor, "rays edges"], Float[Tensor, "rays bins"]]:
-    """One pass along all rays, the fenceposts of its bins and what each of these contributes.
+    """March once along all rays; returns the fenceposts of the bins and the weight of each.
 
-    A bin is evaluated as a whole: where points are shared by two bins, a bin that is left out has no length instead,
-    and every point that has a weight has a colour.
+    A bin is evaluated completely: where points are shared by two bins, an excluded bin has length 0 instead, and every
+    point that has a weight has a colour.
     """
     sampling, generator = march.sampling, march.generator
     rule = QUADRATURES[sampling.quadrature]
@@ -140,8 +141,8 @@ def _march(
     if march.grid is not None:
         occupied = march.grid.at(x)
         if generator is not None and sampling.exploration > 0.0:
-            lot = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
-            occupied = occupied | (lot < sampling.exploration)
+            u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
+            occupied = occupied | (u < sampling.exploration)
         keep = keep & rule.bins_with(occupied)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
@@ -176,6 +177,6 @@ def _march(
 
 
 def _segments(bins: int, count: int) -> list[tuple[int, int]]:
-    """At most `count` runs of bins of nearly equal length that cover all of them."""
+    """Split all bins into at most `count` runs of nearly equal length."""
     bounds = sorted({round(bins * i / count) for i in range(count + 1)})
     return list(pairwise(bounds))

@@ -21,22 +21,24 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
 THIN = 0.05
-"""Optical depth below which 1 − exp(−τ) is taken from its series, as Dr.Jit has no expm1: the terms left out are
-below 3e-9 of it, while the difference would lose a digit for each power of ten."""
+"""The optical depth below which 1 − exp(−τ) is taken from its series, as Dr.Jit has no expm1: the terms left out are
+below 3e-9 of it, while the difference would lose a digit for each power of ten.
+"""
 
 
 @dataclass(frozen=True)
 class Corners:
-    """The eight voxels around each point, and what each contributes."""
+    """The eight voxels around each point, and their weights."""
 
     index: list[Any]
     weight: list[Any]
 
 
 def corners(unit: Any, shape: tuple[int, int, int]) -> Corners:
-    """Of points in [0, 1]³ in a grid of `shape` (x, y, z) voxels; values live at voxel centres, the border is extended.
+    """Return the corners of points in [0, 1]³ in a grid of `shape` (x, y, z) voxels; values live at voxel centres, and
+    the border is extended.
 
-    The same interpolation as Mitsuba's `gridvolume` and torch's `grid_sample(align_corners=False,
+    The interpolation is that of Mitsuba's `gridvolume` and torch's `grid_sample(align_corners=False,
     padding_mode="border")`.
     """
     integer = dr.int32_array_t(type(unit.x))
@@ -58,7 +60,7 @@ def corners(unit: Any, shape: tuple[int, int, int]) -> Corners:
 
 
 def interpolated(values: Any, at: Corners, kind: type) -> Any:
-    """Of a flat array that holds one `kind` (a number, or a few side by side) a voxel."""
+    """Interpolate a flat array that holds one `kind` (a number, or a few side by side) per voxel."""
     return sum(
         weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index))
         for index, weight in zip(at.index, at.weight, strict=True)
@@ -66,7 +68,7 @@ def interpolated(values: Any, at: Corners, kind: type) -> Any:
 
 
 def softplus(x: Any) -> Any:
-    """log(1 + exp x), without overflow."""
+    """Return log(1 + exp x), without overflow."""
     return dr.maximum(x, 0.0) + dr.log(1.0 + dr.exp(-dr.abs(x)))
 
 
@@ -75,20 +77,20 @@ def sigmoid(x: Any) -> Any:
 
 
 def lost(tau: Any) -> Any:
-    """1 − exp(−τ) to all digits, and differentiable as such."""
+    """Return 1 − exp(−τ) to all digits, and differentiable as such."""
     series = tau * (1.0 - tau * (1 / 2 - tau * (1 / 6 - tau * (1 / 24 - tau * (1 / 120 - tau / 720)))))
     thin = tau < THIN
     return dr.select(thin, series, 1.0 - dr.exp(-dr.select(thin, 1.0, tau)))
 
 
 def ray_weights(tau: Any, bins: int) -> tuple[Any, Any]:
-    """Eq. 6: the weight of each point, and the transmittance behind the last one of each ray."""
+    """Return the weight of each point (Eq. 6), and the transmittance behind the last one of each ray."""
     before = dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True)
     return dr.exp(-before) * lost(tau), dr.exp(-dr.block_reduce(dr.ReduceOp.Add, tau, bins))
 
 
 def over_rays(values: Any, bins: int) -> Any:
-    """The sum over the points of each ray."""
+    """Sum over the points of each ray."""
     return dr.block_reduce(dr.ReduceOp.Add, values, bins)
 
 
@@ -96,7 +98,7 @@ Backend = Literal["llvm", "cuda"]
 
 CHANNELS = ("red", "green", "blue")
 DEGREE = 1
-"""Of the spherical harmonics, where colour depends on the direction."""
+"""The degree of the spherical harmonics, where colour depends on the direction."""
 
 
 @dataclass(frozen=True)
@@ -105,22 +107,22 @@ class Samples:
 
     origin: Any
     direction: Any
-    """Of the rays."""
+    """The directions of the rays."""
     t: Any
     delta: Any
-    """Of the points, ray after ray."""
+    """The bin lengths of the points, ray after ray."""
     rays: int
     bins: int
 
 
 class VoxelField:
-    """What is learnt; torch tensors come in and go out, everything between is Dr.Jit's."""
+    """The learnt arrays; torch tensors come in and go out, everything between is Dr.Jit's."""
 
     density_limit = math.inf
     pointwise = True
 
     def __init__(self, box: Box, voxels: int, view_dependent: bool, backend: Backend) -> None:
-        """`voxels` along the longest side of the box; thin grey fog everywhere."""
+        """Make thin grey fog everywhere, with `voxels` along the longest side of the box."""
         self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
         self.box = box
         self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
@@ -133,7 +135,7 @@ class VoxelField:
 
     @property
     def coefficients(self) -> int:
-        """Of a colour channel in a voxel."""
+        """The number of coefficients of a colour channel in a voxel."""
         return (self.degree + 1) ** 2
 
     def parameter_counts(self) -> dict[str, int]:
@@ -142,11 +144,13 @@ class VoxelField:
         return {"density_grid": density, "colour_grid": colour, "total": density + colour}
 
     def state_dict(self) -> dict[str, Tensor]:
-        """`density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
+        """Return `density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
         return {name: self._as_grid(name) for name in self.values}
 
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
-        """A field with what `state_dict` gave; raises `ValueError` where that is of another box or another degree."""
+        """Return a field with the values of a `state_dict`; raises `ValueError` if it is of another box or another
+        degree.
+        """
         shape = tuple(values["density"].shape[::-1])
         found = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
         for name in found.values:
@@ -157,7 +161,7 @@ class VoxelField:
         return found
 
     def refined(self, voxels: int) -> "VoxelField":
-        """The same field on a finer grid, interpolated."""
+        """Return the same field on a finer grid, interpolated."""
         finer = VoxelField(self.box, voxels, self.degree > 0, self._backend)
         for name in self.values:
             grid = self._as_grid(name)
@@ -182,8 +186,8 @@ class VoxelField:
     def samples(
         self, rays: Rays, bins: int, generator: torch.Generator | None
     ) -> tuple[Samples | None, Int[Tensor, " hits"]]:
-        """Points at which `rays` are evaluated, and which of the rays meet the box; random in their bins (training)
-        with a generator, in the middle without one. None where no ray does.
+        """Return the points at which `rays` are evaluated, and which of the rays meet the box; random in their bins
+        (training) with a generator, in the middle without one. Returns None if no ray meets it.
         """
         entry, leave, hit = ray_box(rays.origins, rays.directions, self.box.lower, self.box.upper, rays.near, rays.far)
         inside = torch.nonzero(hit)[:, 0]
@@ -203,9 +207,9 @@ class VoxelField:
         smooth: Int[Tensor, " voxels"],
         smoothing: float,
     ) -> tuple[float, float, dict[str, Any]]:
-        """`share` of the sum of squared errors of the display colours over white; the sum of squares of the gradient;
-        the gradient, which has in it that of `smoothing` times the mean squared difference of the voxels `smooth`
-        from their neighbours.
+        """Return `share` of the sum of squared errors of the display colours over white; the sum of squares of the
+        gradient; and the gradient, which includes that of `smoothing` times the mean squared difference of the voxels
+        `smooth` from their neighbours.
         """
         dr.enable_grad(self.values)
         shown, _, _ = self._seen(samples)
@@ -220,7 +224,7 @@ class VoxelField:
         return float(error[0]), float(square[0]), gradients
 
     def render(self, rays: Rays, bins: int) -> Rendering:
-        """At the midpoints of the bins, over white."""
+        """Render at the midpoints of the bins, over white."""
         samples, inside = self.samples(rays, bins, None)
         white = torch.ones_like(rays.origins)
         nothing, far = torch.zeros_like(white[:, 0]), torch.full_like(white[:, 0], rays.far)
@@ -238,7 +242,7 @@ class VoxelField:
         return Rendering(white, nothing, far, samples.rays * bins)
 
     def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
-        """Display colours of the rays over white, channel by channel, weights of their points, their opacities."""
+        """Return display colours of the rays over white, channel by channel, weights of their points, their opacities."""
         types, bins = self.types, samples.bins
         ray = dr.arange(types.UInt32, samples.rays * bins) // bins
         direction = dr.gather(types.Array3f, samples.direction, ray)
@@ -261,7 +265,9 @@ class VoxelField:
         return self.density_unit * softplus(raw + DENSITY_BIAS)
 
     def _roughness(self, voxel: Any) -> Any:
-        """Mean squared difference of the chosen voxels from the next along each axis, over all that a voxel holds."""
+        """Return the mean squared difference of the chosen voxels from the next along each axis, over all values of a
+        voxel.
+        """
         nx, ny, nz = self.shape
         x, y, z = voxel % nx, voxel // nx % ny, voxel // (nx * ny)
         following = [
@@ -300,7 +306,7 @@ class VoxelField:
         return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
 
     def _torch(self, values: Any, device: torch.device) -> Tensor:
-        """A copy: Dr.Jit may use the memory of its own again."""
+        """Return a copy: Dr.Jit may use its own memory again."""
         held = dr.detach(values)
         dr.eval(held)
         dr.sync_thread()
@@ -322,20 +328,20 @@ class Adam:
         self.steps = 0
 
     def state_dict(self) -> dict[str, Tensor]:
-        """`steps` [], and `first` and `second` moments by the field's arrays, flat."""
+        """Return `steps` [], and `first` and `second` moments by the field's arrays, flat."""
         moments = {"first": self.first, "second": self.second}
         found = {f"{kind}.{name}": one for kind, values in moments.items() for name, one in values.items()}
         return {"steps": torch.tensor(self.steps)} | {name: torch.tensor(one.numpy()) for name, one in found.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
-        """Raises `KeyError` where a moment is missing."""
+        """Restore the moments; raises `KeyError` if one is missing."""
         self.steps = int(tensors["steps"])
         for kind, values in {"first": self.first, "second": self.second}.items():
             for name, old in values.items():
                 values[name] = type(old)(tensors[f"{kind}.{name}"].cpu().numpy())
 
     def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
-        """`gradients` count `scale` times."""
+        """Take one step; `gradients` count `scale` times."""
         self.steps += 1
         number = field.types.Float
         # opaque: what changes from step to step must not be part of the compiled kernel
@@ -352,20 +358,20 @@ class Adam:
 
 
 def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
-    """Voxels along x, y and z: `voxels` along the longest side, as cubic as that allows."""
+    """Return the voxels along x, y and z: `voxels` along the longest side, as cubic as that allows."""
     size = (box.upper - box.lower).tolist()
     x, y, z = (max(1, round(voxels * side / max(size))) for side in size)
     return x, y, z
 
 
 def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
-    """Each in memory of its own: a zero that Dr.Jit knows of, or that two arrays share, is compiled into the kernel,
-    and the first steps would need other kernels than those after them.
+    """Return zeros, each in memory of its own: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
+    the kernel, and the first steps would need other kernels than those after them.
     """
     return {name: dr.opaque(kind, 0.0, size) for name, size in sizes.items()}
 
 
 def _finished(device: torch.device) -> None:
-    """Dr.Jit works in a queue of its own and does not wait for torch's."""
+    """Wait for Dr.Jit, which works in a queue of its own and does not wait for torch's."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

@@ -1,4 +1,4 @@
-"""NeRF with one thing or another changed: the combinations of Q-NeRF's three parts (Table 4), and controls.
+"""Variations of NeRF: the combinations of Q-NeRF's three parts (Table 4), and controls.
 
 The controls are of two kinds. Some tell bandwidth from the golden ratio. The others take from NeRF what it is known to
 need (Mildenhall et al. 2020, Table 2): a comparison that does not see their loss cannot be trusted with a gain.
@@ -15,12 +15,12 @@ PARTS_OF_QNERF = {"phi_encoding": "encoding", "amplifier": "amplifier", "phi_ski
 
 
 def combination(*names: str, of: Parts = QNERF) -> Parts:
-    """NeRF with the named parts taken from `of`; none of them is NeRF itself, all three are `of`."""
+    """Return NeRF with the named parts taken from `of`; none of them is NeRF itself, all three are `of`."""
     return replace(NERF, **{PARTS_OF_QNERF[name]: getattr(of, PARTS_OF_QNERF[name]) for name in names})
 
 
 def partial_combinations(amplifier: str, of: Parts) -> dict[str, Parts]:
-    """Name → parts of every combination that is neither NeRF nor `of`, whose amplifier is called `amplifier`."""
+    """Map name → parts of every combination that is neither NeRF nor `of`, whose amplifier is called `amplifier`."""
     switches = product((False, True), repeat=3)
     chosen = [[name for name, on in zip(PARTS_OF_QNERF, some, strict=True) if on] for some in switches]
     return {
@@ -31,26 +31,28 @@ def partial_combinations(amplifier: str, of: Parts) -> dict[str, Parts]:
 
 
 PARTIAL = partial_combinations("amplifier", QNERF) | partial_combinations("equation4", QNERF_THEOREM)
-"""nerf_phi_encoding, nerf_amplifier (Listing 2), nerf_equation4 (Eq. 4), nerf_phi_encoding_amplifier, …"""
+"""The partial combinations: nerf_phi_encoding, nerf_amplifier (Listing 2), nerf_equation4 (Eq. 4), and so on."""
 
 BANDWIDTH: dict[str, Parts] = {
     "nerf_phi_far": replace(NERF, encoding="phi_matched"),
     "nerf_base165": replace(NERF, encoding="base1.65"),
 }
-"""Beside nerf, nerf_matched and nerf_phi_encoding: the golden ratio with NeRF's reach, and its reach without it."""
+"""The controls of bandwidth, beside nerf, nerf_matched and nerf_phi_encoding: φ with NeRF's reach, φ's reach without φ.
+"""
 
 UNITS = {"0_3": 0.3, "1": 1.0, "3": 3.0, "10": 10.0, "100": 100.0}
-"""Name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and QNERF themselves."""
+"""Map name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and QNERF themselves.
+"""
 
 LADDER: dict[str, Parts] = {
     f"{name}_unit_{label}": replace(parts, density_scale=scale)
     for name, parts in (("nerf", NERF), ("qnerf", QNERF))
     for label, scale in UNITS.items()
 }
-"""Two methods that differ in nothing but the unit of density."""
+"""Variants of two methods that differ in nothing but the unit of density."""
 
 NO_SHIFT = replace(NERF, amplifier="none_unshifted")
-"""NeRF's density without the one thing that Listing 2 does not have: the shift before softplus."""
+"""NeRF's density without the one part that Listing 2 does not have: the shift before softplus."""
 
 WEAKENED: dict[str, Parts] = {
     "nerf_no_encoding": replace(NERF, encoding="none"),

@@ -1,4 +1,4 @@
-"""Vanilla NeRF (Mildenhall et al. 2020) as a composition, and its bandwidth control. The file to read first."""
+"""Vanilla NeRF (Mildenhall et al. 2020) as a composition, and its bandwidth control. Read this file first."""
 
 from dataclasses import replace
 
@@ -7,5 +7,6 @@ from baselines.composition import Parts
 NERF = Parts(encoding="base2", amplifier="none", skip="half", quadrature="midpoint")
 
 NERF_MATCHED = replace(NERF, encoding="base2_matched")
-"""2^k only as far as φ^(L−1) reaches (L = 7 where φ has 10): what a lower bandwidth alone does. Without this control a
-low-resolution run would credit the golden ratio with it."""
+"""NeRF with 2^k only as far as φ^(L−1) reaches (L = 7 where φ has 10): the effect of a lower bandwidth alone. Without
+this control a low-resolution run would credit the golden ratio with it.
+"""

@@ -1,8 +1,8 @@
 """Candidates for a Q-NeRF that keeps the paper's idea and works: φ frequencies, φ skip, Eq. 4 on density with a
-learnable contrast. Each can be opaque, and in each density is a function of the point, whatever shares the call.
+learnable contrast. Each can be opaque, and in each density is a function of the point, whatever shares the chunk.
 
-They stood here before any of them was trained. `python -m harness repair` compares them on validation views, by the
-rule in `harness.studies.choices.repair_search`, and what it chose is `REPAIRED`.
+They were fixed before any of them was trained. `python -m harness repair` compares them on validation views, by the
+rule in `harness.studies.choices.repair_search`; `REPAIRED` is the one that it chose.
 """
 
 from dataclasses import replace
@@ -20,13 +20,13 @@ _AMPLIFIERS = (
     "running_mean_listing2",
     "running_mean_listing2_shifted",
 )
-"""From the simplest, Eq. 4 as printed, to what departs from it most."""
+"""The amplifiers, from the simplest, Eq. 4 as printed, to the one that departs from it most."""
 
 CANDIDATES: dict[str, Parts] = {f"qnerf_{name}": replace(QNERF, amplifier=name) for name in _AMPLIFIERS}
-"""In the order in which a tie is decided: the simpler one first."""
+"""The candidates in the order in which a tie is decided: the simpler one first."""
 
 REPAIRED = CANDIDATES["qnerf_running_mean"]
-"""What `docs/repair_search.json` chose."""
+"""The candidate that `docs/repair_search.json` chose."""
 
 MEANING = {
     "running_mean": "Eq. 4 on NeRF's density, about a running mean over training samples",
@@ -43,4 +43,4 @@ EXCLUDED = {
     "mean of a ray": "density would depend on the ray that asks for it: no field, no surface, no consistent views",
     "mean of a call": "a pixel would depend on the chunk it is rendered in; that reading is qnerf_theorem",
 }
-"""What is no candidate, and why."""
+"""The designs that are no candidates, and why."""

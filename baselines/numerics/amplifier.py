@@ -1,8 +1,9 @@
-"""From the network's raw density output to density σ >= 0: the plain activation and the paper's two amplifiers.
+"""The activations and amplifiers from the network's raw density output to density σ >= 0: the plain activation and the
+paper's two amplifiers.
 
 The paper prints two different operators (Eq. 4 and Listing 2). Both take a mean over "the densities"; which
-densities these are is the caller's decision and therefore an argument. A mean over whatever points share a call
-makes a pixel depend on the chunk that it is rendered in.
+densities these are is the caller's decision and therefore an argument. A mean over the points of a chunk makes a
+pixel depend on the chunk that it is rendered in.
 """
 
 import torch
@@ -13,7 +14,7 @@ from baselines.numerics.encoding import PHI
 
 
 def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
-    """log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
+    """Return log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
 
     Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and keeps 3 digits.
     """
@@ -24,7 +25,7 @@ def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor
 def amplify_about_mean(
     sigma: Float[Tensor, "*points"], mean: Float[Tensor, ""], alpha: Float[Tensor, ""]
 ) -> Float[Tensor, "*points"]:
-    """σ' = σ̄ + α φ (σ − σ̄), Eq. 4. The identity at α = 1/φ; may be negative."""
+    """Return σ' = σ̄ + α φ (σ − σ̄), Eq. 4. It is the identity at α = 1/φ and may be negative."""
     _require_float32(sigma)
     return mean + alpha * (sigma - mean) * PHI
 
@@ -32,7 +33,7 @@ def amplify_about_mean(
 def contrast_about(
     values: Float[Tensor, "*points"], mean: Float[Tensor, ""], gain: Float[Tensor, ""]
 ) -> Float[Tensor, "*points"]:
-    """Eq. 4 with its gain αφ, summed in the order that leaves every value as it is, to the last bit, at gain 1.
+    """Apply Eq. 4 with its gain αφ, summed in the order that leaves every value as it is, to the last bit, at gain 1.
 
     `amplify_about_mean` loses what is small beside the mean; a transmittance of 1e-6 must not be lost.
     """
@@ -47,9 +48,10 @@ def amplify_listing2(
     beta: Float[Tensor, ""],
     threshold: float = 0.5,
 ) -> Float[Tensor, "*points"]:
-    """Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0, 1].
+    """Apply Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0,
+    1].
 
-    As a density it is bounded by 1, whatever length that is per: a listing without a unit of length. Per scene unit,
+    As a density it is bounded by 1 per whatever length: the listing has no unit of length. Per scene unit,
     one unit of solid geometry has opacity 1 − 1/e = 0.63 at most; per a 25th of it, 1 − e^(−25).
     The gradient is zero where the clamp acts.
     """

@@ -1,4 +1,4 @@
-"""Where a ray enters and leaves a box."""
+"""The points where a ray enters and leaves a box."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -13,7 +13,7 @@ def ray_box(
     near: float,
     far: float,
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"], Bool[Tensor, " rays"]]:
-    """Entry and exit distance within [near, far], and whether the ray meets the box there.
+    """Return entry and exit distance within [near, far], and whether the ray meets the box there.
 
     Slab method. A ray that misses gets an empty interval (exit = entry), so that its bins have length 0.
     A component of `d` that is zero means "inside this slab always, or never": division gives ±inf, which is right,

@@ -1,7 +1,7 @@
-"""Refusing what is no ray: intervals that run backwards or never end, densities that are no densities.
+"""Checks that refuse invalid rays: intervals that run backwards or never end, and densities that are no densities.
 
 Every check reads its tensor once and asks the device once; only a failure looks for the culprit. Nothing is repaired:
-a NaN that is replaced in silence is a wrong picture.
+a NaN that is replaced silently is a wrong picture.
 """
 
 import math
@@ -12,7 +12,7 @@ from torch import Tensor
 
 
 class BadInterval(ValueError):
-    """Distances along a ray that do not rise, or are not finite; `ray` is None where all rays share them."""
+    """Distances along a ray that do not rise, or are not finite; `ray` is None if all rays share them."""
 
     def __init__(self, ray: int | None, what: str) -> None:
         super().__init__(f"{'every ray' if ray is None else f'ray {ray}'}: {what}")
@@ -29,18 +29,20 @@ class BadDensity(FloatingPointError):
         self.value = value
 
     def among(self, rays: Int[Tensor, " chosen"]) -> "BadDensity":
-        """The same, where `ray` counts within a choice of `rays`."""
+        """Return the same error, where `ray` counts within a choice of `rays`."""
         return BadDensity(int(rays[self.ray]), self.sample, self.value)
 
 
 def require_interval(near: float, far: float) -> None:
-    """near <= far, both finite; raises `BadInterval`. An interval without length is one: it shows the background."""
+    """Require near <= far, both finite; raises `BadInterval`. An interval of length 0 is valid: it shows the
+    background.
+    """
     if not (math.isfinite(near) and math.isfinite(far) and near <= far):
         raise BadInterval(None, f"runs from {near} to {far}; near and far must be finite, near <= far")
 
 
 def require_rising(t: Float[Tensor, "rays places"]) -> None:
-    """Distances of each ray finite and in rising order, equal ones allowed; raises `BadInterval` naming the ray."""
+    """Require finite distances in rising order along each ray, equal ones allowed; raises `BadInterval` naming the ray."""
     ends = torch.cat([t[:, :1], t[:, -1:]])
     # NaN fails both comparisons; where distances rise, the ends tell whether they are finite
     if bool((torch.diff(t, dim=-1) >= 0).all() & torch.isfinite(ends).all()):
@@ -53,7 +55,7 @@ def require_rising(t: Float[Tensor, "rays places"]) -> None:
 
 
 def require_density(sigma: Float[Tensor, "rays samples"]) -> None:
-    """Finite and >= 0; raises `BadDensity` naming ray and sample."""
+    """Require finite densities >= 0; raises `BadDensity` naming ray and sample."""
     if sigma.numel() == 0:
         return
     least, most = torch.aminmax(sigma.detach())  # either is NaN where any density is

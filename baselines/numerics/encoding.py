@@ -14,36 +14,42 @@ from torch import Tensor
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
 MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
-"""For φ^12 the sine is 3.3 times as accurate; base 2 has no such limit, only tests that end there."""
+"""The most bands by recurrence per base. For φ^12 the sine is 3.3 times as accurate; base 2 is limited by tests alone.
+"""
 DOUBLINGS = 4
-"""Between two sines of base 2. All bands from one sine would lose 3^k: 8e-4 at 2^9, nothing right at 2^16."""
+"""The doublings between two sines of base 2. All bands from one sine would lose 3^k: 8e-4 at 2^9, nothing right at
+2^16.
+"""
 
 REACH = 1.0001
-"""Largest coordinate for which the errors stated here hold: rays are cut to the box, which rounds by 1e-6."""
+"""The largest coordinate for which the errors stated here hold: rays are cut to the box, which rounds by 1e-6."""
 
 BLOCK = 1 << 14
-"""Points that the recurrences take at a time: at 65536 points this saves φ a quarter of its time."""
+"""The points that the recurrences process at a time: at 65536 points this saves φ a quarter of its time."""
 
 
 def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) -> Float[Tensor, " bands"]:
-    """f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision to `dtype` or torch's default."""
+    """Return f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision to `dtype` or torch's
+    default.
+    """
     if bands < 0:
         raise ValueError(f"bands must be >= 0, is {bands}")
     return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(dtype or torch.get_default_dtype())
 
 
 def matched_bands(base: float, bands: int) -> int:
-    """How many bands 2^k, k = 0 …, reach as far as base^(bands − 1) and no further: the bandwidth control."""
+    """Return how many bands 2^k reach as far as base^(bands − 1) and no further: the bandwidth control."""
     return 1 + math.floor((bands - 1) * math.log2(base))
 
 
 def feature_count(axes: int, bands: int) -> int:
-    """Width of `fourier_features`: the raw coordinates and a sine and a cosine for each band and axis."""
+    """Return the width of `fourier_features`: the raw coordinates and a sine and a cosine for each band and axis."""
     return axes * (1 + 2 * bands)
 
 
 def checked_positions(x: Float[Tensor, "points axes"], reach: float = REACH) -> Float[Tensor, "points axes"]:
-    """`x` itself. Raises `ValueError` naming the first point with a coordinate that is not finite or beyond `reach`.
+    """Return `x` itself. Raises `ValueError` naming the first point with a coordinate that is not finite or beyond
+    `reach`.
 
     For callers whose points do not come from rays cut to the box (slices, meshes, probes). An angle f π x is wrong by
     as much as x is large: at x = 1e4 the top band of base 2 is noise (error 0.8), at 1e36 it is NaN.
@@ -59,7 +65,7 @@ def checked_positions(x: Float[Tensor, "points axes"], reach: float = REACH) -> 
 
 
 def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]) -> Float[Tensor, "*batch features"]:
-    """[x, sin(f_0 π x), cos(f_0 π x), …, cos(f_{L−1} π x)] as Listing 1; no bands give x itself.
+    """Return [x, sin(f_0 π x), cos(f_0 π x), …, cos(f_{L−1} π x)] as Listing 1; no bands give x itself.
 
     Float32 at |x| <= 1: absolute error below 1.2e-4 at 2^9 and 1.2e-5 at φ^9, from rounding f π x. Reduced
     precision would lose the upper bands altogether (error 1.0 in bfloat16), so this runs in float32 or better.
@@ -83,10 +89,11 @@ def recurrence_is_accurate(base: float, bands: int) -> bool:
 def encode(
     x: Float[Tensor, "points axes"], base: float, bands: int, recurrence: bool = True
 ) -> Float[Tensor, "points features"]:
-    """`fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view: one feature's points adjoin.
+    """Return `fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view: a feature's points
+    adjoin.
 
     With `recurrence`, bands follow from lower ones where `recurrence_is_accurate`; otherwise every bit is that of
-    `fourier_features`. Most of the gain is the layout's; the recurrence pays from some 4000 points a call. Absolute
+    `fourier_features`. Most of the gain is the layout's; the recurrence pays from some 4000 points on. Absolute
     error at |x| <= 1 below 1.2e-4 at 2^9 and 2.5e-5 at φ^9; errors of angles grow in proportion to |x|.
 
     Raises `TypeError` unless `x` is float32 or float64. Where `x` needs a gradient, this is `fourier_features`
@@ -118,7 +125,7 @@ def encode(
 
 
 def _sines(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Into waves [bands, sine and cosine, axes, points]: of angular [bands, 1, 1] times raw [axes, points]."""
+    """Write sines and cosines of angular [bands, 1, 1] times raw [axes, points] into waves [bands, 2, axes, points]."""
     sine, cosine = waves.unbind(1)
     torch.mul(angular, raw, out=cosine)
     torch.sin(cosine, out=sine)
@@ -126,7 +133,7 @@ def _sines(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 
 def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Bands from φ^k = φ^(k−1) + φ^(k−2): with a, b the angles of the two bands below,
+    """Compute bands from φ^k = φ^(k−1) + φ^(k−2): with a, b the angles of the two bands below,
 
     sin(a + b) = sin(a − b) + 2 cos a sin b and cos(a + b) = cos(a − b) − 2 sin a sin b, where a − b is band k − 3.
     The addition formula itself takes twice the operations and then costs more than sines, so it gives band 2 alone.
@@ -143,7 +150,8 @@ def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 
 def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """sin 2a = 2 sin a cos a and cos 2a = 1 − 2 sin² a, from a sine of its own at each fifth band, all fifths at once.
+    """Apply sin 2a = 2 sin a cos a, cos 2a = 1 − 2 sin² a from a sine of its own at each fifth band, all fifths at
+    once.
 
     cos 2a = 2 cos² a − 1 would lose 4 in every doubling near a = 0, where every upper band starts.
     """
@@ -162,11 +170,11 @@ def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 @lru_cache(maxsize=64)
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
-    """f π, [bands, 1, 1], rounded as in `fourier_features`; kept, since making it costs as much as 500 points."""
+    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, since making it costs as much as 500 points."""
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
 
 
 @lru_cache(maxsize=16)
 def _constants(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
-    """0 and 1, as what a product is added to."""
+    """Return 0 and 1, the constants that a product is added to."""
     return torch.zeros((), dtype=dtype, device=device), torch.ones((), dtype=dtype, device=device)

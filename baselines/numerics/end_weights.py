@@ -1,4 +1,4 @@
-"""Bins whose colour is given at both ends: what of a bin's light comes from which end.
+"""Bins whose colour is given at both ends: the share of a bin's light that comes from each end.
 
     first + second = 1 − e^−τ
 
@@ -7,7 +7,7 @@
     second(τ) = ∫₀^τ e^−s s/τ ds = (1 − e^−τ (1 + τ)) / τ,
 
 which is the rule for stiff rays: where a bin is opaque, what is seen is the colour at its front. A rule that takes one
-colour a bin returns that of its middle, an error of half a bin however accurate its densities are ("order reduction"
+colour per bin returns that of its middle, an error of half a bin however accurate its densities are ("order reduction"
 of exponential integrators); the exponential rule of order two, ETD-2, does not.
 """
 
@@ -20,16 +20,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 Shares = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
-"""τ [rays, bins] → first, second, and e^−τ − ∂second/∂τ, every digit of them right for all τ from 0 to ∞."""
+"""The map τ [rays, bins] → first, second, and e^−τ − ∂second/∂τ, every digit of them right for all τ from 0 to ∞."""
 
 SERIES = [(-1) ** m * (m + 1) / factorial(m + 2) for m in range(19)]
-"""second(τ)/τ = Σ (−1)^m (m + 1)/(m + 2)! τ^m; the next term is below 1e-17 at τ = 1."""
+"""The coefficients of second(τ)/τ = Σ (−1)^m (m + 1)/(m + 2)! τ^m; the next term is below 1e-17 at τ = 1."""
 
 
 def even_shares(
     tau: Float[Tensor, "rays bins"],
 ) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, "rays bins"], Float[Tensor, "rays bins"]]:
-    """`Shares` of the mean of both colours."""
+    """Return the `Shares` of the mean of both colours."""
     half = -0.5 * torch.expm1(-tau)
     return half, half, 0.5 * torch.exp(-tau)
 
@@ -37,7 +37,7 @@ def even_shares(
 def shares_linear_in_depth(
     tau: Float[Tensor, "rays bins"],
 ) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, "rays bins"], Float[Tensor, "rays bins"]]:
-    """`Shares` of a colour linear in τ; the third is second(τ)/τ."""
+    """Return the `Shares` of a colour linear in τ; the third is second(τ)/τ."""
     thin = tau < 1.0
     small = torch.where(thin, tau, 1.0)
     series = torch.full_like(tau, SERIES[-1])
@@ -50,7 +50,7 @@ def shares_linear_in_depth(
 
 
 class EndWeights(torch.autograd.Function):
-    """τ of each bin → weights of the bins + 1 fenceposts, and T_end, with the closed-form gradient
+    """The map τ of each bin → weights of the bins + 1 fenceposts, and T_end, with the closed-form gradient
 
         ∂L/∂τ_k = −T_k (e^−τ_k − s'_k) d_k − Σ_{i>k} T_i (e^−τ_i + s_i) d_i − T_end (g_end − g_bins)
 

@@ -21,14 +21,14 @@ from baselines.numerics.sampling import jittered_edges, points_in_bins
 
 @dataclass(frozen=True)
 class Orders:
-    """Error ∝ (bin length)^order where density and colour are smooth and no bin is opaque."""
+    """The orders of convergence: error ∝ (bin length)^order where density and colour are smooth and no bin is opaque."""
 
     colour: float
     opacity: float
 
 
 def bin_lengths(t: Float[Tensor, "rays points"], t_edges: Float[Tensor, "rays edges"]) -> Float[Tensor, "rays bins"]:
-    """Differences of the fenceposts, wherever the points are."""
+    """Return the differences of the fenceposts, wherever the points are."""
     del t
     return torch.diff(t_edges, dim=-1)
 
@@ -42,19 +42,20 @@ class Rule:
     """
 
     place: Callable[[Tensor, torch.Generator | None], tuple[Tensor, Tensor]]
-    """(t_edges, generator) → points, and the fenceposts of the bins that they stand for: moved at random with a
-    generator (training) by a rule whose points are fenceposts, else those given."""
+    """Map (t_edges, generator) → points, and the fenceposts of their bins: moved at random with a generator (training)
+    by a rule whose points are fenceposts, else those given.
+    """
     optical_depth: Callable[[Tensor, Tensor], Tensor]
-    """(sigma, lengths) → τ of each bin, [rays, bins]."""
+    """Map (sigma, lengths) → τ of each bin, [rays, bins]."""
     weights: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
-    """(sigma, lengths) → w of each point, and T_end. A length of 0 leaves a bin out."""
+    """Map (sigma, lengths) → w of each point, and T_end. A length of 0 leaves a bin out."""
     orders: Orders
     lengths: Callable[[Tensor, Tensor], Tensor] = bin_lengths
-    """(t, t_edges) → lengths of the bins."""
+    """Map (t, t_edges) → lengths of the bins."""
     stride: int = 1
     closed: bool = False
     of_the_paper: bool = False
-    """As printed, whatever comes of it."""
+    """Whether the rule is kept as printed, with all consequences."""
 
     def __call__(
         self,
@@ -62,7 +63,9 @@ class Rule:
         t: Float[Tensor, "rays points"],
         t_edges: Float[Tensor, "rays edges"],
     ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, " rays"]]:
-        """Weights and T_end. Raises `BadInterval` or `BadDensity` naming ray and sample, `TypeError` below float32."""
+        """Return weights and T_end. Raises `BadInterval` or `BadDensity` naming ray and sample, `TypeError` below
+        float32.
+        """
         if not self.of_the_paper:
             require_rising(t_edges)
             require_rising(t)
@@ -70,14 +73,14 @@ class Rule:
         return self.weights(sigma, self.lengths(t, t_edges))
 
     def bins_with(self, points: Bool[Tensor, "rays points"]) -> Bool[Tensor, "rays bins"]:
-        """Bins any of whose points is marked."""
+        """Return the bins that contain a marked point."""
         if not self.closed:
             return points
         own = points[:, :-1].unflatten(-1, (-1, self.stride)).any(dim=-1)
         return own | points[:, self.stride :: self.stride]
 
     def points_of(self, bins: Bool[Tensor, "rays bins"]) -> Bool[Tensor, "rays points"]:
-        """All points of the marked bins."""
+        """Return all points of the marked bins."""
         if not self.closed:
             return bins
         points = torch.nn.functional.pad(bins.repeat_interleave(self.stride, dim=-1), (0, 1))
@@ -87,18 +90,18 @@ class Rule:
     def bin_weights(
         self, w: Float[Tensor, "rays points"], sigma: Float[Tensor, "rays points"], lengths: Float[Tensor, "rays bins"]
     ) -> Float[Tensor, "rays bins"]:
-        """What each bin contributes, as importance sampling needs it, where the rule gave its points `w`."""
+        """Return the weight of each bin, as importance sampling needs it, where the rule gave its points `w`."""
         return _of_depth(self.optical_depth(sigma, lengths))[0] if self.closed else w
 
 
 class _WeightsFromOpticalDepth(torch.autograd.Function):
-    """w_i = T_i (1 − exp(−τ_i)) with T_i = exp(−Σ_{j<i} τ_j), and T_end, with the closed-form gradient
+    """The weights w_i = T_i (1 − exp(−τ_i)) with T_i = exp(−Σ_{j<i} τ_j), and T_end, with the closed-form gradient
 
         ∂L/∂τ_k = g_k T_{k+1} − Σ_{i>k} g_i w_i − g_end T_end = Σ_{i≥k} T_{i+1} (g_i − g_{i+1}),   g_bins = g_end.
 
     `expm1` keeps all digits where τ is tiny, the exclusive sum where there are many bins. The closed form avoids the
     gradient of `expm1`, which loses every digit from τ ≈ 15 on, and division by transmittances that are 0. Of its two
-    forms the first subtracts what is nearly equal (at τ = 10 a bin a third of the gradient is rounding in float32);
+    forms the first subtracts what is nearly equal (at τ = 10 per bin a third of the gradient is rounding in float32);
     the second, by summation by parts, subtracts neighbouring colours alone.
     """
 
@@ -121,8 +124,8 @@ class _WeightsFromOpticalDepth(torch.autograd.Function):
 
 
 def _of_depth(tau: Tensor, shares: Shares | None = None) -> tuple[Tensor, Tensor]:
-    """w of each bin, or of its ends where they have `shares` of it, and T_end. Raises `TypeError` below float32: thin
-    scenes would vanish (1 − exp(−τ) is 0 in bfloat16 for τ < 2e-3).
+    """Return w of each bin, or of its ends where they have `shares` of it, and T_end. Raises `TypeError` below float32:
+    thin scenes would vanish (1 − exp(−τ) is 0 in bfloat16 for τ < 2e-3).
     """
     if tau.dtype in (torch.float16, torch.bfloat16):
         raise TypeError(f"the quadrature needs float32 or better, got {tau.dtype}")
@@ -153,7 +156,7 @@ def _half_to_each_end(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _colour_linear_in_depth(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """The middles give their density alone: their colours have no weight."""
+    """Return weights and T_end; the middles contribute density alone, and their colours have no weight."""
     w, T_end = _of_depth(_simpson(sigma, lengths), shares_linear_in_depth)
     return torch.nn.functional.pad(w.unsqueeze(-1), (0, 1)).flatten(-2)[:, :-1], T_end
 
@@ -193,19 +196,19 @@ midpoint = Rule(_in_bins, _one_density_a_bin, _one_colour_a_bin, Orders(2.0, 2.0
 """The default: exact where density and colour are constant in each bin."""
 
 left = Rule(_on_left_ends, _one_density_a_bin, _one_colour_a_bin, Orders(1.0, 1.0))
-"""Density and colour of each bin's front end, as the field's codes take them, but over finite intervals."""
+"""The density and colour of each bin's front end, as the field's codes take them, but over finite intervals."""
 
 trapezoid = Rule(_on_edges, _mean_of_the_ends, _half_to_each_end, Orders(2.0, 2.0), closed=True)
 """Density linear in a bin, and the mean of the colours at its ends (as PL-NeRF, arXiv 2310.20685)."""
 
 linear = Rule(_on_edges_and_middles, _simpson, _colour_linear_in_depth, Orders(2.0, 4.0), stride=2, closed=True)
-"""For stiff rays: τ of a bin by Simpson's rule, colour linear in τ between its ends. Two points a bin."""
+"""The rule for stiff rays: τ of a bin by Simpson's rule, colour linear in τ between its ends. Two points per bin."""
 
 listing4 = Rule(_in_bins, _one_density_a_bin, _as_printed, Orders(0.0, 0.0), lengths=_between_points, of_the_paper=True)
 """Listing 4 of the paper, repaired only so far that it runs (2-D indices where it prints three).
 
 Intervals are differences of sample points, the last one is 1e10, 1e-10 is added in the product, and there is no
-background: every ray with σ > 2e-9 at its last point is opaque. Of order 0 wherever light reaches that point.
+background: every ray with σ > 2e-9 at its last point is opaque. Its order is 0 wherever light reaches that point.
 """
 
 QUADRATURES: dict[str, Rule] = {

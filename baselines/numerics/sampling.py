@@ -11,7 +11,7 @@ from torch import Tensor
 def uniform_edges(
     entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], bins: int
 ) -> Float[Tensor, "rays edges"]:
-    """bins + 1 equally spaced fenceposts from `entry` to `leave` of each ray, both ends exact."""
+    """Return bins + 1 equally spaced fenceposts from `entry` to `leave` of each ray, both ends exact."""
     if bins < 1:
         raise ValueError(f"bins must be >= 1, is {bins}")
     share = torch.linspace(0.0, 1.0, bins + 1, dtype=entry.dtype, device=entry.device)
@@ -21,7 +21,7 @@ def uniform_edges(
 def points_in_bins(
     t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays bins"]:
-    """One point in each bin: uniformly random with a generator, the midpoint without one."""
+    """Return one point in each bin: uniformly random with a generator, the midpoint without one."""
     left, right = t_edges[:, :-1], t_edges[:, 1:]
     if generator is None:
         return 0.5 * (left + right)
@@ -32,8 +32,8 @@ def points_in_bins(
 def jittered_edges(
     t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays edges"]:
-    """The fenceposts, each inner one moved at random between the middles of its two bins; those given without a
-    generator. They still rise, and the ends stay where they are.
+    """Move each inner fencepost at random between the middles of its two bins; without a generator, return those given.
+    They still rise, and the ends stay where they are.
     """
     if generator is None:
         return t_edges
@@ -47,9 +47,9 @@ def inverse_cdf_edges(
     count: int,
     generator: torch.Generator | None,
 ) -> Float[Tensor, "rays count"]:
-    """`count` distances distributed as the step function with mass `w` in each bin, in rising order.
+    """Return `count` distances distributed as the step function with mass `w` in each bin, in rising order.
 
-    Stratified with a generator, at the midpoints of the strata without one. `inverse_cdf` says the rest.
+    They are stratified with a generator, and at the midpoints of the strata without one. See also `inverse_cdf`.
     """
     if generator is None:
         u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
@@ -62,7 +62,8 @@ def inverse_cdf_edges(
 def inverse_cdf(
     t_edges: Float[Tensor, "rays edges"], w: Float[Tensor, "rays bins"], u: Float[Tensor, "rays count"]
 ) -> Float[Tensor, "rays count"]:
-    """The distances below which the shares `u`, from 0 to 1, of all mass lie; within their ray, and rising as `u` does.
+    """Return the distances below which the shares `u`, 0 to 1, of all mass lie; within their ray, and rising as `u`
+    does.
 
     A ray without any weight is taken as uniform. No gradient reaches `w` or `u`: where to look is no part of what is
     seen. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError` where

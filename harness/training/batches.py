@@ -142,13 +142,13 @@ class AttendedPixels:
     def draw(self, count: int, generator: torch.Generator) -> Int[Tensor, " count"]:
         """Pixels numbered through all images row by row, as `scenes.view_sets.image_stack.ImageStack.pixels` takes
         them."""
-        lots = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
-        image, region = np.divmod(np.searchsorted(self.until, lots[0], side="right"), self.regions.count)
+        u = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
+        image, region = np.divmod(np.searchsorted(self.until, u[0], side="right"), self.regions.count)
         row, column = np.divmod(region, self.regions.columns)
         top, left = row * self.regions.tile, column * self.regions.tile
         rows = np.minimum(self.regions.tile, self.regions.height - top)
         columns = np.minimum(self.regions.tile, self.regions.width - left)
-        row, column = top + (lots[1] * rows).astype(np.int64), left + (lots[2] * columns).astype(np.int64)
+        row, column = top + (u[1] * rows).astype(np.int64), left + (u[2] * columns).astype(np.int64)
         return torch.from_numpy((image * self.regions.height + row) * self.regions.width + column)
 
 

@@ -19,8 +19,8 @@ def moved_by(mean: RunningMean, *steps: list[Tensor]) -> RunningMean:
     for calls in steps:
         mean.begin()
         for values in calls:
-            mean.take(values)
-        mean.move()
+            mean.observe(values)
+        mean.update()
     return mean
 
 
@@ -45,11 +45,11 @@ def test_it_does_not_matter_in_how_many_calls_the_values_of_a_step_come() -> Non
 
 def test_nothing_counts_outside_of_a_step_nor_in_one_that_is_dropped_or_saw_nothing() -> None:
     mean = moved_by(RunningMean(), [torch.full((3,), 2.0)])
-    mean.take(torch.full((3,), 9.0))
+    mean.observe(torch.full((3,), 9.0))
     mean.begin()
-    mean.take(torch.full((3,), 9.0))
+    mean.observe(torch.full((3,), 9.0))
     mean.drop()
-    mean.move()
+    mean.update()
     moved_by(mean, [], [torch.zeros(0)])
     assert (float(mean.value), float(mean.steps)) == (2.0, 1.0)
 

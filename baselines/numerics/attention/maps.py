@@ -1,6 +1,6 @@
-"""What may be attended to: each function gives the attention of every region, float64 [regions].
+"""Maps of attention: each function returns the attention of every region, float64 [regions].
 
-All raise `BadAttention`, naming region and value, where what they are given is no attention.
+All raise `BadAttention`, naming region and value, for input that is no attention.
 """
 
 import math
@@ -14,18 +14,19 @@ from baselines.numerics.attention.priorities import BadAttention, checked
 from baselines.numerics.attention.regions import Regions
 
 HALF_ACUITY_DEGREES = 2.3
-"""Eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998)."""
+"""The eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998).
+"""
 
 
 def from_mask(regions: Regions, mask: np.ndarray) -> np.ndarray:
-    """A user's mask [height, width]: true or false, or any number ≥ 0. One without a mark is plain rendering."""
+    """Return the attention of a user's mask [height, width]: booleans or numbers ≥ 0. An empty one is plain rendering."""
     return _mean(regions, mask, "mask")
 
 
 def around_point(regions: Regions, row: float, column: float, radius: float) -> np.ndarray:
-    """A point of interest in pixels, counted as in `CONVENTIONS.md`: 1 / (1 + (distance / radius)²), half at `radius`.
+    """Return 1 / (1 + (distance / radius)²) about a point of interest in pixels, counted as in `CONVENTIONS.md`.
 
-    It falls slowly enough that the order of regions is that of their distance all over the picture.
+    It is half at `radius`, and falls slowly enough that the order of regions is that of their distance everywhere.
     """
     _require_point(row, column)
     if not (math.isfinite(radius) and radius > 0.0):
@@ -37,7 +38,7 @@ def around_point(regions: Regions, row: float, column: float, radius: float) -> 
 def foveal(
     regions: Regions, row: float, column: float, focal: float, half_at: float = HALF_ACUITY_DEGREES
 ) -> np.ndarray:
-    """The acuity of an eye that looks at a point of the picture, relative to its best: 1 / (1 + e / e₂).
+    """Return the acuity of an eye that looks at a point of the picture, relative to its best: 1 / (1 + e / e₂).
 
     e is a pixel's eccentricity in degrees, the angle at the camera between its ray and that of the point looked at;
     it is the eye's where the picture is seen from its centre of projection. e₂ = `half_at`. The formula is the highest
@@ -57,8 +58,8 @@ def foveal(
 
 
 def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
-    """Where an image [height, width] or [height, width, channels] changes: the length of its gradient over all
-    channels, by central differences. One of a single colour is plain rendering.
+    """Return where an image [height, width] or [height, width, channels] changes: the length of its gradient over all
+    channels, by central differences. An image of a single colour is plain rendering.
     """
     given = np.asarray(image, dtype=np.float64)
     if given.ndim not in (2, 3) or given.shape[:2] != (regions.height, regions.width):
@@ -69,7 +70,9 @@ def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
 
 
 def from_error(regions: Regions, estimate_of_error: np.ndarray) -> np.ndarray:
-    """An estimate of error or variance [height, width], ≥ 0, for instance that of `progressive.estimated_error`."""
+    """Return the attention of an estimate of error or variance [height, width], ≥ 0, such as
+    `progressive.estimated_error`.
+    """
     return _mean(regions, estimate_of_error, "estimated error")
 
 
@@ -79,22 +82,24 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True)
 class MapInputs:
-    """What maps look at. What has to be rendered first is a call, so that only a map that uses it pays for it."""
+    """The inputs of the maps. Inputs that have to be rendered first are callables, so that only a map that uses them
+    pays.
+    """
 
     regions: Regions
     row: float
     column: float
-    """The point looked at, in pixels."""
+    """The column of the point looked at, in pixels."""
     radius: float
-    """Pixels at which a point of interest has half of its attention."""
+    """The distance in pixels at which a point of interest has half of its attention."""
     focal: float
-    """Pixels."""
+    """The focal length in pixels."""
     mask: Callable[[], np.ndarray] = _nothing
-    """[height, width]."""
+    """Return the mask [height, width]."""
     image: Callable[[], np.ndarray] = _nothing
-    """A coarse frame [height, width, 3]."""
+    """Return a coarse frame [height, width, 3]."""
     error: Callable[[], np.ndarray] = _nothing
-    """An estimate of its error [height, width]."""
+    """Return an estimate of its error [height, width]."""
 
 
 MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
@@ -108,7 +113,7 @@ MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
 
 
 def _mean(regions: Regions, values: Any, what: str) -> np.ndarray:
-    """The mean of each region; a pixel that is no attention is named, as a mean could hide it."""
+    """Return the mean of each region; a pixel that is no attention is named, as a mean could hide it."""
     given = np.asarray(values, dtype=np.float64)
     if given.shape != (regions.height, regions.width):
         raise _wrong_shape(regions, given, what)
@@ -132,6 +137,6 @@ def _require_point(row: float, column: float) -> None:
 
 
 def _offsets(regions: Regions, row: float, column: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel centres from a point, downwards [height, 1] and to the right [1, width], in pixels."""
+    """Return the offsets of pixel centres from a point, downwards [height, 1] and to the right [1, width], in pixels."""
     down = np.arange(regions.height)[:, None] + 0.5 - row
     return down, np.arange(regions.width)[None, :] + 0.5 - column

@@ -11,19 +11,20 @@ import numpy as np
 
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 TIE = 1e-12
-"""Relative difference below which two attentions are equal: the sums that they come from are no more exact."""
+"""The relative difference below which two attentions are equal: the sums that they come from are no more exact."""
 BINARY_PLACES = 20
-"""Binary places to which a number of bins is rounded before its whole part is taken, for the same reason. More where
-there are so many rays that rounding up could exceed the total."""
+"""The binary places to which a number of bins is rounded before its integer part is taken, for the same reason. With
+more of them, rounding up could exceed the total where there are many rays.
+"""
 
 
 class BadAttention(ValueError):
-    """Attention that no priority follows from. Says which region has which value."""
+    """Attention from which no priority follows. Names the region and its value."""
 
 
 def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
-    """`attention` as float64 [regions], or `BadAttention`: not one number for each region, none at all, or one that is
-    negative, NaN or infinite.
+    """Return `attention` as float64 [regions]. Raises `BadAttention` unless it is one number for each of at least one
+    region, none of them negative, NaN or infinite.
     """
     if np.iscomplexobj(attention):
         raise BadAttention("attention is complex: a priority has a size alone")
@@ -45,13 +46,13 @@ def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
 
 
 def is_equal(attention: np.ndarray) -> bool:
-    """Whether no region is attended more than another (to `TIE`), which is so as well where nothing is attended."""
+    """Whether no region is attended more than another (to `TIE`), which also holds where nothing is attended."""
     found = checked(attention)
     return bool(found.min() >= found.max() * (1.0 - TIE))
 
 
 def shares(attention: np.ndarray) -> np.ndarray:
-    """attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
+    """Return attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
     found = checked(attention)
     largest = found.max()
     # first by the largest, so that the sum neither overflows nor is 0
@@ -60,7 +61,7 @@ def shares(attention: np.ndarray) -> np.ndarray:
 
 
 def priorities(attention: np.ndarray) -> np.ndarray:
-    """P = φ · attention / Σ attention (Eq. 7), float64 [regions].
+    """Return P = φ · attention / Σ attention (Eq. 7), float64 [regions].
 
     φ scales all priorities alike. Order and allocation depend on their ratios alone, so that both are the same with
     any positive factor in its place (`without_phi` measures it); the priorities sum to φ = 1.618…, so they are no
@@ -71,7 +72,7 @@ def priorities(attention: np.ndarray) -> np.ndarray:
 
 
 def region_order(attention: np.ndarray) -> np.ndarray:
-    """All regions, the most attended first, int [regions]; equal ones (to `TIE`) row by row, those without any
+    """Return all regions, the most attended first, int [regions]; equal ones (to `TIE`) row by row, those without any
     attention last. Raises `BadAttention`.
     """
     found = checked(attention)
@@ -83,7 +84,7 @@ def region_order(attention: np.ndarray) -> np.ndarray:
 
 
 def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: int = 1) -> np.ndarray:
-    """Bins a ray in each region, int [regions], at the total of `bins` a ray everywhere.
+    """Return bins per ray in each region, int [regions], at the total of `bins` per ray everywhere.
 
     Each ray gets `least` bins, and of what is left a part proportional to the attention of its region; whole numbers by
     largest remainder (equal ones row by row). The total Σ rays · bins is never exceeded; it is met exactly where all
@@ -91,8 +92,8 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     `bins` everywhere. `bins` is a mean and need not be whole (equal attention rounds it down).
     Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
 
-    `rays` may be any whole cost ≥ 1 of one more bin in each region: with `cost.evaluations_by_region` the total that is
-    fixed is that of the network's evaluations, where empty space costs none.
+    `rays` may be any integer cost ≥ 1 of one more bin in each region: with `cost.evaluations_by_region` the total that
+    is fixed is that of the network's evaluations, where empty space costs none.
     """
     found = checked(attention)
     counts = np.asarray(rays)
@@ -116,12 +117,12 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
 
 
 def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) -> np.ndarray:
-    """Bins a ray, int [regions], that take few different values: each one of a ladder of factor `ratio` up from the
+    """Round bins per ray, int [regions], to few different values: each one of a ladder of factor `ratio` up from the
     least, at no more than the total Σ rays · bins of those given.
 
-    Regions with as many bins share a call of the renderer, and what a call costs by itself is more than what a region's
-    own number of bins gains. Each is rounded down; then those that lost most, by their ratio, go up while the total
-    allows it. Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
+    Regions with as many bins share a chunk, and the overhead of a chunk is more than what a region's own number of bins
+    gains. Each is rounded down; then those that lost most, by their ratio, go up while the total allows it.
+    Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
     """
     wanted, counts = np.asarray(bins), np.asarray(rays)
     if wanted.ndim != 1 or counts.shape != wanted.shape or not len(wanted) or min(wanted.min(), counts.min()) < 1:
@@ -144,7 +145,7 @@ def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) 
 
 @dataclass(frozen=True)
 class PhiEffect:
-    """What the factor φ of Eq. 7 changes for one map of attention."""
+    """The effect of the factor φ of Eq. 7 for one map of attention."""
 
     sum_of_priorities: float
     order_changed: bool
@@ -152,7 +153,7 @@ class PhiEffect:
 
 
 def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> PhiEffect:
-    """Order and allocation by P against those by the shares, which lack the factor: found, not assumed."""
+    """Compare order and allocation by P with those by the shares, which lack the factor: measured, not assumed."""
     with_it, without = priorities(attention), shares(attention)
     return PhiEffect(
         sum_of_priorities=float(with_it.sum()),

@@ -24,12 +24,12 @@ class Regions:
 
     @property
     def rows(self) -> int:
-        """Regions from top to bottom."""
+        """The number of regions from top to bottom."""
         return -(-self.height // self.tile)
 
     @property
     def columns(self) -> int:
-        """Regions from left to right."""
+        """The number of regions from left to right."""
         return -(-self.width // self.tile)
 
     @property
@@ -38,29 +38,29 @@ class Regions:
 
     @cached_property
     def of_pixel(self) -> np.ndarray:
-        """[height, width]: the region that a pixel lies in."""
+        """The region that each pixel lies in, [height, width]."""
         row, column = np.arange(self.height) // self.tile, np.arange(self.width) // self.tile
         return row[:, None] * self.columns + column[None, :]
 
     @cached_property
     def rays(self) -> np.ndarray:
-        """[count]: pixels of each region."""
+        """The number of pixels of each region, [count]."""
         return np.bincount(self.of_pixel.reshape(-1), minlength=self.count)
 
     def corner(self, region: int) -> tuple[int, int, int, int]:
-        """First row, first column, height and width of a region in pixels."""
+        """Return first row, first column, height and width of a region in pixels."""
         row, column = divmod(region, self.columns)
         top, left = row * self.tile, column * self.tile
         return top, left, min(self.tile, self.height - top), min(self.tile, self.width - left)
 
     def pixels(self, region: int) -> np.ndarray:
-        """Flat indices of its pixels, row by row."""
+        """Return the flat indices of its pixels, row by row."""
         top, left, height, width = self.corner(region)
         rows, columns = np.arange(top, top + height), np.arange(left, left + width)
         return (rows[:, None] * self.width + columns[None, :]).reshape(-1)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Values [height, width] → float64 [count], the mean of each region.
+        """Average values [height, width] over each region, float64 [count].
 
         Equal values have exactly equal means, and the sum of large ones does not overflow; what is not finite stays so.
         """
@@ -73,7 +73,7 @@ class Regions:
         return total / self.rays * scale
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """Values [count] → [height, width], each pixel with its region's."""
+        """Spread values [count] to [height, width], each pixel with its region's."""
         if np.shape(values) != (self.count,):
             raise ValueError(f"values {np.shape(values)}, there are {self.count} regions")
         return np.asarray(values)[self.of_pixel]

@@ -185,13 +185,13 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
 
 def _held_mean(patch: Patch) -> None:
     """The default of a parameter."""
-    usual = held_mean.RunningMean.move
+    usual = held_mean.RunningMean.update
     share = MORE * held_mean.MEAN_SHARE
 
-    def move(self: held_mean.RunningMean, *given: Any, **named: Any) -> None:
+    def update(self: held_mean.RunningMean, *given: Any, **named: Any) -> None:
         usual(self, *given, **(named if given or named else {"share": share}))
 
-    patch.setattr(held_mean.RunningMean, "move", move)
+    patch.setattr(held_mean.RunningMean, "update", update)
 
 
 def _depth(patch: Patch) -> None:
