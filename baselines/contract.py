@@ -16,7 +16,8 @@ class Accelerations:
     fused: bool = True
     """Whether the field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
     recurrence: bool = True
-    """Whether bands of the encoding follow from the bands below them, where that is as accurate as a sine of their own.
+    """Whether bands of the encoding follow from the bands below them, where that is as accurate as a
+    sine of their own.
     """
     grid: bool = True
     """Whether an occupancy grid skips empty space (`GridSettings` has its settings)."""

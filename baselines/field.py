@@ -212,7 +212,8 @@ def _evenly_spread() -> Float[Tensor, "points 3"]:
 
 
 MEAN_POINTS = 512
-"""The number of points at which a mean over the box is measured each step: a tenth of a step's points at reduced size.
+"""The number of points at which a mean over the box is measured each step: a tenth of a step's points
+at reduced size.
 """
 
 

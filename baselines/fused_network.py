@@ -63,7 +63,9 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Stage:
-    """One matrix multiplication: `hidden` applied to the layer before, `again` to the encoded position where it enters."""
+    """One matrix multiplication: `hidden` applied to the layer before, `again` to the encoded position
+    where it enters.
+    """
 
     hidden: Tensor
     bias: Tensor

@@ -144,7 +144,9 @@ class VoxelField:
         return {"density_grid": density, "colour_grid": colour, "total": density + colour}
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return `density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before softplus and sigmoid."""
+        """Return `density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before
+        softplus and sigmoid.
+        """
         return {name: self._as_grid(name) for name in self.values}
 
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
@@ -242,7 +244,9 @@ class VoxelField:
         return Rendering(white, nothing, far, samples.rays * bins)
 
     def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
-        """Return display colours of the rays over white, channel by channel, weights of their points, their opacities."""
+        """Return display colours of the rays over white, channel by channel, weights of their points,
+        their opacities.
+        """
         types, bins = self.types, samples.bins
         ray = dr.arange(types.UInt32, samples.rays * bins) // bins
         direction = dr.gather(types.Array3f, samples.direction, ray)

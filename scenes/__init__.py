@@ -1,1 +1,1 @@
-"""What is seen, and the images of it on disk; imports no other room of ours, and Mitsuba only in `rendering`."""
+"""The scenes and their images on disk; imports no other room of ours, and Mitsuba only in `rendering`."""

@@ -42,7 +42,9 @@ def require_interval(near: float, far: float) -> None:
 
 
 def require_rising(t: Float[Tensor, "rays places"]) -> None:
-    """Require finite distances in rising order along each ray, equal ones allowed; raises `BadInterval` naming the ray."""
+    """Require finite distances in rising order along each ray, equal ones allowed; raises `BadInterval`
+    naming the ray.
+    """
     ends = torch.cat([t[:, :1], t[:, -1:]])
     # NaN fails both comparisons; where distances rise, the ends tell whether they are finite
     if bool((torch.diff(t, dim=-1) >= 0).all() & torch.isfinite(ends).all()):

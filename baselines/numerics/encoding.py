@@ -14,7 +14,8 @@ from torch import Tensor
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
 MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
-"""The most bands by recurrence per base. For φ^12 the sine is 3.3 times as accurate; base 2 is limited by tests alone.
+"""The most bands by recurrence per base. For φ^12 the sine is 3.3 times as accurate; base 2 is limited
+by tests alone.
 """
 DOUBLINGS = 4
 """The doublings between two sines of base 2. All bands from one sine would lose 3^k: 8e-4 at 2^9, nothing right at
@@ -170,7 +171,9 @@ def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 @lru_cache(maxsize=64)
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
-    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, since making it costs as much as 500 points."""
+    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, since making it costs as
+    much as 500 points.
+    """
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
 
 

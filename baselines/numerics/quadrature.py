@@ -21,7 +21,9 @@ from baselines.numerics.sampling import jittered_edges, points_in_bins
 
 @dataclass(frozen=True)
 class Orders:
-    """The orders of convergence: error ∝ (bin length)^order where density and colour are smooth and no bin is opaque."""
+    """The orders of convergence: error ∝ (bin length)^order where density and colour are smooth and no
+    bin is opaque.
+    """
 
     colour: float
     opacity: float

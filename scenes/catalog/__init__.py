@@ -1,1 +1,1 @@
-"""Which scenes there are, ours and those of a file; imports `modelling` and what is below."""
+"""The catalogue of scenes, ours and those of a file; imports `modelling` and the rooms below it."""

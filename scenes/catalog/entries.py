@@ -36,20 +36,21 @@ STRESS: dict[str, str] = {
     "huge": "scenes.catalog.stress.scales:huge",
     "furnace": "scenes.catalog.stress.rooms:furnace",
 }
-"""Stiff and extreme scenes (`scenes.catalog.stress`)."""
+"""The stiff and extreme scenes (`scenes.catalog.stress`)."""
 
 RUNGS: dict[str, str] = {
     rung: f"scenes.catalog.ladders.rungs:{rung}" for ladder in LADDERS.values() for rung in ladder.scenes
 }  # fmt: skip
-"""Scenes that get harder step by step (`scenes.catalog.ladders.ladders`)."""
+"""The scenes that get harder step by step (`scenes.catalog.ladders.ladders`)."""
 
 CATALOG: dict[str, str] = {**CLASSICS, **STRESS, **RUNGS}
-"""Scene name → module that holds it as `SCENE`, or `module:key` in its `SCENES`; imported when asked for, so that
-listing names costs nothing."""
+"""Map scene name → module that holds it as `SCENE`, or `module:key` in its `SCENES`; imported only when asked for, so
+that listing names costs nothing.
+"""
 
 
 def scene_named(name: str) -> Scene:
-    """The scene of that name; raises `InputError` that lists the known names."""
+    """Return the scene of that name; raises `InputError` that lists the known names."""
     if name not in CATALOG:
         raise InputError(f"unknown scene {name!r}; known scenes: {' '.join(CATALOG)}")
     module, _, key = CATALOG[name].partition(":")

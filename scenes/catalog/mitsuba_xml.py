@@ -1,7 +1,7 @@
-"""A Mitsuba XML file as a scene: what can be known of it without Mitsuba, and how Mitsuba loads it.
+"""A Mitsuba XML file as a scene: facts that can be read without Mitsuba, and how Mitsuba loads it.
 
 Its shapes, materials and lights are taken as they are. Its sensors, film and integrator are not: cameras are those of
-all our scenes, about the box of what is seen (`scenes.modelling.scene`).
+all our scenes, about the box of the visible geometry (`scenes.modelling.scene`).
 
 Trust: Mitsuba reads whatever file the XML names, anywhere on the disk, and runs in a process of its own with the user's
 rights. An XML file of somebody else is to be read before it is rendered.
@@ -24,24 +24,26 @@ from scenes.view_sets.viewpoints import Z_AXIS
 
 LARGEST_FILE = 50 * 1024 * 1024
 DEEPEST = 15
-"""Levels of `include`, as Mitsuba has it."""
+"""The deepest level of `include`, as in Mitsuba."""
 MOST_FILES = 1000
-"""Included, one that is included twice counted twice: 15 levels of two each would be 32 768."""
+"""The most included files; one that is included twice counts twice: 15 levels of two each would be 32 768."""
 LONGEST_NAME = 4096
 LONGEST_VALUE = 1 << 16
-"""Characters of a value once its defaults are put in, each of which may hold others."""
+"""The most characters of a value once its defaults are put in, each of which may hold others."""
 MOST_PARTS = 100_000
-"""Described, one that is referred to twice counted twice: parts that refer to each other would have no end."""
+"""The most described parts; one that is referred to twice counts twice: parts that refer to each other would have no
+end.
+"""
 DEEPEST_PART = 8
-"""Levels of parts within parts that are described."""
+"""The deepest level of parts within parts that are described."""
 _PLUGINS = frozenset({"shape", "bsdf", "emitter", "medium", "texture", "volume", "phase"})
 _NUMBERS = frozenset({"float", "rgb", "spectrum"})
 
 
 def xml_scene(file: Path, name: str) -> Scene:
-    """The scene of an XML file; images depend on its bytes and on those of every file that it names.
+    """Return the scene of an XML file; images depend on its bytes and on those of every file that it names.
 
-    Raises `InputError`, naming the file, for what is no XML or no scene.
+    Raises `InputError`, naming the file, if it is no XML or no scene.
     """
     found = _Reader(file)
     if found.root.tag != "scene":
@@ -65,7 +67,7 @@ def xml_scene(file: Path, name: str) -> Scene:
 
 
 def notes(scene: Scene) -> list[str]:
-    """What a user should know of how the file was taken, a sentence each."""
+    """Return what a user should know of how the file was read, one sentence each."""
     if scene.file is None:
         return []
     if scene.load is None:
@@ -78,9 +80,9 @@ def notes(scene: Scene) -> list[str]:
 
 
 def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
-    """Mitsuba's scene, where it lies in the view set, and its box [2, 3] in units of the file.
+    """Return Mitsuba's scene, its placement in the view set, and its box [2, 3] in units of the file.
 
-    Raises `InputError` with the first line of what Mitsuba says, and where nothing can be seen or the scale is unsound.
+    Raises `InputError` with the first line of Mitsuba's message, and where nothing can be seen or the scale is invalid.
     """
     try:
         scene = mi.load_file(str(file))
@@ -103,7 +105,9 @@ def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndar
 
 
 def cautious(found: Needs) -> Needs:
-    """Of an XML file only the kinds of its parts are known: what numbers would decide counts as needed."""
+    """Return cautious needs: only the kinds of the file's parts are known, so whatever numbers would
+    decide is needed.
+    """
     unknown = {"hdr_metrics"}
     if found["participating_media"].needed:
         unknown |= {"empty_space", "fine_pass", "linear_quadrature", "behind_opaque"}
@@ -112,28 +116,28 @@ def cautious(found: Needs) -> Needs:
 
 
 def reason(error: Exception) -> str:
-    """What Mitsuba or Python says, on one short line."""
+    """Return the message of Mitsuba or Python on one short line."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return " ".join(lines)[:300] or type(error).__name__
 
 
 class _Reader:
-    """Everything in a file and the files that it includes, each read once."""
+    """A file and the files that it includes, each read once."""
 
     def __init__(self, file: Path) -> None:
-        """Raises `InputError` for a file that is none, or includes one that is none."""
+        """Read the file. Raises `InputError` if it is no such file, or includes one that is none."""
         self.files: dict[str, str] = {}
-        """Path relative to the outermost file's folder → SHA-256."""
+        """Map path relative to the outermost file's folder → SHA-256."""
         self.elements: list[ET.Element] = []
         self._file = file
         self._folders = [file.resolve().parent, Path.cwd()]
-        """Where names are looked for, as Mitsuba does."""
+        """The folders where names are looked for, as in Mitsuba."""
         self._top: list[ET.Element] = []
-        """Of each file that was read."""
+        """The root element of each file that was read."""
         self._defaults: dict[str, str] = {}
         self._described = 0
         self._counts: dict[Path, int] = {}
-        """Files that a file stands for: itself and those it includes."""
+        """The number of files that a file stands for: itself and those it includes."""
         self.root = _parsed(file)
         self._read(file.resolve(), self.root, ())
         for element in self.elements:
@@ -174,7 +178,7 @@ class _Reader:
                 raise InputError(f"{self._file}: includes more than {MOST_FILES} files; include fewer")
 
     def _named(self, value: str, folder: Path) -> list[Path]:
-        """All files that a value may mean: one too many costs a rendering, one too few shows an old picture."""
+        """Return all files that a value may mean: one too many costs a rendering, one too few shows an old picture."""
         value = self._plain(value)
         if not value or len(value) > LONGEST_NAME:
             return []
@@ -202,7 +206,7 @@ class _Reader:
         return value
 
     def up(self) -> np.ndarray:
-        """The first sensor's upward direction, where it says one in a <lookat>; else z."""
+        """Return the first sensor's upward direction if it has a <lookat>, else z."""
         for element in self.elements:
             if element.tag == "sensor" and (given := element.find(".//lookat")) is not None and given.get("up"):
                 values = _floats(self._plain(given.get("up", "")))
@@ -211,7 +215,7 @@ class _Reader:
         return Z_AXIS
 
     def max_depth(self) -> int:
-        """Of the file's integrator, at most 64; 8 where it says none or no end."""
+        """Return the depth of the file's integrator, at most 64; 8 if it has none or is unlimited."""
         for element in self.elements:
             if element.tag == "integrator":
                 for inner in element.iter("integer"):
@@ -221,7 +225,7 @@ class _Reader:
         return 8
 
     def described(self) -> dict[str, Any]:
-        """Kinds of parts and their numbers, nested as they are, for `scenes.modelling.needs`."""
+        """Return kinds of parts and their numbers, nested as they are, for `scenes.modelling.needs`."""
         known = {one.get("id"): one for one in self.elements if one.get("id") and one.tag != "ref"}
         parts = [inner for root in self._top for inner in root if inner.tag in _PLUGINS]
         return {f"part {number}": self._entry(part, known, ()) for number, part in enumerate(parts)}
@@ -264,7 +268,7 @@ def _parsed(file: Path) -> ET.Element:
 
 
 def _floats(text: str) -> np.ndarray:
-    """Numbers separated by commas or blanks; none where one of them is none."""
+    """Return the numbers separated by commas or blanks, or an empty list if one of them is no number."""
     try:
         return np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:

@@ -18,17 +18,17 @@ from scenes.modelling.scene import Scene
 
 SUFFIXES = (".xml", ".py")
 LONGEST_TITLE = 500
-"""Characters; a manifest with more is not read (`scenes.view_sets.manifest`)."""
+"""The most characters of a title; a manifest with more is not read (`scenes.view_sets.manifest`)."""
 
 
 def name_of_file(file: Path) -> str:
-    """A name for records, from the file's: letters, digits, `-` and `_` alone, and no name of the catalogue."""
+    """Make a name for records from the file's: letters, digits, `-` and `_` alone, and no name of the catalogue."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", file.stem).strip("-") or "scene"
     return f"{name}-file" if name in CATALOG else name
 
 
 def check_scene_file(file: Path) -> None:
-    """Raises `InputError` for what is no file of a known kind."""
+    """Raise `InputError` for a file of no known kind."""
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"--scene-file {file}: name a Mitsuba scene (.xml) or a Python file (.py)")
     if not file.is_file():
@@ -36,7 +36,7 @@ def check_scene_file(file: Path) -> None:
 
 
 def scene_from_file(file: Path) -> Scene:
-    """The scene, under the file's name. Raises `InputError`, naming the file and the reason."""
+    """Return the scene, under the file's name. Raises `InputError`, naming the file and the reason."""
     check_scene_file(file)
     if file.suffix.lower() == ".xml":
         from scenes.catalog.mitsuba_xml import xml_scene
@@ -71,8 +71,9 @@ def _python_scene(file: Path) -> Scene:
 
 @contextmanager
 def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Iterator[None]:
-    """Whatever goes wrong inside, `but` what is not the file's doing, becomes an `InputError` that names it. Nothing
-    where there is no file."""
+    """Turn every error inside, except those of types `but`, into an `InputError` that names the file. Does nothing
+    without a file.
+    """
     try:
         yield
     except but:

@@ -1,1 +1,1 @@
-"""Solids, surfaces, lights, and what a scene needs, as plain data; imports `view_sets` and what is below."""
+"""Solids, surfaces, lights, and the needs of a scene, as plain data; imports `view_sets` and the rooms below it."""

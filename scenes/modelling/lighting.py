@@ -5,11 +5,11 @@ import numpy as np
 from scenes.modelling.scene import Description
 
 Z_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
-"""Turns Mitsuba's environment maps, whose up is y, into our world, whose up is z."""
+"""The rotation of Mitsuba's environment maps, whose up is y, into our world, whose up is z."""
 
 
 def directions(height: int, width: int) -> np.ndarray:
-    """World direction [height, width, 3] of each pixel of an environment map placed with `Z_UP`."""
+    """Return the world direction [height, width, 3] of each pixel of an environment map placed with `Z_UP`."""
     theta = (np.arange(height)[:, None] + 0.5) / height * np.pi
     phi = (np.arange(width) + 0.5) / width * 2 * np.pi
     return np.stack(
@@ -18,7 +18,7 @@ def directions(height: int, width: int) -> np.ndarray:
 
 
 def towards(azimuth: float, elevation: float) -> np.ndarray:
-    """Unit vector; degrees."""
+    """Return the unit vector of two angles in degrees."""
     a, e = np.radians([azimuth, elevation])
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
@@ -26,7 +26,7 @@ def towards(azimuth: float, elevation: float) -> np.ndarray:
 def softbox(
     toward: np.ndarray, azimuth: float, elevation: float, width: float, height: float, edge: float = 0.25
 ) -> np.ndarray:
-    """Brightness 0 … 1, [h, w], of a rounded rectangular lamp; half-extents in degrees, soft borders."""
+    """Return the brightness 0 … 1, [h, w], of a rounded rectangular lamp; half-extents in degrees, soft borders."""
     forward = towards(azimuth, elevation)
     right = np.cross((0.0, 0.0, 1.0), forward)
     right /= np.linalg.norm(right)
@@ -39,7 +39,7 @@ def softbox(
 
 
 def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Description:
-    """Grey-blue sky over a warm floor, a broad key light, a cool fill, a rim: calm, and worth reflecting."""
+    """Make a grey-blue sky over a warm floor, a broad key light, a cool fill, a rim: calm, and worth reflecting."""
     toward = directions(height, width)
     up = toward[..., 2:]
     sky = np.array([0.26, 0.295, 0.34]) + np.array([0.20, 0.23, 0.28]) * np.clip(up, 0, 1)
@@ -56,9 +56,9 @@ def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Descr
 
 
 def hazed(light: Description, share: float) -> Description:
-    """The same light through thin cloud: that share of what comes from above is spread evenly over the sky.
+    """Return the same light through thin cloud: that share of the light from above is spread evenly over the sky.
 
-    Softer shadows, and less noise where light must find its way through water.
+    Shadows are softer, and there is less noise where light must find its way through water.
     """
     image = light["data"].astype(np.float64)
     above = directions(*image.shape[:2])[..., 2] > 0

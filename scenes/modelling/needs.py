@@ -1,6 +1,6 @@
-"""What a scene requires of a method, of its renderer and of its scores, derived from the scene's description alone.
+"""The parts of a method, its renderer and its scores that a scene requires, derived from its description alone.
 
-A need says what would be left out without it, and the bound within which leaving it out must stay. Whether it does is
+A need names what would be left out without it, and the bound within which leaving it out must stay. Whether it does is
 measured (`harness.studies.choices.omissions`), not assumed.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from scenes.modelling.scene import Description
 
 LAMBERTIAN = frozenset({"diffuse", "null", "twosided", "mask", "bumpmap", "normalmap", "blendbsdf"})
-"""BSDFs that look the same from every side; the wrappers among them if all that they wrap does."""
+"""The BSDFs that look the same from every side; the wrappers among them if all that they wrap does."""
 MEDIA = frozenset({"homogeneous", "heterogeneous"})
 SHAPES = frozenset(
     {
@@ -34,18 +34,18 @@ Unit = Literal["dB", "colour"]
 
 @dataclass(frozen=True)
 class Part:
-    """Something that a scene may need."""
+    """A part that a scene may need."""
 
     what: str
-    """What is not done where it is not needed."""
+    """The work that is saved where the part is not needed."""
     concerns: Concern
     bound: float
-    """How much worse the result may get without it: dB of test PSNR, or a display colour 0 … 1."""
+    """The bound on how much worse the result may get without it: dB of test PSNR, or a display colour 0 … 1."""
     unit: Unit
 
 
 SMALLEST_DB = 0.2
-"""What no verdict of the harness calls a difference."""
+"""The difference in dB below which no verdict of the harness sees one."""
 PARTS: dict[str, Part] = {
     "view_direction": Part("view-direction branch", "model", SMALLEST_DB, "dB"),
     "background_model": Part("background model", "model", 0.0, "colour"),
@@ -60,31 +60,34 @@ PARTS: dict[str, Part] = {
     "hdr_metrics": Part("logarithmic error metrics", "metrics", 0.0, "dB"),
     "depth_metric": Part("depth error", "metrics", 0.0, "dB"),
 }
-"""`behind_opaque` is the transmittance at which a ray ends, times the largest display colour; 1/510 is half an 8-bit
-step. What no score depends on, or what is exact, has bound 0."""
+"""The parts by name.
+
+`behind_opaque` is the transmittance at which a ray ends, times the largest display colour; 1/510 is half an 8-bit
+step. A part that no score depends on, or that is exact, has bound 0.
+"""
 
 BINS = 64
-"""Of a ray through the box, by which the τ of a bin is judged: the coarse pass of the original NeRF."""
+"""The bins of a ray through the box, by which the τ of a bin is judged: the coarse pass of the original NeRF."""
 OPAQUE_TAU = -math.log(1e-4)
 LARGEST_RATIO = 1e2
-"""Brightest over median, above which an error in display colour says little about the bright part."""
+"""The ratio of brightest to median above which an error in display colour says little about the bright part."""
 SCALES = (1e-2, 1e2)
-"""Sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
+"""The sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
 
 
 NOBODY_HAS = frozenset({"linear_quadrature", "hdr_metrics"})
-"""Parts that no method of a run and no score has yet: a need is told, but not doing them leaves nothing out."""
+"""The parts that no method of a run and no score has yet: a need is reported, but not doing them leaves nothing out."""
 
 
 @dataclass(frozen=True)
 class Need:
-    """Whether a scene needs a part, and what in the scene decides it."""
+    """Whether a scene needs a part, and which fact of the scene decides it."""
 
     name: str
     needed: bool
     reason: str
     kept: str = ""
-    """Why the part is there all the same, where it is not needed."""
+    """The reason why the part is kept although it is not needed."""
 
     @property
     def part(self) -> Part:
@@ -92,7 +95,7 @@ class Need:
 
 
 Needs = dict[str, Need]
-"""By name, in the order of `PARTS`; those that nothing is known about are missing."""
+"""The needs by name, in the order of `PARTS`; those that nothing is known about are missing."""
 
 
 def needs(
@@ -101,11 +104,11 @@ def needs(
     pixel: float | None = None,
     described: np.ndarray | None = None,
 ) -> Needs:
-    """Of a description as it is rendered, in the box `bounds` [2, 3].
+    """Return the needs of a description as it is rendered, in the box `bounds` [2, 3].
 
     `pixel` is the length, in scene units, that a pixel has in the middle of the box, and `described` the box before it
-    was normalised, where it was. A type that this module does not know counts as one that looks different from every
-    side. Without `bounds` or `pixel`, what follows from them is missing.
+    was normalised, if it was. A type that this module does not know counts as one that looks different from every
+    side. Without `bounds` or `pixel`, the needs that follow from them are missing.
     """
     found = [
         _view_direction(description),
@@ -128,9 +131,9 @@ def needs(
 
 
 def left_out(found: Needs) -> list[dict[str, Any]]:
-    """What a method, the renderer and the scores do without: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
+    """Return what method, renderer and scores omit: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
 
-    Plain data, as a manifest keeps it.
+    The result is plain data, as a manifest keeps it.
     """
     return [
         {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
@@ -142,19 +145,19 @@ def left_out(found: Needs) -> list[dict[str, Any]]:
 
 
 def as_rows(found: Needs) -> list[dict[str, Any]]:
-    """Every need as plain data, `needs_from_rows` the other way."""
+    """Return every need as plain data; `needs_from_rows` is the inverse."""
     return [{"name": one.name, "needed": one.needed, "reason": one.reason, "kept": one.kept} for one in found.values()]
 
 
 def needs_from_rows(rows: object) -> Needs:
-    """What `as_rows` wrote; empty for anything else, such as the manifest of an older version."""
+    """Return the needs that `as_rows` wrote; empty for anything else, such as the manifest of an older version."""
     if not isinstance(rows, list):
         return {}
     return {row["name"]: Need(row["name"], row["needed"], row["reason"], row["kept"]) for row in rows}
 
 
 def forced(found: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
-    """`found` with parts that the user wants in, or out, whatever the scene says."""
+    """Return `found` with the parts that the user forces in, or out, whatever the scene says."""
     given = {name: Need(name, True, "forced in by --need") for name in need}
     given |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
     everything = found | given
@@ -162,7 +165,7 @@ def forced(found: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Nee
 
 
 def useful_bands(cycles: float, base: float) -> int:
-    """Bands of an encoding b^k, k < L, that show `cycles` across the box; more of them only add noise."""
+    """Return how many bands of an encoding b^k, k < L, show `cycles` across the box; more of them only add noise."""
     return max(1, math.ceil(math.log(max(cycles, 1.0), base)))
 
 
@@ -197,7 +200,7 @@ def _empty_space(description: Description) -> Need:
 
 
 def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
-    """What depends on how much matter a ray and one of its bins meet."""
+    """Return the needs that depend on how much geometry a ray and one of its bins meet."""
     tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
     tau_bin = tau / BINS
     if _surfaces(description):
@@ -252,7 +255,7 @@ def _hdr_metrics(description: Description) -> Need:
 
 
 def _largest_albedo(shape: Description) -> float:
-    """Of everything in a surface that has one; 1 where nothing says so."""
+    """Return the largest albedo of anything in a surface; 1 if nothing has one."""
     names = ("reflectance", "diffuse_reflectance", "base_color")
     found = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
     return float(max(found, default=1.0))
@@ -265,7 +268,7 @@ def _depth_metric(description: Description) -> Need:
 
 
 def _surfaces(description: Description) -> list[Description]:
-    """Shapes that are seen themselves: not what merely holds a medium."""
+    """Return the shapes that are seen themselves, excluding those that merely hold a medium."""
     return [entry for entry in entries(description) if entry.get("type") in SHAPES and not _is_null(entry)]
 
 
@@ -283,7 +286,7 @@ def _glows(shape: Description) -> bool:
 
 
 def _largest_extinction(description: Description) -> float:
-    """σ_t per scene unit where it is largest, 0 without media."""
+    """Return σ_t per scene unit where it is largest, 0 without media."""
     largest = 0.0
     for entry in entries(description):
         if entry.get("type") in MEDIA:
@@ -294,7 +297,7 @@ def _largest_extinction(description: Description) -> float:
 
 
 def _numbers(value: Any) -> np.ndarray:
-    """The figures of a colour, a texture or a volume, flat or [..., channels]."""
+    """Return the numbers of a colour, a texture or a volume, flat or [..., channels]."""
     if isinstance(value, dict):
         for key in ("data", "value", "color", "grid"):
             if key in value:
@@ -304,7 +307,7 @@ def _numbers(value: Any) -> np.ndarray:
 
 
 def _luminances(values: np.ndarray) -> np.ndarray:
-    """Mean of the channels, flat; a single figure is grey."""
+    """Return the mean of the channels, flat; a single number is grey."""
     values = np.asarray(values, dtype=np.float64)
     return values.mean(axis=-1).ravel() if values.ndim and values.shape[-1] in (3, 4) else values.ravel()
 
@@ -314,7 +317,7 @@ def _types(description: Description) -> set[str]:
 
 
 def entries(description: Description) -> Iterator[Description]:
-    """The description and every dictionary inside it."""
+    """Yield the description and every dictionary inside it."""
     yield description
     for value in description.values():
         if isinstance(value, dict):

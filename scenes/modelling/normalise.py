@@ -1,8 +1,8 @@
 """The unit of length: brings a description of any size, anywhere, to unit scale about the origin.
 
 Mitsuba moves the origin of a secondary ray off its surface by 8.9e-5 (1 + |p|), an absolute length. Measured on a
-scene with close neighbours: 1 % too bright at scale 1e-3 or 1e3 away from the origin, 9 % at 1e-4 or 1e4. So what is
-far from unit scale is normalised before it is rendered, and refused where somebody would render it as it is.
+scene with close neighbours: 1 % too bright at scale 1e-3 or 1e3 away from the origin, 9 % at 1e-4 or 1e4. So a
+description far from unit scale is normalised before it is rendered, and refused if it would be rendered as it is.
 """
 
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from scenes.modelling.placement import VISIBLE_RADIUS
 from scenes.modelling.scene import Description, Scene
 
 FRAMED = (0.1, 10.0)
-"""Half the longest side of what cameras 4 units away can be meant to see; anything else is normalised."""
+"""The range of half the longest side that cameras 4 units away can be meant to see; anything else is normalised."""
 SOUND = (1e-2, 1e2)
-"""Half the longest side of what Mitsuba renders without a bias that can be seen (0.14 % at 1e-2)."""
+"""The range of half the longest side that Mitsuba renders without a visible bias (0.14 % at 1e-2)."""
 FARTHEST = 1e2
-"""Distance from the origin, in the same sense."""
+"""The largest distance from the origin, in the same sense."""
 
 _UNIT_BOXES = {
     "cube": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
@@ -28,21 +28,21 @@ _UNIT_BOXES = {
     "disk": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0)),
 }
 SHAPES = frozenset({"mesh", "sphere", "cylinder", *_UNIT_BOXES})
-"""Whose size is known here."""
+"""The shapes whose size is known here."""
 INFINITE = frozenset({"constant", "envmap", "directional"})
-"""Lights that no uniform scaling and no translation changes."""
+"""The lights that no uniform scaling and no translation changes."""
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """x → scale · x + shift: keeps angles, and so all that light does."""
+    """The map x → scale · x + shift: keeps angles, and so everything that light does."""
 
     scale: float
     shift: tuple[float, float, float]
 
     @property
     def matrix(self) -> np.ndarray:
-        """[4, 4]."""
+        """The matrix [4, 4]."""
         result = np.diag([self.scale, self.scale, self.scale, 1.0])
         result[:3, 3] = self.shift
         return result
@@ -53,11 +53,13 @@ class Similarity:
         return Similarity(1.0 / self.scale, (x, y, z))
 
     def points(self, x: np.ndarray) -> np.ndarray:
-        """[..., 3] → the same points in the other unit."""
+        """Map points [..., 3] to the other unit."""
         return x * self.scale + np.asarray(self.shift)
 
     def applied(self, description: Description) -> Description:
-        """The same scene in the other unit; raises `InputError` for what this module cannot bring there."""
+        """Return the same scene in the other unit; raises `InputError` for entries that this module
+        cannot transform.
+        """
         return {name: self._entry(name, entry) for name, entry in description.items()}
 
     def _entry(self, name: str, entry: Any) -> Any:
@@ -71,7 +73,7 @@ class Similarity:
         return {**inner, "to_world": self.matrix @ np.asarray(entry.get("to_world", np.eye(4)), dtype=np.float64)}
 
     def _inside(self, value: Any) -> Any:
-        """What lies inside a shape's entry and is a length or its inverse: the density of media, heights of bumps."""
+        """Transform the lengths and inverse lengths inside a shape's entry: the density of media, heights of bumps."""
         if not isinstance(value, dict):
             return value
         changed = {key: self._inside(inner) for key, inner in value.items()}
@@ -86,7 +88,7 @@ class Similarity:
 
 
 def box_of(description: Description) -> np.ndarray | None:
-    """Corners [2, 3], float64, of the smallest box around the description's shapes; None where it has none.
+    """Return the corners [2, 3], float64, of the smallest box around the description's shapes; None if it has none.
 
     Raises `InputError` for a shape whose size is not known here, or is not finite.
     """
@@ -97,7 +99,7 @@ def box_of(description: Description) -> np.ndarray | None:
 
 
 def to_unit(box: np.ndarray) -> Similarity:
-    """Brings that box's centre to the origin and half its longest side to 1. Raises `InputError` for a point."""
+    """Bring that box's centre to the origin and half its longest side to 1. Raises `InputError` for a point."""
     half = float((box[1] - box[0]).max()) / 2
     if not half > 0:
         raise InputError(f"everything lies in one point, {box[0].tolist()}: give the shapes an extent")
@@ -106,9 +108,9 @@ def to_unit(box: np.ndarray) -> Similarity:
 
 
 def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
-    """What is rendered: the scene's description, at unit scale about the origin where it was far from that.
+    """Return the description to render: at unit scale about the origin if it was far from that.
 
-    The similarity is None where nothing was changed.
+    The similarity is None if nothing was changed.
     """
     description = scene.build()
     if not any(entry.get("type") in SHAPES for entry in description.values() if isinstance(entry, dict)):
@@ -125,9 +127,9 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
 
 
 def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
-    """As `normalised`, for a scene that nobody has looked at: in the picture of every camera, whole.
+    """Normalise a scene that nobody has looked at, so that it lies completely in the picture of every camera.
 
-    Where the size of a shape is not known here it stays as it is, for `scenes.rendering.store` to refuse once Mitsuba
+    If the size of a shape is not known here it stays as it is, for `scenes.rendering.store` to refuse once Mitsuba
     knows it.
     """
     description, change = normalised(scene)
@@ -144,7 +146,7 @@ def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
 
 
 def check_scale(box: np.ndarray) -> None:
-    """Raises `InputError` where rendering things in that box [2, 3] as they are would be biased."""
+    """Raise `InputError` if rendering the geometry in that box [2, 3] as it is would be biased."""
     if not _within(box, SOUND, FARTHEST):
         half, away = _measures(box)
         raise InputError(
@@ -156,7 +158,7 @@ def check_scale(box: np.ndarray) -> None:
 
 
 def centred(scene: Scene) -> Scene:
-    """The scene with its description normalised, whatever its scale: for comparisons."""
+    """Return the scene with its description normalised, whatever its scale: for comparisons."""
     description = scene.build()
     box = box_of(description)
     return scene if box is None else replace(scene, build=lambda: to_unit(box).applied(description))
@@ -188,7 +190,7 @@ def _known(name: str, entry: Description) -> None:
 
 
 def _box(name: str, entry: Description) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner, float64 [3]."""
+    """Return lower and upper corner, float64 [3]."""
     kind = entry["type"]
     if kind == "mesh":
         points = np.asarray(entry["vertices"], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Where a scene of somebody's own file lies in its view set: turned upright, centred and brought to size by moving the
+"""The placement of a user's own scene in its view set: turned upright, centred and brought to size by moving the
 cameras, so that nothing in the file need be changed or understood.
 """
 
@@ -7,30 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 
 VISIBLE_RADIUS = 1.36
-"""Of a ball about the origin that the cameras of `scenes.view_sets.viewpoints` see whole: 4.0311 · sin(0.6911 / 2) =
-1.366."""
+"""The radius of a ball about the origin that the cameras of `scenes.view_sets.viewpoints` see completely:
+4.0311 · sin(0.6911 / 2) = 1.366.
+"""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """x in the view set = scale · rotation · x in the file + shift."""
+    """The map: x in the view set = scale · rotation · x in the file + shift."""
 
     rotation: np.ndarray
-    """float64 [3, 3], a quarter turn about an axis, or none or more of them."""
+    """The rotation, float64 [3, 3]: zero or more quarter turns about an axis."""
     scale: float
     shift: np.ndarray
-    """float64 [3]."""
+    """The shift, float64 [3]."""
 
     def points(self, x: np.ndarray) -> np.ndarray:
-        """[..., 3] of the file → of the view set."""
+        """Map [..., 3] of the file to the view set."""
         return self.scale * (x @ self.rotation.T) + self.shift
 
     def box(self, corners: np.ndarray) -> np.ndarray:
-        """Corners [2, 3] of the file's box → of the same box in the view set."""
+        """Map corners [2, 3] of the file's box to those of the same box in the view set."""
         return np.sort(self.points(corners), axis=0)
 
     def camera(self, pose: np.ndarray) -> np.ndarray:
-        """A camera [4, 4] of the view set → the same view in the file; still rigid."""
+        """Map a camera [4, 4] of the view set to the same view in the file; still rigid."""
         placed = np.eye(4)
         placed[:3, :3] = self.rotation.T @ pose[:3, :3]
         placed[:3, 3] = self.rotation.T @ (pose[:3, 3] - self.shift) / self.scale
@@ -38,7 +39,7 @@ class Placement:
 
 
 def upright(box: np.ndarray, up: np.ndarray) -> Placement:
-    """Brings the box [2, 3] into the view of all cameras, with the axis nearest to `up` [3] as z."""
+    """Bring the box [2, 3] into the view of all cameras, with the axis nearest to `up` [3] as z."""
     axis = int(np.abs(up).argmax())
     sign = 1.0 if up[axis] >= 0 else -1.0
     # the file's axes after the upward one become x and y, which keeps it right-handed

@@ -1,4 +1,4 @@
-"""A scene: what it holds, as plain data, and from where it is seen."""
+"""A scene: its contents, as plain data, and its cameras."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,32 +34,33 @@ Light comes from infinitely far away (constant, envmap, directional) and is not 
 
 @dataclass(frozen=True)
 class Scene:
-    """What Mitsuba renders."""
+    """A scene that Mitsuba renders."""
 
     name: str
     title: str
-    """What is seen and what makes it hard, in a few words; shown in the report."""
+    """The contents and their difficulty, in a few words; shown in the report."""
     build: Callable[[], Description]
-    """Deterministic: two calls give equal descriptions."""
+    """Build the description. Deterministic: two calls give equal descriptions."""
     view_from: Literal["hemisphere", "sphere"] = "hemisphere"
     max_depth: int = 6
-    """Longest light path; refraction needs more than diffuse reflection."""
+    """The longest light path; refraction needs more than diffuse reflection."""
     near: float = 2.0
     far: float = 6.0
     emitters_seen: bool = False
     """Whether a camera sees what glows by itself; such a scene has no sky."""
     box: Corners | None = None
-    """Lower and upper corner of where things may be, for a scene without any shape; else taken from the shapes."""
+    """The lower and upper corner of the possible extent, for a scene without any shape; else taken from the shapes."""
     truth: "Truth | None" = None
-    """What a ray sees, in closed form (`scenes.modelling.scene`), where there is one."""
+    """The closed form of what a ray sees (`scenes.modelling.truth`), if there is one."""
     file: "Path | None" = None
-    """A user's own file that it comes from (`scenes.catalog.scene_file`)."""
+    """The user's own file that it comes from (`scenes.catalog.scene_file`)."""
     load: "Callable[[Any], tuple[Any, Placement, np.ndarray]] | None" = None
-    """Mitsuba → its scene, where that lies in the view set, and its box [2, 3] before: for a file that Mitsuba alone
-    understands (`scenes.catalog.mitsuba_xml`), whose description holds what is known of it without."""
+    """Map Mitsuba → its scene, the placement in the view set, and its box [2, 3] before: for a file that Mitsuba alone
+    understands (`scenes.catalog.mitsuba_xml`), whose description holds what is known of it without Mitsuba.
+    """
 
     def __post_init__(self) -> None:
-        """Raises `InputError` for an interval of distances that is none."""
+        """Raise `InputError` for an invalid interval of distances."""
         if not 0 < self.near < self.far < float("inf"):
             raise InputError(
                 f"scene {self.name}: near {self.near} and far {self.far}: distances must be positive and finite, "

@@ -28,14 +28,14 @@ class Solid:
         return self.transformed(trimesh.transformations.translation_matrix([x, y, z]))
 
     def turned(self, degrees: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> "Solid":
-        """Turned about an axis through the origin."""
+        """Return the solid turned about an axis through the origin."""
         return self.transformed(trimesh.transformations.rotation_matrix(np.radians(degrees), axis))
 
     def scaled(self, x: float, y: float | None = None, z: float | None = None) -> "Solid":
         return self.transformed(np.diag([x, x if y is None else y, x if z is None else z, 1.0]))
 
     def transformed(self, matrix: np.ndarray) -> "Solid":
-        """Affine [4, 4]; a mirroring matrix flips the triangles so that they still face outwards."""
+        """Apply an affine matrix [4, 4]; a mirroring one flips the triangles so that they still face outwards."""
         vertices = self.vertices @ matrix[:3, :3].T + matrix[:3, 3]
         faces = self.faces if np.linalg.det(matrix[:3, :3]) > 0 else self.faces[:, ::-1]
         normals = self.normals
@@ -46,7 +46,7 @@ class Solid:
 
 
 def merged(solids: Iterable[Solid]) -> Solid:
-    """Many solids as one; `uv` and `normals` survive where every part has them."""
+    """Return many solids as one; `uv` and `normals` survive if every part has them."""
     parts = list(solids)
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     all_uv = [part.uv for part in parts if part.uv is not None]
@@ -60,7 +60,7 @@ def merged(solids: Iterable[Solid]) -> Solid:
 
 
 def mesh(solid: Solid, bsdf: Description) -> Description:
-    """The scene-description entry of a solid with a material."""
+    """Return the scene-description entry of a solid with a material."""
     entry: Description = {
         "type": "mesh",
         "vertices": solid.vertices.astype(np.float32),
@@ -75,13 +75,13 @@ def mesh(solid: Solid, bsdf: Description) -> Description:
 
 
 def box(x: float, y: float, z: float) -> Solid:
-    """Axis-aligned box of these full extents, centred at the origin, flat-shaded."""
+    """An axis-aligned box of these full extents, centred at the origin, flat-shaded."""
     shape = trimesh.creation.box(extents=(x, y, z))
     return Solid(np.asarray(shape.vertices), np.asarray(shape.faces))
 
 
 def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) -> Solid:
-    """Box of these full extents whose edges and corners are rounded; smooth normals."""
+    """A box of these full extents whose edges and corners are rounded; smooth normals."""
     core = np.array([x, y, z]) / 2 - radius
     reach = radius * np.tan(np.linspace(0.0, np.pi / 4, segments + 1))
     offset, inward = np.concatenate([-reach[::-1], reach]), np.arange(2 * segments + 2) <= segments
@@ -110,20 +110,20 @@ def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) 
 
 
 def cylinder(radius: float, height: float, segments: int = 32) -> Solid:
-    """Closed cylinder about z, centred at the origin."""
+    """A closed cylinder about z, centred at the origin."""
     shape = trimesh.creation.cylinder(radius=radius, height=height, sections=segments)
     return Solid(np.asarray(shape.vertices), np.asarray(shape.faces))
 
 
 def ball(radius: float, segments: int = 32) -> Solid:
-    """Sphere with smooth normals."""
+    """A sphere with smooth normals."""
     shape = trimesh.creation.uv_sphere(radius=radius, count=[segments, segments])
     vertices = np.asarray(shape.vertices)
     return Solid(vertices, np.asarray(shape.faces), None, vertices / radius)
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = 48) -> Solid:
-    """Surface of revolution about z of a profile of (radius, z) points, given from bottom to top outside.
+    """A surface of revolution about z of a profile of (radius, z) points, given from bottom to top outside.
 
     `uv`: u once around, v along the profile by arc length.
     """
@@ -139,7 +139,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int = 48) -> Solid:
 
 
 def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 8, closed: bool = False) -> Solid:
-    """Round tube along a polyline [N, 3]; `radius` may vary by point; open ends are capped.
+    """A round tube along a polyline [N, 3]; `radius` may vary by point; open ends are capped.
 
     The frame is carried along by the smallest rotation, so a bend does not twist the tube.
     """
@@ -185,7 +185,7 @@ def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 8, closed: b
 
 
 def height_field(height: np.ndarray, x: float, y: float) -> Solid:
-    """Open surface z = height[i, j] over a rectangle of full extents x, y; faces up; `uv` in the unit square."""
+    """An open surface z = height[i, j] over a rectangle of full extents x, y; faces up; `uv` in the unit square."""
     rows, columns = height.shape
     u, v = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
     vertices = np.stack([(u - 0.5) * x, (v - 0.5) * y, height], axis=-1).reshape(-1, 3)
@@ -193,14 +193,14 @@ def height_field(height: np.ndarray, x: float, y: float) -> Solid:
 
 
 def grid_faces(rows: int, columns: int) -> np.ndarray:
-    """Triangles [2 (rows−1) (columns−1), 3] of a row-major grid of vertices."""
+    """Return triangles [2 (rows−1) (columns−1), 3] of a row-major grid of vertices."""
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1)
     b, c, d = a + columns, a + columns + 1, a + 1
     return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
 
 def loft(rings: np.ndarray) -> Solid:
-    """Closed surface through rings [N, M, 3] of points that run counter-clockwise seen from the last ring.
+    """A closed surface through rings [N, M, 3] of points that run counter-clockwise seen from the last ring.
 
     The ends are closed by fans about their centres; `uv`: u around the ring, v from the first ring to the last.
     """
@@ -216,7 +216,7 @@ def loft(rings: np.ndarray) -> Solid:
 
 
 def smooth(solid: Solid) -> Solid:
-    """The same solid with area-weighted vertex normals; vertices at one place (a seam of `uv`) share theirs."""
+    """Return the solid with area-weighted vertex normals; vertices at one place (a seam of `uv`) share theirs."""
     corner = solid.vertices[solid.faces]
     area_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     _, place = np.unique(np.round(solid.vertices, 7), axis=0, return_inverse=True)
@@ -229,7 +229,7 @@ def smooth(solid: Solid) -> Solid:
 
 
 def creased(solid: Solid, degrees: float = 50.0) -> Solid:
-    """The same solid with vertex normals that are shared only by triangles that meet at less than this angle.
+    """Return the solid with vertex normals shared only by triangles that meet at less than this angle.
 
     So a lathed or tubular body looks round and keeps its rims sharp. Triangles without area are dropped.
     """
@@ -261,7 +261,7 @@ def creased(solid: Solid, degrees: float = 50.0) -> Solid:
 
 
 def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = False) -> np.ndarray:
-    """Smooth curve [count, D] through the points, evenly spread over its chord length."""
+    """A smooth curve [count, D] through the points, evenly spread over its chord length."""
     through = np.asarray(points, dtype=np.float64)
     if closed:
         through = np.vstack([through, through[:1]])
@@ -272,31 +272,31 @@ def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = Fals
 
 
 def rod(start: Point, end: Point, radius: float, sides: int = 16) -> Solid:
-    """Straight round bar between two points."""
+    """A straight round bar between two points."""
     return tube(np.array([start, end], dtype=np.float64), radius, sides)
 
 
 def around(solid: Solid, count: int) -> Solid:
-    """That many copies, evenly turned about z."""
+    """Return that many copies, evenly turned about z."""
     return merged(solid.turned(360.0 * turn / count) for turn in range(count))
 
 
 def mirrored(solid: Solid) -> Solid:
-    """The solid and its mirror image, left and right of the plane y = 0."""
+    """Return the solid and its mirror image, left and right of the plane y = 0."""
     return merged([solid, solid.scaled(1.0, -1.0, 1.0)])
 
 
 def with_normals(solids: Iterable[Solid]) -> Solid:
-    """Merged; what has no normals yet is `creased`."""
+    """Merge the solids; those without normals are `creased`."""
     return merged(solid if solid.normals is not None else creased(solid) for solid in solids)
 
 
 Parts = dict[str, list[Solid]]
-"""Name of a material → solids made of it."""
+"""Map name of a material → solids made of it."""
 
 
 def together(*groups: Parts) -> Parts:
-    """Many groups as one, material by material."""
+    """Merge many groups into one, material by material."""
     result: Parts = {}
     for group in groups:
         for material, solids in group.items():
@@ -305,10 +305,10 @@ def together(*groups: Parts) -> Parts:
 
 
 def each(parts: Parts, change: Callable[[Solid], Solid]) -> Parts:
-    """The parts with every solid changed in the same way, say moved."""
+    """Return the parts with every solid changed in the same way, e.g. moved."""
     return {material: [change(solid) for solid in solids] for material, solids in parts.items()}
 
 
 def meshes(parts: Parts, materials: dict[str, Description]) -> Description:
-    """One entry of a scene description for each material."""
+    """Return one entry of a scene description for each material."""
     return {material: mesh(with_normals(solids), materials[material]) for material, solids in parts.items()}

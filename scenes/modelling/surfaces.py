@@ -1,6 +1,6 @@
-"""Materials by what they look like, as Mitsuba BSDF dictionaries.
+"""Materials by their look, as Mitsuba BSDF dictionaries.
 
-A colour is linear RGB, or a texture where one is welcome. Thin sheets, seen from either side, go through
+A colour is linear RGB, or a texture where one is accepted. Thin sheets, seen from either side, go through
 `both_sides`; closed bodies need not.
 """
 
@@ -14,12 +14,12 @@ Colour = Sequence[float] | Description
 
 
 def reflectance(colour: Colour) -> Description:
-    """A colour as Mitsuba wants it; a texture stays what it is."""
+    """Return a colour as Mitsuba wants it; a texture stays what it is."""
     return colour if isinstance(colour, dict) else {"type": "rgb", "value": [float(part) for part in colour]}
 
 
 def srgb(code: str) -> tuple[float, float, float]:
-    """Linear RGB of a display colour such as `#f0c010`."""
+    """Return the linear RGB of a display colour such as `#f0c010`."""
     display = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
     red, green, blue = (float(part) for part in linear)
@@ -27,7 +27,7 @@ def srgb(code: str) -> tuple[float, float, float]:
 
 
 def texture(pixels: np.ndarray, repeat: float = 1.0) -> Description:
-    """Bitmap [h, w, 3] of linear RGB over the unit square of `uv`, repeated that often each way."""
+    """A bitmap [h, w, 3] of linear RGB over the unit square of `uv`, repeated that often each way."""
     picture: Description = {"type": "bitmap", "data": pixels.astype(np.float32), "filter_type": "bilinear"}
     if repeat != 1.0:
         picture["to_uv"] = np.diag([repeat, repeat, 1.0, 1.0])
@@ -35,7 +35,7 @@ def texture(pixels: np.ndarray, repeat: float = 1.0) -> Description:
 
 
 def both_sides(bsdf: Description) -> Description:
-    """For sheets without thickness."""
+    """Make a material for sheets without thickness."""
     return {"type": "twosided", "bsdf": bsdf}
 
 
@@ -45,7 +45,7 @@ def matte(colour: Colour) -> Description:
 
 
 def cloth(colour: Colour, sheen: float = 0.6) -> Description:
-    """Woven or felted: brightens towards grazing angles."""
+    """Woven or felted cloth: brightens towards grazing angles."""
     return {
         "type": "principled",
         "base_color": reflectance(colour),
@@ -62,7 +62,7 @@ def felt(colour: Colour) -> Description:
 
 
 def plastic(colour: Colour, roughness: float = 0.12) -> Description:
-    """Coloured body under a clear coat; roughness 0 is a mirror-smooth coat."""
+    """A coloured body under a clear coat; roughness 0 is a mirror-smooth coat."""
     kind: Description = {"type": "roughplastic", "alpha": roughness} if roughness else {"type": "plastic"}
     return kind | {"diffuse_reflectance": reflectance(colour)}
 
@@ -77,7 +77,7 @@ def varnish(colour: Colour) -> Description:
 
 
 def ceramic(colour: Colour = (0.82, 0.80, 0.76)) -> Description:
-    """Glazed: a mirror-smooth coat."""
+    """A glaze: a mirror-smooth coat."""
     return plastic(colour, roughness=0.0)
 
 
@@ -99,7 +99,7 @@ def brass(roughness: float = 0.14) -> Description:
 
 
 def bronze(roughness: float = 0.16) -> Description:
-    """Redder than brass: cymbals and bells."""
+    """A metal redder than brass: cymbals and bells."""
     return polished({"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))}, roughness)
 
 
@@ -116,12 +116,12 @@ def copper(roughness: float = 0.12) -> Description:
 
 
 def steel(roughness: float = 0.2) -> Description:
-    """Brushed, whitish."""
+    """Brushed, whitish steel."""
     return metal("Al", roughness)
 
 
 def glass(index: float = 1.5, roughness: float = 0.0) -> Description:
-    """Solid body that refracts; give it a closed, outward-facing mesh."""
+    """A solid body that refracts; give it a closed, outward-facing mesh."""
     kind: Description = {"type": "roughdielectric", "alpha": roughness} if roughness else {"type": "dielectric"}
     return kind | {"int_ior": index, "ext_ior": 1.0}
 
@@ -136,17 +136,17 @@ def water() -> Description:
 
 
 def veil(opacity: float, bsdf: Description) -> Description:
-    """That share of the material, the rest sees through: gauze, frosted film, a drum skin."""
+    """Return that share of the material; the rest is transparent: gauze, frosted film, a drum skin."""
     return {"type": "mask", "opacity": float(opacity), "bsdf": bsdf}
 
 
 def blend(share: float, first: Description, second: Description) -> Description:
-    """`first` with `share` of `second` mixed in."""
+    """Mix `share` of `second` into `first`."""
     return {"type": "blendbsdf", "weight": float(share), "first": first, "second": second}
 
 
 def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1.8) -> np.ndarray:
-    """Cloudy pattern 0 … 1, [height, width], that tiles: noise with amplitude 1 / frequency ^ coarseness."""
+    """Return a cloudy pattern 0 … 1, [height, width], that tiles: noise with amplitude 1 / frequency ^ coarseness."""
     frequency = np.hypot(np.fft.fftfreq(height)[:, None] * height, np.fft.fftfreq(width) * width)
     frequency[0, 0] = np.inf
     spectrum = np.fft.fft2(np.random.default_rng(seed).normal(size=(height, width)))
@@ -155,12 +155,12 @@ def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1
 
 
 def mixed(first: Sequence[float], second: Sequence[float], share: np.ndarray) -> np.ndarray:
-    """Pixels [h, w, 3] between two colours, by the share [h, w] of the second."""
+    """Return pixels [h, w, 3] between two colours, by the share [h, w] of the second."""
     return (1 - share)[..., None] * np.asarray(first) + share[..., None] * np.asarray(second)
 
 
 def tinted(clear: Description, colour: Sequence[float]) -> Description:
-    """Glass or water that colours what shines through it, each time light passes its surface."""
+    """A glass or water that tints the light each time it passes its surface."""
     return clear | {"specular_transmittance": reflectance(colour)}
 
 

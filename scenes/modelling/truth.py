@@ -1,7 +1,7 @@
-"""What a ray of a scene with a closed form sees, exactly, and what a pixel makes of it.
+"""The exact colour that a ray of a scene with a closed form sees, and the pixel that follows from it.
 
-A scene's `truth` maps rays `(o, d)`, float64 [rays, 3] each, `d` unit, to `Seen`. No sampling, no renderer: it is what
-rendered images and trained methods are held to.
+A scene's `truth` maps rays `(o, d)`, float64 [rays, 3] each, `d` unit, to `Seen`. There is no sampling and no
+renderer: rendered images and trained methods are compared with it.
 """
 
 import math
@@ -15,14 +15,14 @@ from scenes.view_sets.viewpoints import FOV_X_RADIANS
 
 @dataclass(frozen=True)
 class Seen:
-    """What rays see."""
+    """The view along rays."""
 
     colour: np.ndarray
-    """float64 [rays, 3]: linear radiance, premultiplied by `opacity`."""
+    """The linear radiance, float64 [rays, 3], premultiplied by `opacity`."""
     opacity: np.ndarray
-    """float64 [rays], 0 … 1."""
+    """The opacity, float64 [rays], 0 … 1."""
     depth: np.ndarray
-    """float64 [rays]: distance to the first surface, clear or not, as rendered depth has it; 0 where there is none."""
+    """The distance to the first surface, clear or not, as rendered depth has it; float64 [rays]; 0 if there is none."""
 
 
 Truth = Callable[[np.ndarray, np.ndarray], Seen]
@@ -36,7 +36,7 @@ def pixel_rays(
     fov_x_radians: float = FOV_X_RADIANS,
     jitter: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and unit directions [height · strata, width · strata, 3] through an even grid in every pixel.
+    """Return origins and unit directions [height · strata, width · strata, 3] through an even grid in every pixel.
 
     With one stratum these are the rays through the pixel centres. With `jitter` each ray goes through a random point
     of its stratum: means are then free of bias, where a grid is off by its alignment with straight edges.
@@ -59,8 +59,9 @@ def pixel_means(
     strata: int = 8,
     jitter: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A view as a box filter makes it: rgba [height, width, 4], linear and premultiplied, and depth [height, width],
-    the mean over the pixel's hits, 0 where nothing was hit. Rays as `pixel_rays` has them."""
+    """Render a view with a box filter: rgba [height, width, 4], linear and premultiplied, and depth [height, width],
+    the mean over the pixel's hits, 0 if nothing was hit. Rays are those of `pixel_rays`.
+    """
     o, d = pixel_rays(camera_to_world, width, height, strata, jitter=jitter)
     seen = truth(o.reshape(-1, 3), d.reshape(-1, 3))
     values = np.concatenate([seen.colour, np.stack([seen.opacity, seen.depth, seen.depth > 0], axis=-1)], axis=-1)

@@ -1,1 +1,1 @@
-"""Mitsuba renders scenes into view sets; imports `catalog` and what is below."""
+"""Mitsuba renders scenes into view sets; imports `catalog` and the rooms below it."""

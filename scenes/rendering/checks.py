@@ -1,4 +1,4 @@
-"""What scenes cost and look like: integrators compared, one view rendered again and again, a contact sheet."""
+"""Cost and look of scenes: integrators compared, one view rendered again and again, a contact sheet."""
 
 import time
 from collections.abc import Iterator
@@ -17,26 +17,27 @@ from scenes.view_sets.viewpoints import TILT, all_poses, evenly_spread, poses_on
 
 INTEGRATORS = ("path", "volpath")
 BLOCK = 8
-"""Pixels along each side of what is compared: noise of a single pixel is far above what matters."""
+"""The pixels along each side of a compared block: noise of a single pixel is far above any difference that matters."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The same views twice, with independent noise."""
+    """A comparison of the same views rendered twice, with independent noise."""
 
     scene: str
     seconds: dict[str, float]
-    """Of rendering all views, by integrator; compiling is not counted."""
+    """The seconds of rendering all views, by integrator, without compilation."""
     samples: int
-    """Camera paths of all views together, of one integrator."""
+    """The camera paths of all views together, per integrator."""
     squared: list[float]
-    """Of each view: mean over blocks and channels of the squared difference of the two mean display colours over white,
-    less what noise adds to it: unbiased, and below 0 by chance where nothing differs."""
+    """The squared difference of each view: the mean over blocks and channels for the two mean display colours over
+    white, less the part that noise adds to it: unbiased, and below 0 by chance where nothing differs.
+    """
 
 
 def compared(scene_name: str, resolution: int, views: int, spp: int, variant: str | None = None) -> Comparison:
-    """The integrators take turns in going first. Raises `InputError` for an unknown scene, less than one view, or fewer
-    than 2 samples.
+    """Compare integrators, which take turns in going first. Raises `InputError` for an unknown scene, less than one
+    view, or fewer than 2 samples.
     """
     scene = scene_named(scene_name)
     check_resolution(resolution)
@@ -66,7 +67,9 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
 
 
 def in_blocks(image: np.ndarray) -> np.ndarray:
-    """Means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels; a rest at the border is left."""
+    """Return means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels; a rest at the border is
+    dropped.
+    """
     side = min(BLOCK, *image.shape[:2])
     rows, columns = (size // side for size in image.shape[:2])
     whole = image[: rows * side, : columns * side].astype(np.float64)
@@ -79,9 +82,10 @@ LARGEST = {"resolution": 512, "spp": 65536, "count": 10_000}
 def repeated(
     scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None = None
 ) -> Iterator[np.ndarray]:
-    """`count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are independent.
+    """Return `count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are
+    independent.
 
-    Raises `InputError` for an unknown scene or variant, a view that is not there and sizes that are none.
+    Raises `InputError` for an unknown scene or variant, a missing view and invalid sizes.
     """
     scene = scene_named(scene_name)
     poses = all_poses("test", scene.view_from)
@@ -102,7 +106,7 @@ AZIMUTH, ELEVATION = np.radians(40.0), TILT + np.radians(18.0)
 def write_sheet(
     out: Path, names: list[str] | None = None, resolution: int = 400, spp: int = 256, variant: str | None = None
 ) -> None:
-    """Renders each scene once from the front right and above, and writes them with their names as one PNG.
+    """Render each scene once from the front right and above, and write them with their names as one PNG.
 
     Raises `InputError` for an unknown scene or a file that cannot be written.
     """

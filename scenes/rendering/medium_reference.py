@@ -6,7 +6,7 @@ same ray by parallel light of irradiance E = 8π, with isotropic single scatteri
     ∫ exp(−2∫s) · s · c · (1 / 4π) · E dt = ∫ exp(−∫σ) σ c dt,
 
 which is what a radiance field of density σ and colour c shows on black. `volpath` estimates it by tracking; Dr.Jit
-evaluates it without chance on Mitsuba's `gridvolume`, and differentiates it.
+evaluates it deterministically on Mitsuba's `gridvolume`, and differentiates it.
 
 The medium fills the unit cube; grids are [z, y, x] and [z, y, x, 3], their values at cell centres.
 """
@@ -21,16 +21,17 @@ from scenes.rendering.render import even_spp, seed_from, use
 from scenes.rendering.variant import Variant
 
 SINGLE_SCATTERING = 2
-"""`max_depth` of `volpath` with one scattering event."""
+"""The `max_depth` of `volpath` with one scattering event."""
 NO_ROULETTE = 100
 PADDED = 0.6
-"""Half-extent of the boundary around the medium's half of 0.5: rays that enter a boundary that is tight skip the first
-2e-4 of the medium (Mitsuba's ray epsilon), which costs 7 % at σ = 1000."""
+"""The half-extent of the boundary around the medium's half of 0.5: rays that enter a tight boundary skip the first
+2e-4 of the medium (Mitsuba's ray epsilon), which costs 7 % at σ = 1000.
+"""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Of the radiance of one ray, red, green and blue."""
+    """An estimate of the radiance of one ray, red, green and blue."""
 
     mean: np.ndarray
     standard_error: np.ndarray
@@ -41,8 +42,8 @@ def tracked(
     sigma: np.ndarray, colour: np.ndarray, origin: np.ndarray, direction: np.ndarray, paths: int, variant: Variant,
     batches: int = 32,
 ) -> Estimate:  # fmt: skip
-    """`volpath` along the ray `origin` + t `direction` (unit), about `paths` paths in independent batches, whose spread
-    gives the standard error.
+    """Estimate by `volpath` along the ray `origin` + t `direction` (unit), with about `paths` paths in independent
+    batches, whose spread gives the standard error.
     """
     mi = use(variant)
     scene = mi.load_dict(
@@ -89,14 +90,14 @@ def tracked(
 
 @dataclass(frozen=True)
 class Differentiated:
-    """Colours of rays, and the gradient of their weighted sum."""
+    """The colours of rays, and the gradient of their weighted sum."""
 
     colour: np.ndarray
-    """[rays, 3]"""
+    """The colours, [rays, 3]."""
     d_sigma: np.ndarray
-    """[z, y, x]"""
+    """The gradient with respect to density, [z, y, x]."""
     d_colour: np.ndarray
-    """[z, y, x, 3]"""
+    """The gradient with respect to colour, [z, y, x, 3]."""
 
 
 def differentiated(
@@ -107,8 +108,8 @@ def differentiated(
     weights: np.ndarray,
     variant: Variant,
 ) -> Differentiated:
-    """Midpoint quadrature on Mitsuba's `gridvolume` by Dr.Jit in float32, on black: `points` [rays, bins, 3] inside
-    bins of length `delta` [rays, bins]; the gradient is that of the sum of colours times `weights` [rays, 3].
+    """Apply midpoint quadrature on Mitsuba's `gridvolume` by Dr.Jit in float32, on black: `points` [rays, bins, 3]
+    inside bins of length `delta` [rays, bins]; the gradient is that of the sum of colours times `weights` [rays, 3].
 
     Needs a variant that differentiates (not `scalar_rgb`).
     """
@@ -138,7 +139,7 @@ def differentiated(
 
 
 def _grid(mi: Any, values: np.ndarray) -> dict[str, Any]:
-    """A `gridvolume` over the unit cube: trilinear between cell centres, the border extended, in full float32."""
+    """Make a `gridvolume` over the unit cube: trilinear between cell centres, the border extended, in full float32."""
     return {
         "type": "gridvolume",
         "grid": mi.VolumeGrid(np.ascontiguousarray(values, dtype=np.float32)),

@@ -1,6 +1,6 @@
-"""How much noise a render has: a stored view beside the same view with other random numbers, and error against samples.
+"""The noise of a render: a stored view beside the same view with other random numbers, and error against samples.
 
-Colours are compared as scores compare them, over white; `MEASURES` says in which two ways.
+Colours are compared as scores compare them, over white; `MEASURES` names the two ways.
 """
 
 import math
@@ -24,13 +24,14 @@ from scenes.view_sets.transforms import read_transforms
 from scenes.view_sets.viewpoints import all_poses
 
 MEASURES = ("display", "linear")
-"""Display colour over white, which PSNR is taken of, and the same decoded to linear light, as the score `rmse_linear`
-has it."""
+"""The measures: display colour over white, which PSNR uses, and the same decoded to linear light, as the score
+`rmse_linear` has it.
+"""
 
 
 @runtime_checkable
 class Renderer(Protocol):
-    """What these measurements need of `scenes.rendering.render.LoadedScene`."""
+    """The interface of `scenes.rendering.render.LoadedScene` that these measurements need."""
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray: ...
 
@@ -42,36 +43,38 @@ class Again:
     scene: str
     view: str
     stored: float
-    """What the manifest says: mean square error of the display image over white that noise causes."""
+    """The manifest's value: mean square error of the display image over white that noise causes."""
     again: float
-    """Half of the mean square difference of two of these images, the mean over all pairs: the noise of one, whatever
-    the manifest says."""
+    """Half of the mean square difference of two of these images, averaged over all pairs: the noise of one, whatever
+    the manifest says.
+    """
     halves: float
-    """The manifest's formula for the renders that were made now."""
+    """The manifest's formula applied to the renders that were made now."""
     spp: int
     variant: str
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Renders of one view with `spp` samples a pixel."""
+    """The errors of renders of one view with `spp` samples per pixel."""
 
     scene: str
     spp: int
     seconds: list[float]
-    """Of each render after the first one, in which kernels may be compiled."""
+    """The seconds of each render after the first one, in which kernels may be compiled."""
     mse: dict[str, list[float]]
-    """Measure (`MEASURES`) → mean square error of each render, the reference's own variance taken off; below 0 by
-    chance where the two are alike."""
+    """Map measure (`MEASURES`) → mean square error of each render, less the reference's own variance; below 0 by chance
+    where the two are alike.
+    """
     reference_spp: int
     reference_mse: dict[str, float]
-    """Measure → variance of the reference, from its two halves."""
+    """Map measure → variance of the reference, from its two halves."""
     variant: str
 
 
 def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
-    """Every test view of a view set of ours, rendered `repeats` times. Raises `InputError` for a folder that is none,
-    or is damaged.
+    """Render every test view of a view set of ours `repeats` times. Raises `InputError` for a folder that is none, or
+    is damaged.
     """
     if repeats < 1:
         raise InputError(f"--repeats {repeats}: choose 1 or more")
@@ -95,7 +98,7 @@ def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
 def noise_again(
     loaded: Renderer, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
 ) -> tuple[float, float]:
-    """`Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
+    """Return `Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
     images, halves = [as_scored(stored)], []
     for number in range(repeats):
         a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, number, half)) for half in "ab")
@@ -108,7 +111,7 @@ def noise_again(
 def errors(
     scene_name: str, resolution: int, spp: Sequence[int], reference_spp: int, repeats: int, variant: Variant
 ) -> Iterator[Errors]:
-    """Of a test view of a scene of the catalogue. Raises `InputError` for an unknown scene or counts that cannot be."""
+    """Measure a test view of a scene of the catalogue. Raises `InputError` for an unknown scene or invalid counts."""
     if not spp or min(spp) < 1 or repeats < 1:
         raise InputError(f"--spp {' '.join(map(str, spp))} --repeats {repeats}: choose 1 or more")
     if reference_spp < 2:
@@ -124,7 +127,9 @@ def errors(
 def errors_of(
     loaded: Renderer, pose: np.ndarray, spp: Sequence[int], reference_spp: int, repeats: int
 ) -> Iterator[tuple[int, list[float], dict[str, list[float]], int, dict[str, float]]]:
-    """The fields of `Errors` that follow from a renderer. One render more than `repeats` is made, and not timed."""
+    """Return the fields of `Errors` that follow from a renderer. One render more than `repeats` is
+    made, and not timed.
+    """
     half = math.ceil(reference_spp / 2)
     halves = [_finite(loaded.colour(pose, half, seed_from("reference", which))) for which in "ab"]
     whole = {one: measured((halves[0] + halves[1]) / 2, one) for one in MEASURES}
@@ -142,13 +147,13 @@ def errors_of(
 
 
 def measured(linear: np.ndarray, measure: str) -> np.ndarray:
-    """Linear premultiplied [h, w, 4] → colour over white [h, w, 3], float64."""
+    """Map linear premultiplied [h, w, 4] to colour over white [h, w, 3], float64."""
     display = as_scored(linear)
     return display if measure == "display" else decode_srgb(display)
 
 
 def as_scored(linear: np.ndarray) -> np.ndarray:
-    """Linear premultiplied [h, w, 4] → display colour over white, as a score sees a stored view."""
+    """Map linear premultiplied [h, w, 4] to display colour over white, as a score sees a stored view."""
     return over_white(display_from_linear(linear)).astype(np.float64)
 
 

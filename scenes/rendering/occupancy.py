@@ -1,6 +1,6 @@
-"""Where there truly is matter: which points of a grid over a scene's box lie inside its solids.
+"""The true occupancy: which points of a grid over a scene's box lie inside its solids.
 
-It comes from the scene's own description, which nothing that is trained may see. A part of a mesh, joined by its
+It comes from the scene's own description, which no trained method may see. A part of a mesh, joined by its
 vertices, is a solid where every edge has a triangle on either side; one with a rim, such as a leaf or a cloth, is thin:
 it has no inside, and points by it count as outside. So do disks, rectangles and open tubes, and lamps that no camera
 sees. A body of fog is inside as one of stone is.
@@ -27,22 +27,26 @@ from scenes.view_sets.transforms import read_json
 from scenes.view_sets.view_set import ViewSet
 
 CELLS = 32
-"""Points along each side of the box, in the middles of as many equal cells."""
+"""The number of points along each side of the box, in the middles of as many equal cells."""
 THIN = frozenset({"rectangle", "disk", "cylinder"})
 OFF_THE_GRID = (1.3e-7, 2.9e-7)
-"""By this share of the box columns are moved in x and y, so that none runs along an edge of a box or between halves."""
+"""The share of the box by which columns are moved in x and y, so that none runs along an edge of a box or between
+halves.
+"""
 FINEST = 1e-6
-"""Vertices nearer than this share of the mesh's size are one: a seam of a texture is no rim."""
+"""The share of the mesh's size below which vertices are the same: a seam of a texture is no rim."""
 
 
 def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
-    """Coordinates [cells] of the points along x, y and z of the box [2, 3]."""
+    """Return the coordinates [cells] of the points along x, y and z of the box [2, 3]."""
     shares = (np.arange(cells) + 0.5) / cells
     return [low + shares * (high - low) for low, high in np.asarray(bounds, dtype=np.float64).T]
 
 
 def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, cells: int = CELLS) -> np.ndarray | None:
-    """bool [cells, cells, cells] over x, y, z of the box; None where a shape's solidity is not known here."""
+    """Return the occupancy, bool [cells, cells, cells] over x, y, z of the box; None if a shape's solidity is not
+    known.
+    """
     axes = axes_of(bounds, cells)
     found = np.zeros((cells, cells, cells), dtype=bool)
     for entry in description.values():
@@ -65,7 +69,7 @@ def _glows(entry: dict[str, Any]) -> bool:
 
 
 def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarray:
-    """Of a ball or a cube ±1, by the points in its own frame."""
+    """Return whether points in the shape's own frame lie inside a ball or a cube ±1."""
     back = np.linalg.inv(np.asarray(entry.get("to_world", np.eye(4)), dtype=np.float64))
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1) @ back[:3, :3].T + back[:3, 3]
     if entry["type"] == "cube":
@@ -75,7 +79,7 @@ def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarra
 
 
 def inside_mesh(vertices: np.ndarray, faces: np.ndarray, axes: Sequence[np.ndarray]) -> np.ndarray:
-    """bool [x, y, z]: points of the grid that the mesh's solid parts go around, whichever way they face."""
+    """Return which points of the grid, bool [x, y, z], the mesh's solid parts enclose, whichever way they face."""
     corners = solid_triangles(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64))
     x, y, z = axes
     turns = np.zeros((len(x), len(y), len(z) + 1), dtype=np.int64)
@@ -102,7 +106,7 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _columns_met(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles and the columns (indices of x and y) within their boxes, every pair once."""
+    """Return triangles and the columns (indices of x and y) within their boxes, every pair once."""
     spans = []
     for which, axis in enumerate((x, y)):
         values = corners[..., which] - _off(axis, which)
@@ -116,7 +120,7 @@ def _columns_met(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.
 
 
 def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Corners [triangles, 3, 3] of the parts without a rim."""
+    """Return the corners [triangles, 3, 3] of the parts without a rim."""
     joined = _joined(vertices)[faces]
     joined_faces = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
     faces, joined = faces[joined_faces], joined[joined_faces]
@@ -136,7 +140,7 @@ def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _joined(vertices: np.ndarray) -> np.ndarray:
-    """Number [vertices] of the place of each: equal places have equal numbers."""
+    """Number [vertices] the places: equal places have equal numbers."""
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     whole = np.round((vertices - vertices.min(axis=0)) / max(size * FINEST, 1e-30)).astype(np.int64)
     key = (whole[:, 0] << 42) + (whole[:, 1] << 21) + whole[:, 2]
@@ -148,8 +152,9 @@ SCHEMA = 1
 
 
 def with_occupancy(folder: Path, order: Order) -> Path:
-    """The folder of a whole view set, with the file in it if it can be: not for shapes whose inside is not known, nor
-    where the folder cannot be written."""
+    """Return the folder of a complete view set, with the file in it if possible: not for shapes whose inside is not
+    known, nor if the folder cannot be written.
+    """
     manifest = read_manifest(folder)
     with suppress(DamagedViewSet):
         if _read(folder, manifest) is not None:
@@ -162,7 +167,7 @@ def with_occupancy(folder: Path, order: Order) -> Path:
 
 
 def read_occupancy(views: ViewSet) -> np.ndarray | None:
-    """bool [32, 32, 32] over x, y, z of the view set's box; None where it is not known, or another box was asked for.
+    """Read bool [32, 32, 32] over x, y, z of the view set's box; None if it is not known, or for another box.
 
     Raises `DamagedViewSet` for a file that is damaged or of another view set.
     """

@@ -1,4 +1,4 @@
-"""What is to be rendered, and the hash that names it in the cache."""
+"""The order of a rendering, and the hash that names it in the cache."""
 
 import importlib.metadata
 from dataclasses import dataclass
@@ -21,23 +21,23 @@ class Order:
 
     scene: Scene
     description: Description
-    """As it is rendered: normalised where it had to be."""
+    """The description as it is rendered: normalised where necessary."""
     similarity: Similarity | None
-    """What normalised it."""
+    """The similarity that normalised it."""
     resolution: int
     counts: dict[str, int]
     spp: dict[str, int]
     integrator: str | None = None
-    """`path` or `volpath`, whatever the scene needs."""
+    """The integrator, `path` or `volpath`, whatever the scene needs."""
 
     def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
-        """Indices [n] of the viewpoints in the whole split, and their cameras [n, 4, 4]."""
+        """Return the indices [n] of the viewpoints in the full split, and their cameras [n, 4, 4]."""
         everything = all_poses(split, self.scene.view_from)  # type: ignore[arg-type]
         chosen = evenly_spread(self.counts[split], everything, f"{split} views")
         return chosen, everything[chosen]
 
     def digest(self, variant: str) -> str:
-        """Hexadecimal hash of everything that the images depend on."""
+        """Return the hexadecimal hash of everything that the images depend on."""
         from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION  # does not import Mitsuba by itself
 
         scene = self.scene
@@ -65,7 +65,7 @@ class Order:
 
 
 def similarity_facts(change: Similarity | Placement | None) -> dict[str, Any] | None:
-    """What the manifest says about it: x in the view set = scale · rotation · x in the description + shift."""
+    """Return the manifest's entry: x in the view set = scale · rotation · x in the description + shift."""
     if change is None:
         return None
     turned = {"rotation": change.rotation.tolist()} if isinstance(change, Placement) else {}
@@ -73,5 +73,5 @@ def similarity_facts(change: Similarity | Placement | None) -> dict[str, Any] | 
 
 
 def versions() -> dict[str, str]:
-    """Read from package metadata, which does not import them."""
+    """Return the versions, read from package metadata, which does not import the packages."""
     return {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}

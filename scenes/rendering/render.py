@@ -1,4 +1,4 @@
-"""Descriptions → Mitsuba → images. The only module that imports Mitsuba and calls `mi.render` for what is trained on;
+"""Descriptions → Mitsuba → images. The only module that imports Mitsuba and calls `mi.render` for training images;
 `scenes.rendering.medium_reference` does so to check our renderer.
 
 Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
@@ -23,14 +23,14 @@ from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, check_field_of_view, check_poses
 
 RENDERER_VERSION = 3
-"""Counted up with every change that changes images, so that cached view sets are rendered again."""
+"""The version, increased with every change that changes images, so that cached view sets are rendered again."""
 OWN_SCENES_VERSION = 2
-"""Likewise, for what changes images of scenes of a user's own alone."""
+"""The version of a user's own scenes, increased with changes to their images alone."""
 NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
-"""Samples a pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
+"""The samples per pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
 LARGEST_WAVEFRONT = 1 << 22
-"""Paths in flight at once in a vectorised variant; more are rendered in passes."""
+"""The most paths in flight at once in a vectorised variant; more are rendered in passes."""
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
@@ -46,18 +46,21 @@ class RenderedView:
     """One view: the mean of two independent renders of half the samples each."""
 
     rgba: np.ndarray
-    """float32 [h, w, 4], linear, premultiplied."""
+    """The image, float32 [h, w, 4], linear, premultiplied."""
     variance: np.ndarray
-    """float32 [h, w, 4]: estimated variance of `rgba`, (a − b)² / 4 of the two halves:
-    unbiased, one degree of freedom."""
+    """The estimated variance of `rgba`, float32 [h, w, 4]: (a − b)² / 4 of the two halves; unbiased, one degree of
+    freedom.
+    """
     depth: np.ndarray
-    """float32 [h, w]: distance along the unit ray to the first surface, clear or not, the mean over the pixel's
-    hits; 0 where nothing was hit."""
+    """The distance along the unit ray to the first surface, clear or not, float32 [h, w], the mean over the pixel's
+    hits; 0 if nothing was hit.
+    """
     normal: np.ndarray
-    """float32 [h, w, 3]: shading normal in the world frame, outwards as the mesh has it, the unit mean over the pixel's
-    hits of a few samples (`NORMAL_SPP`); 0 where nothing was hit."""
+    """The shading normal in the world frame, float32 [h, w, 3], outwards as the mesh has it, the unit mean over the
+    pixel's hits of a few samples (`NORMAL_SPP`); 0 if nothing was hit.
+    """
     noise_mse: float
-    """Expected mean square error of the display image over white that noise alone causes."""
+    """The expected mean square error of the display image over white that noise alone causes."""
 
 
 class LoadedScene:
@@ -68,10 +71,10 @@ class LoadedScene:
         fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
         box: Corners | None = None, any_scale: bool = False, load: Loader | None = None,
     ) -> None:  # fmt: skip
-        """`load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
+        """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
 
-        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is where things may be, for a
-        description without shapes. Raises `InputError` for a field of view that is none and, unless `any_scale`, for
+        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is the possible extent of a
+        description without shapes. Raises `InputError` for an invalid field of view and, unless `any_scale`, for
         a scene so small or so far away that its images would be biased."""
         check_field_of_view(fov_x_radians, "the camera")
         mi = use(variant)
@@ -88,7 +91,7 @@ class LoadedScene:
         else:
             self._scene, self.placement, self.box_in_file = load(mi)
         self._solid = self._scene if emitters_seen else _without_lamps(mi, self._scene)
-        """What a camera sees, for depth and normals."""
+        """The scene that a camera sees, for depth and normals."""
         # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
         # variant it takes fifty times as long for a ray as `depth` does.
         colour = {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": not emitters_seen}
@@ -109,7 +112,9 @@ class LoadedScene:
     def of(
         scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
     ) -> "LoadedScene":
-        """A scene of the catalogue as it is rendered: normalised where it must be (`scenes.modelling.normalise`)."""
+        """Load a scene of the catalogue as it is rendered: normalised where it must be
+        (`scenes.modelling.normalise`).
+        """
         description, _ = normalised(scene)
         return LoadedScene(
             description, variant, scene.max_depth, width, height or width, integrator=integrator,
@@ -117,7 +122,9 @@ class LoadedScene:
         )  # fmt: skip
 
     def box(self) -> np.ndarray:
-        """Corners [2, 3] of the box around all shapes, or of the declared one where there is no shape, float64."""
+        """Return the corners [2, 3] of the box around all shapes, or of the declared one if there is no
+        shape, float64.
+        """
         if self.placement is not None:
             return self.placement.box(self.box_in_file)
         box = self._scene.bbox()
@@ -129,17 +136,17 @@ class LoadedScene:
         return corners
 
     def bounds(self) -> np.ndarray:
-        """`box`, padded by 1 % of its longest side."""
+        """Return `box`, padded by 1 % of its longest side."""
         corners = self.box()
         padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
         return corners + np.array([[-padding], [padding]])
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        """One independent estimate: float64 [h, w, 4], linear, premultiplied."""
+        """Return one independent estimate: float64 [h, w, 4], linear, premultiplied."""
         return self._render(self._scene, self._colour, camera_to_world, spp, seed)
 
     def geometry(self, camera_to_world: np.ndarray, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Depth [h, w] and unit normal [h, w, 3] of the first surface, as `RenderedView` has them, float64."""
+        """Return depth [h, w] and unit normal [h, w, 3] of the first surface, as `RenderedView` has them, float64."""
         distance = self._render(self._solid, self._distance, camera_to_world, spp, seed)
         hits = distance[..., 3]
         mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
@@ -154,14 +161,14 @@ class LoadedScene:
         return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
     def _ray_stretch(self) -> np.ndarray:
-        """Length [h, w] of the rays through the pixel centres per unit of z."""
+        """Return the length [h, w] of the rays through the pixel centres per unit of z."""
         focal = 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
         return np.sqrt(1 + x**2 + y[:, None] ** 2)
 
     def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        """Mean of as many passes as the samples need: float64 [h, w, channels]."""
+        """Return the mean of as many passes as the samples need: float64 [h, w, channels]."""
         mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)
@@ -180,12 +187,14 @@ class LoadedScene:
         return total / passes
 
     def actual_spp(self, spp: int) -> int:
-        """Samples a pixel that both halves together take where `spp` are asked for: `spp` or a few more."""
+        """Return the samples per pixel that both halves together take where `spp` are asked for: `spp`
+        or a few more.
+        """
         passes, spp_pass = self._passes(math.ceil(spp / 2))
         return 2 * passes * spp_pass
 
     def _passes(self, spp: int) -> tuple[int, int]:
-        """Passes of one half of `spp` samples, and the samples of each."""
+        """Return the passes of one half of `spp` samples, and the samples of each."""
         passes = math.ceil(self.width * self.height * spp / LARGEST_WAVEFRONT) if self._vectorised else 1
         return passes, even_spp(math.ceil(spp / passes))
 
@@ -215,9 +224,10 @@ class LoadedScene:
 
 
 def _without_lamps(mi: Any, scene: Any) -> Any:
-    """The same shapes but those that glow, which the colour integrator hides; the scene itself where none does.
+    """Return the same shapes without those that glow, which the colour integrator hides; the scene itself if none does.
 
-    Raises `InputError` where shapes are instances: Mitsuba cannot put their groups into another scene."""
+    Raises `InputError` if shapes are instances: Mitsuba cannot put their groups into another scene.
+    """
     solid = [shape for shape in scene.shapes() if not shape.is_emitter()]
     if len(solid) == len(scene.shapes()):
         return scene
@@ -227,7 +237,7 @@ def _without_lamps(mi: Any, scene: Any) -> Any:
 
 
 def use(variant: Variant) -> Any:
-    """Mitsuba with that variant set; the LLVM library is named before Dr.Jit loads one."""
+    """Return Mitsuba with that variant set; the LLVM library is named before Dr.Jit loads one."""
     if variant.libllvm:
         os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
     import mitsuba as mi
@@ -241,9 +251,9 @@ def use(variant: Variant) -> Any:
 def render_views(
     scene: LoadedScene, camera_to_world: np.ndarray, spp: int, seeds: Sequence[int], names: Sequence[str]
 ) -> Iterator[RenderedView]:
-    """Renders each pose [n, 4, 4] with at least `spp` samples a pixel, one at a time, so that progress can be shown.
+    """Render each pose [n, 4, 4] with at least `spp` samples per pixel, one at a time, so that progress can be shown.
 
-    `seeds` and `names` hold one entry a view. Raises `InputError` before the first render for a pose that is not
+    `seeds` and `names` hold one entry per view. Raises `InputError` before the first render for a pose that is not
     rigid or for fewer than 2 samples, and `RenderError` for an image that is not finite.
     """
     if spp < 2:
@@ -260,7 +270,7 @@ def render_views(
 
 
 def combine(a: np.ndarray, b: np.ndarray, depth: np.ndarray, normal: np.ndarray) -> RenderedView:
-    """Two independent halves [h, w, 4], linear and premultiplied, and their geometry → one view."""
+    """Combine two independent halves [h, w, 4], linear and premultiplied, and their geometry into one view."""
     display_a, display_b = (over_white(display_from_linear(half)).astype(np.float64) for half in (a, b))
     return RenderedView(
         rgba=((a + b) / 2).astype(np.float32),
@@ -272,18 +282,18 @@ def combine(a: np.ndarray, b: np.ndarray, depth: np.ndarray, normal: np.ndarray)
 
 
 def even_spp(spp: int) -> int:
-    """The smallest sample count ≥ `spp` that fits the sampler's grid of strata."""
+    """Return the smallest sample count ≥ `spp` that fits the sampler's grid of strata."""
     columns = math.isqrt(spp)
     return columns * math.ceil(spp / columns)
 
 
 def seed_from(*parts: object) -> int:
-    """A 32-bit seed from what it is for."""
+    """Return a 32-bit seed from the values that identify its purpose."""
     return int.from_bytes(hashlib.sha256(repr(parts).encode()).digest()[:4], "big")
 
 
 def to_mitsuba(value: Any) -> Any:
-    """An entry of a description → what `mi.load_dict` takes (see `scenes.modelling.scene.Description`)."""
+    """Convert an entry of a description to the input of `mi.load_dict` (see `scenes.modelling.scene.Description`)."""
     import mitsuba as mi
 
     if isinstance(value, dict):

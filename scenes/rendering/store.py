@@ -1,6 +1,6 @@
 """The cache of rendered view sets: each is named by a hash of everything that it depends on.
 
-A view set is rendered into a temporary sibling and renamed into place, so that what bears its name is whole.
+A view set is rendered into a temporary sibling and renamed into place, so that a folder of its name is complete.
 """
 
 import errno
@@ -39,21 +39,23 @@ from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
 
 @dataclass(frozen=True)
 class Standing:
-    """Views that are there, and what is left."""
+    """The progress of a view set: the finished views and what is left."""
 
     done: int
-    """Views, those that were there before included."""
+    """The number of finished views, including those found in the cache."""
     total: int
     kept: int
-    """Views that were there before: they take no time."""
+    """The number of views found in the cache: they take no time."""
     share: float
-    """Of the samples that had to be taken: a test view has several times those of a training view."""
+    """The share of the samples to take that is done: a test view has several times those of a training view."""
     view: str
-    """That is rendered next, `<split>/r_<number>`; empty once all are."""
+    """The view that is rendered next, `<split>/r_<number>`; empty once all are done."""
 
 
 def standings(counts: dict[str, int], spp: dict[str, int], kept: Collection[str]) -> Iterator[Standing]:
-    """One before anything is rendered, and one after each view that is; `kept` names those that are not."""
+    """Yield the state before anything is rendered, and after each rendered view; `kept` names the views
+    that are not.
+    """
     total = sum(counts.values())
     views = [(f"{split}/r_{number}", spp[split]) for split in counts for number in range(counts[split])]
     missing = [(name, samples) for name, samples in views if name not in kept]
@@ -67,7 +69,7 @@ LARGEST_RESOLUTION = 4096
 LARGEST_SPP = 1 << 16
 
 Progress = Callable[[Standing], None]
-"""Called once all is loaded, and after each view that is rendered."""
+"""A callback, called once all is loaded, and after each rendered view."""
 
 
 def ensure_view_set(
@@ -82,12 +84,12 @@ def ensure_view_set(
     integrator: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Path:
-    """The folder of the rendered view set, from the cache where it is there and whole, else rendered now.
+    """Return the folder of the rendered view set, from the cache if it is there and complete, else rendered now.
 
-    A scene of the catalogue goes by its name, a user's own (`scenes.catalog.scene_file`) is given itself.
-    `counts` and `spp` (samples a pixel, 2 or more) are given for train, val and test. With `variant` None a set that
+    A scene of the catalogue goes by its name, a user's own (`scenes.catalog.scene_file`) is passed itself.
+    `counts` and `spp` (samples per pixel, 2 or more) are given for train, val and test. With `variant` None a set that
     any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
-    the same set at once. `say` is told what is wrong with one that is there. Raises `InputError` for a bad request or
+    the same set at once. `say` receives what is wrong with a cached one. Raises `InputError` for a bad request or
     a folder that cannot be written.
     """
     own = None if isinstance(scene_name, str) else scene_name.file
@@ -124,7 +126,7 @@ def ensure_view_set(
 
 
 def check_resolution(resolution: int) -> None:
-    """Raises `InputError` for a number of pixels that no picture is wide."""
+    """Raise `InputError` for an impossible width in pixels."""
     if not 1 <= resolution <= LARGEST_RESOLUTION:
         raise InputError(f"--resolution {resolution}: choose 1 to {LARGEST_RESOLUTION} pixels")
 
@@ -137,14 +139,15 @@ def is_stored(
     cache_folder: Path,
     integrator: str | None = None,
 ) -> bool:
-    """Whether something bears the view set's name; arguments and errors as in `ensure_view_set`, which looks whether it
-    is whole."""
+    """Return whether a folder of the view set's name exists; arguments and errors are those of `ensure_view_set`, which
+    checks that it is complete.
+    """
     order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
     return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
 
 
 def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: dict[str, int]) -> Order:
-    """Raises `InputError` that names the value and the remedy."""
+    """Return the order; raises `InputError` that names the value and the remedy."""
     scene = scene_named(scene_name) if isinstance(scene_name, str) else scene_name
     check_resolution(resolution)
     for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", spp, 2, LARGEST_SPP)):
@@ -169,12 +172,12 @@ def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, in
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether every file of the view set is there and whole; False for anything else, whatever is wrong with it."""
+    """Return whether every file of the view set is there and intact; False whatever else is wrong with it."""
     return folder.is_dir() and first_fault(folder) is None
 
 
 def first_fault(folder: Path) -> str | None:
-    """What is wrong with a stored view set, for a message; None where it is whole."""
+    """Return what is wrong with a stored view set, for a message; None if it is complete."""
     try:
         check_all(folder)
     except InputError as error:
@@ -187,7 +190,9 @@ def first_fault(folder: Path) -> str | None:
 def write_view_set(
     folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
 ) -> None:
-    """Renders into an existing, empty folder, but what is sound in one of `donors`; the manifest is written last."""
+    """Render into an existing, empty folder, except views that are valid in one of `donors`; the manifest is written
+    last.
+    """
     from scenes.rendering.render import LoadedScene, render_views, seed_from
 
     scene, started = order.scene, time.perf_counter()
@@ -291,7 +296,9 @@ def write_view_set(
 
 
 def _move_into_place(partial: Path, target: Path) -> None:
-    """Renames; what is in the way is kept if it is whole (another process was faster) and replaced if not."""
+    """Rename into place; an existing folder is kept if it is complete (another process was faster) and
+    replaced if not.
+    """
     for _ in range(5):
         try:
             partial.rename(target)
@@ -313,7 +320,7 @@ def _move_into_place(partial: Path, target: Path) -> None:
 
 @contextmanager
 def _disk(cache: Path) -> Iterator[None]:
-    """Turns the system's refusal to write into an `InputError` that says what to do."""
+    """Turn the system's refusal to write into an `InputError` that names the remedy."""
     try:
         yield
     except OSError as error:
@@ -330,7 +337,7 @@ def _disk(cache: Path) -> Iterator[None]:
 
 
 def _pixel_length(order: Order, bounds: np.ndarray) -> float:
-    """Of a pixel in the middle of the box, scene units, from the nearest camera."""
+    """Return the length of a pixel in the middle of the box, scene units, from the nearest camera."""
     eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
     focal = 0.5 * order.resolution / np.tan(0.5 * FOV_X_RADIANS)
     return float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)

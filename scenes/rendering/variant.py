@@ -1,4 +1,4 @@
-"""Which Mitsuba variant this machine can run, found out without importing Mitsuba here.
+"""The Mitsuba variant that this machine can run, found out without importing Mitsuba here.
 
 Dr.Jit's LLVM backend needs the shared library of LLVM 16 or newer; with LLVM 15 the first render aborts the whole
 process. So candidates are tried in a process of their own, which may die, newest library first.
@@ -16,11 +16,11 @@ from pathlib import Path
 from scenes.files.errors import InputError
 
 VARIANTS = ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
-"""Fastest first."""
+"""The variants, fastest first."""
 OLDEST_LLVM = 16
 FORCE = "HARNESS_MITSUBA_VARIANT"
 PROBED = "HARNESS_MITSUBA_PROBED"
-"""Set for child processes: what a parent has probed already, `variant|library`."""
+"""The variable set for child processes to what a parent has probed already, `variant|library`."""
 PROBE_SECONDS = 120.0
 
 LIBRARY_FOLDERS = (
@@ -75,18 +75,18 @@ class Variant:
 
     name: str
     libllvm: str | None
-    """Library that Dr.Jit must load, or None where it needs none."""
+    """The library that Dr.Jit must load, or None if it needs none."""
     why: str
-    """For the user, one line: which, and what kept the faster ones away."""
+    """The reason for the user, in one line: the variant, and what excluded the faster ones."""
 
     def environment(self) -> dict[str, str]:
-        """Variables for a child process, which then chooses the same without probing again."""
+        """Return the variables for a child process, which then chooses the same variant without probing again."""
         chosen = {FORCE: self.name, PROBED: f"{self.name}|{self.libllvm or ''}"}
         return {**chosen, "DRJIT_LIBLLVM_PATH": self.libllvm} if self.libllvm else chosen
 
 
 def known_variant(name: str | None) -> str | None:
-    """The name, or None for `auto`; `HARNESS_MITSUBA_VARIANT` speaks where no name is given.
+    """Return the name, or None for `auto`; `HARNESS_MITSUBA_VARIANT` decides if no name is given.
 
     Raises `InputError` that lists the known names.
     """
@@ -98,9 +98,9 @@ def known_variant(name: str | None) -> str | None:
 
 
 def choose_variant(name: str | None = None) -> Variant:
-    """The fastest variant that works here, or the named one.
+    """Return the fastest variant that works here, or the named one.
 
-    Raises `InputError` where the named one is unknown or does not work. The answer is kept for the process.
+    Raises `InputError` if the named one is unknown or does not work. The answer is kept for the process.
     """
     return _choose(known_variant(name))
 
@@ -125,14 +125,14 @@ def _choose(wanted: str | None) -> Variant:
 
 
 def _libraries_for(variant: str) -> list[str]:
-    """Libraries to try, best first; one empty string where a variant needs none of its own."""
+    """Return the libraries to try, best first; one empty string if a variant needs none of its own."""
     if variant.startswith("cuda"):
         return [""] if ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda") else []
     return [str(path) for path in llvm_libraries()]
 
 
 def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
-    """LLVM shared libraries that may be new enough: the user's `DRJIT_LIBLLVM_PATH` first, then newest first."""
+    """Return LLVM shared libraries that may be new enough: the user's `DRJIT_LIBLLVM_PATH` first, then newest first."""
     found: dict[Path, int] = {}
     for pattern in folders:
         root = Path(pattern)
@@ -150,7 +150,7 @@ def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
 
 
 def llvm_version(library: Path) -> int | None:
-    """Major version as the file's name or folder tells it, links followed; None where neither does.
+    """Return the major version from the file's name or folder, links followed; None if neither contains it.
 
     Names are `libLLVM-15.so.1`, `libLLVM.so.19.1`, `llvm-18/lib/libLLVM.so`, `llvm@17/lib/libLLVM.dylib`.
     """
@@ -165,7 +165,7 @@ def llvm_version(library: Path) -> int | None:
 
 @functools.cache
 def probe(variant: str, library: str) -> str | None:
-    """Renders 8 × 8 pixels in a process of its own; None if that worked, else why not, in a few words."""
+    """Render 8 × 8 pixels in a process of its own; returns None if that worked, else why not, in a few words."""
     if os.environ.get(PROBED) == f"{variant}|{library}":
         return None
     environment = {**os.environ, **({"DRJIT_LIBLLVM_PATH": library} if library else {})}

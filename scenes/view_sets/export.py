@@ -1,6 +1,6 @@
-"""A view set written as other trainers read it: from any format that is read here to any that is written.
+"""A view set written as other trainers read it: from any format that can be read to any that can be written.
 
-PNGs with alpha are copied byte for byte; other images are written anew. Depth, normals and float colour stay behind.
+PNGs with alpha are copied byte for byte; other images are written anew. Depth, normals and float colour are dropped.
 """
 
 import os
@@ -25,7 +25,7 @@ FORMATS = ("nerfstudio", "blender", "npz")
 
 
 def export(path: Path, form: str, out: Path) -> list[str]:
-    """Writes the view set at `path` to `out`, a new folder, or a new file for `npz`. Says what a reader should know.
+    """Write the view set at `path` to `out`, a new folder, or a new file for `npz`. Returns notes for its reader.
 
     Raises `InputError` for a view set that cannot be read or is not as it was rendered, an `out` that is there already
     or cannot be written, and for more images than fit one `.npz`. Nothing is left of what could not be finished: it is
@@ -72,8 +72,9 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
 
 
 def _pixels(source: Source, file: Path, size: tuple[int, int]) -> np.ndarray:
-    """Raises `InputError` for an image that is damaged or of another size than the first: what is wrong is not passed
-    on."""
+    """Return the pixels; raises `InputError` for an image that is damaged or of another size than the first, rather
+    than pass the fault on.
+    """
     pixels = source.pixels(file)
     if pixels.shape[:2] != size:
         raise InputError(f"{file}: not {size[1]} × {size[0]} pixels, as the others are; give all one size")
@@ -81,7 +82,7 @@ def _pixels(source: Source, file: Path, size: tuple[int, int]) -> np.ndarray:
 
 
 def _images(out: Path, split: str, source: Source, frames: Frames, size: tuple[int, int]) -> list[str]:
-    """Writes the views of a split; their paths inside `out`, without suffix."""
+    """Write the views of a split; returns their paths inside `out`, without suffix."""
     (out / split).mkdir()
     names = [f"{split}/r_{number}" for number in range(len(frames.files))]
     for name, file in zip(names, frames.files, strict=True):
@@ -95,13 +96,13 @@ def _images(out: Path, split: str, source: Source, frames: Frames, size: tuple[i
 
 
 def _has_alpha(file: Path) -> bool:
-    """Whether a whole PNG holds 8-bit RGBA: the header's bit depth and colour type."""
+    """Return whether a complete PNG holds 8-bit RGBA: the header's bit depth and colour type."""
     with file.open("rb") as handle:
         return handle.read(26)[24:26] == b"\x08\x06"
 
 
 def _blender(out: Path, found: dict[str, Frames], names: dict[str, list[str]]) -> list[str]:
-    """All three listings: other readers want a `val` whether anybody validates or not."""
+    """Write all three listings: other readers want a `val` whether anybody validates or not."""
     stand_in = "test" if "test" in found else "train"
     for split in SPLITS:
         given = split if split in found else stand_in

@@ -1,4 +1,4 @@
-"""Path → reader: which of the field's formats posed images are in."""
+"""Readers by path, for each of the field's formats of posed images."""
 
 import math
 import tokenize
@@ -23,23 +23,25 @@ TRAINED = 100
 TRAIN_SHARE = 0.9
 NEAR, FAR = 2.0, 6.0
 LARGEST_BYTES = 1 << 30
-"""Of one array, unpacked: 100 views of 800 × 800 are 0.77 GB."""
+"""The largest size of one array, unpacked: 100 views of 800 × 800 are 0.77 GB."""
 LARGEST_PIXELS = 1 << 22
-"""Of one image: 2048 × 2048."""
+"""The largest size of one image: 2048 × 2048."""
 LARGEST_SMALL = 1 << 22
-"""Of an array that is read whole."""
+"""The largest size of an array that is read at once."""
 _PROBLEMS = (
     OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, SyntaxError,
     TypeError, MemoryError, tokenize.TokenError,
 )  # fmt: skip
-"""What reading a damaged archive may raise; the last ones by numpy, which parses a header as Python."""
+"""The errors that reading a damaged archive may raise; the last ones by numpy, which parses a header as Python."""
 
 
 class Member:
     """One array of the archive, read by its first index, in order at best."""
 
     def __init__(self, file: Path, name: str, limit: int = LARGEST_BYTES) -> None:
-        """Raises `InputError` for a member that is missing, damaged, pickled, not of numbers or larger than `limit`."""
+        """Open a member. Raises `InputError` if it is missing, damaged, pickled, not of numbers or
+        larger than `limit`.
+        """
         self.file, self.name = file, name
         try:
             archive = zipfile.ZipFile(file)
@@ -66,12 +68,14 @@ class Member:
             )
 
     def __getitem__(self, index: int) -> np.ndarray:
-        """The entry at `index`, float64; raises `InputError` where the archive is damaged or an entry not finite."""
+        """Return the entry at `index`, float64; raises `InputError` if the archive is damaged or an
+        entry not finite.
+        """
         size = math.prod(self.shape[1:]) * self.dtype.itemsize
         return self._read(self._start + index * size, size).reshape(self.shape[1:])
 
     def whole(self) -> np.ndarray:
-        """Everything, float64; errors as for an entry."""
+        """Return all entries, float64; errors as for an entry."""
         return self._read(self._start, math.prod(self.shape) * self.dtype.itemsize).reshape(self.shape)
 
     def _read(self, offset: int, size: int) -> np.ndarray:
@@ -89,7 +93,9 @@ class Member:
 
 
 def read_tiny_nerf(file: Path) -> Source:
-    """Raises `InputError`, naming file, array and remedy, for whatever cannot be trusted."""
+    """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for anything that
+    cannot be trusted.
+    """
     images, poses = Member(file, "images"), Member(file, "poses", LARGEST_SMALL)
     if len(images.shape) != 4 or images.shape[3] not in (3, 4) or 0 in images.shape:
         raise InputError(f"{file}: images is {images.shape}; it must be [views, height, width, 3]")
@@ -148,8 +154,8 @@ def read_tiny_nerf(file: Path) -> Source:
 def write_tiny_nerf(
     file: Path, rgba: Any, camera_to_world: np.ndarray, focal: float, train: int, region: Region
 ) -> None:
-    """`rgba`: straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
-    written over black, which is what the notebook's renderer has where nothing is.
+    """Write `rgba`, straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
+    written over black, which is what the notebook's renderer shows in empty space.
     """
     colours, alphas = [], []
     for image in rgba:
@@ -181,7 +187,7 @@ def _names(file: Path) -> set[str]:
 
 
 def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int]], list[str]]:
-    """Split → indices of its views, and what was assumed."""
+    """Return split → indices of its views, and the assumptions made."""
     if {"i_train", "i_test"} <= names:
         splits = {name: _indices(file, f"i_{name}", count) for name in ("train", "test")}
         if set(splits["train"]) & set(splits["test"]):
@@ -227,7 +233,7 @@ def _short(error: Exception) -> str:
 
 
 BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
-"""The field's habit for the NeRF synthetic scenes; the format itself says nothing."""
+"""The field's convention for the NeRF synthetic scenes; the format itself has none."""
 
 KNOWN = (
     "a view set is a folder with transforms_train.json (Blender format) or "
@@ -236,22 +242,24 @@ KNOWN = (
 
 
 def source_of(path: Path) -> Source:
-    """The reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
+    """Return the reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
 
-    Raises `InputError` for a path that is none of these, and where what was found there cannot be trusted.
+    Raises `InputError` for a path that is none of these, or whose contents cannot be trusted.
     """
     return READERS[format_of(path)](path)
 
 
 def check_listed(path: Path) -> None:
-    """Reads which views there are and where their cameras stand, but no image. Raises `InputError` as `source_of`."""
+    """Check the list of views and their cameras, but read no image. Raises `InputError` as `source_of`."""
     source = source_of(path)
     for split in SPLITS:
         source.frames(split)
 
 
 def format_of(path: Path) -> str:
-    """A key of `READERS`, by names alone: nothing is opened. Raises `InputError` for a path that is no view set."""
+    """Return a key of `READERS`, by names alone: nothing is opened. Raises `InputError` for a path that
+    is no view set.
+    """
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):
             return "Blender"
@@ -268,7 +276,7 @@ def format_of(path: Path) -> str:
 
 
 def read_blender(folder: Path) -> Source:
-    """The three files of the Blender format; `val` need not be there."""
+    """Read the three files of the Blender format; `val` may be missing."""
 
     def frames(split: str) -> Frames | None:
         missing = split == "val" and not transforms_file(folder, split).exists()
@@ -282,7 +290,7 @@ READERS: dict[str, Callable[[Path], Source]] = {
     "nerfstudio": lambda path: read_nerfstudio(path if path.is_dir() else path.parent),
     "tiny NeRF": read_tiny_nerf,
 }
-"""By format."""
+"""The readers by format."""
 
 
 def _rgba(file: Path) -> np.ndarray:

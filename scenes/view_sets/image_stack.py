@@ -1,8 +1,8 @@
-"""Images of one size in a temporary file: what is read from it takes memory, and nothing else does.
+"""Images of one size in a temporary file: memory is used only for what is read from it.
 
 The file has no name, so it is gone with the process that holds it, however that ends. It is read and written, not
-mapped into memory: where a mapped disk is full or fails, the process is killed instead of told, and mapped pages
-count as the process's own. The system keeps in spare memory what is read often, and drops it when others need that.
+mapped into memory: where a mapped disk is full or fails, the process is killed instead of getting an error, and mapped
+pages count as the process's own. The system keeps in spare memory what is read often, and drops it when others need it.
 """
 
 import errno
@@ -21,10 +21,12 @@ from scenes.files.errors import InputError
 
 
 class ImageStack:
-    """float32 [images, height, width, …], appended one image at a time, read by image or by pixel."""
+    """A stack float32 [images, height, width, …], appended one image at a time, read by image or by pixel."""
 
     def __init__(self, image_shape: tuple[int, ...], folder: Path | None = None) -> None:
-        """`folder` holds the file and should be on a disk; None: the system's temporary folder, which may be memory."""
+        """Make an empty stack. `folder` holds the file and should be on a disk; None is the system's temporary folder,
+        which may be memory.
+        """
         self.image_shape = image_shape
         self._folder = folder
         self._file: IO[bytes] | None = None
@@ -32,7 +34,7 @@ class ImageStack:
 
     @staticmethod
     def of(images: Iterable[np.ndarray], folder: Path | None = None) -> "ImageStack":
-        """A stack of at least one image; errors as in `append`."""
+        """Return a stack of at least one image; errors as in `append`."""
         first, *others = images
         stack = ImageStack(first.shape, folder)
         for image in (first, *others):
@@ -47,7 +49,7 @@ class ImageStack:
         return self._count
 
     def __getitem__(self, index: SupportsIndex) -> np.ndarray:
-        """One image, a copy of its own."""
+        """Return one image, a copy of its own."""
         number = range(self._count)[index]
         size = 4 * math.prod(self.image_shape)
         return _floats([self._read(size, number * size)]).reshape(self.image_shape)
@@ -56,13 +58,15 @@ class ImageStack:
         return (self[index] for index in range(self._count))
 
     def pixels(self, index: np.ndarray) -> np.ndarray:
-        """[pixels, …] of the pixels [pixels], numbered through all images row by row."""
+        """Return values [pixels, …] of the pixels [pixels], numbered through all images row by row."""
         size = 4 * math.prod(self.image_shape[2:])
         found = _floats([self._read(size, offset) for offset in (index * size).tolist()])
         return found.reshape(len(index), *self.image_shape[2:])
 
     def append(self, image: np.ndarray) -> None:
-        """Raises `InputError`, naming the folder, where nothing can be written there or its disk is full."""
+        """Append an image; raises `InputError`, naming the folder, if nothing can be written there or
+        its disk is full.
+        """
         if image.shape != self.image_shape:
             raise ValueError(f"an image of {image.shape} among those of {self.image_shape}")
         data = np.ascontiguousarray(image, dtype=np.float32).data.cast("B")
@@ -78,7 +82,7 @@ class ImageStack:
         self._count += 1
 
     def _read(self, size: int, offset: int) -> bytes:
-        """Raises `OSError` where the disk fails or gives less than was written."""
+        """Read bytes; raises `OSError` if the disk fails or returns less than was written."""
         assert self._file is not None
         data = os.pread(self._file.fileno(), size, offset)
         if len(data) < size:
@@ -87,7 +91,7 @@ class ImageStack:
 
 
 def require_room(image_shapes: Sequence[tuple[int, ...]], images: int, folder: Path | None) -> None:
-    """Raises `InputError` where the disk has no room for stacks of so many: it need not be filled up to find out."""
+    """Raise `InputError` if the disk has no room for stacks of so many: it need not be filled up to find out."""
     needed = images * sum(4 * math.prod(shape) for shape in image_shapes)
     try:
         free = shutil.disk_usage(folder or tempfile.gettempdir()).free

@@ -11,21 +11,22 @@ import numpy as np
 from scenes.files.errors import InputError
 
 LARGEST_VALUES = 208 * 1024 * 1024
-"""An image with more values, pixels times channels, is refused before it is read: 4096 × 4096 in 13 channels, as large
-as the largest of our own, which takes 832 MiB."""
+"""The most values, pixels times channels, of an image; a larger one is refused before it is read: 4096 × 4096 in 13
+channels, as large as the largest of our own, which takes 832 MiB.
+"""
 MOST_CHANNELS = 64
 
 
 def read_image(file: Path) -> np.ndarray:
-    """The first image of a file as float32 [h, w, channels]: integers divided by their largest, alpha as stored.
+    """Read the first image of a file as float32 [h, w, channels]: integers divided by their largest, alpha as stored.
 
-    Raises `InputError`, naming the file, where it is missing, empty, truncated, no image or absurdly large.
+    Raises `InputError`, naming the file, if it is missing, empty, truncated, no image or absurdly large.
     """
     return _read(file)[0]
 
 
 def read_channels(file: Path) -> dict[str, np.ndarray]:
-    """The channels of a (multi-channel EXR) file by name, float32 [h, w] each; errors as in `read_image`."""
+    """Read the channels of a (multi-channel EXR) file by name, float32 [h, w] each; errors as in `read_image`."""
     pixels, names = _read(file)
     return {name: pixels[..., index] for index, name in enumerate(names)}
 
@@ -70,7 +71,7 @@ def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _check_png(file: Path) -> None:
-    """Raises `InputError` unless the chunks of the PNG are whole: libpng itself would also print to the terminal."""
+    """Raise `InputError` unless the chunks of the PNG are complete: libpng itself would also print to the terminal."""
     data = file.read_bytes()
     if data[:8] != b"\x89PNG\r\n\x1a\n":
         raise InputError(f"{file}: not an image that can be read (no PNG signature)")
@@ -87,9 +88,9 @@ def _check_png(file: Path) -> None:
 
 
 def write_png(file: Path, display: np.ndarray) -> None:
-    """Straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, read back to be sure.
+    """Write straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, read back to be sure.
 
-    Raises `OSError` where it cannot be written.
+    Raises `OSError` if it cannot be written.
     """
     levels = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
     oiio = _openimageio()
@@ -101,9 +102,9 @@ def write_png(file: Path, display: np.ndarray) -> None:
 
 
 def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
-    """Named float32 channels [h, w] as an EXR file, float as they are, read back to be sure.
+    """Write named float32 channels [h, w] as an EXR file, float as they are, read back to be sure.
 
-    Raises `OSError` where it cannot be written.
+    Raises `OSError` if it cannot be written.
     """
     pixels = np.stack(list(channels.values()), axis=-1).astype(np.float32)
     oiio = _openimageio()
@@ -129,7 +130,7 @@ def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
 
 
 def _check_written(file: Path, pixels: np.ndarray, scale: float) -> None:
-    """Raises `OSError` unless the file holds the pixels; OpenImageIO does not notice a full disk for every format."""
+    """Raise `OSError` unless the file holds the pixels; OpenImageIO does not notice a full disk for every format."""
     try:
         found = _read(file)[0] * np.float32(scale)
     except InputError as error:
@@ -139,7 +140,7 @@ def _check_written(file: Path, pixels: np.ndarray, scale: float) -> None:
 
 
 def _cause(file: Path) -> int:
-    """The system's error number, which OpenImageIO does not pass on, found by writing a byte."""
+    """Return the system's error number, which OpenImageIO does not pass on, found by writing a byte."""
     try:
         with file.open("ab") as handle:
             handle.write(b"\0" * 65536)
@@ -156,7 +157,7 @@ def _reason(said: str) -> str:
 
 
 def _openimageio() -> ModuleType:
-    """Imported where it is used: reading a manifest or listing scenes must not pay for it."""
+    """Import OpenImageIO where it is used: reading a manifest or listing scenes must not pay for it."""
     import OpenImageIO
 
     return OpenImageIO

@@ -1,4 +1,4 @@
-"""`view_set.json`: what a view set of ours was made from and what its files must be. Written last."""
+"""`view_set.json`: the origin of a view set of ours and the digests of its files. Written last."""
 
 import hashlib
 import json
@@ -16,11 +16,11 @@ NAME = "view_set.json"
 
 
 class DamagedViewSet(InputError):
-    """A view set of ours whose files are not the ones that were written: it must be rendered again."""
+    """A view set of ours with files other than those written: it must be rendered again."""
 
 
 def write_manifest(folder: Path, facts: dict[str, Any], files: list[Path]) -> None:
-    """Writes `facts` with the checksums of `files` (inside the folder) and one of the manifest itself."""
+    """Write `facts` with the checksums of `files` (inside the folder) and one of the manifest itself."""
     checksums = {file.relative_to(folder).as_posix(): checksum(file) for file in files}
     content = {"format": FORMAT, "schema": SCHEMA, **facts, "files": checksums}
     text = json.dumps({**content, "checksum": _own_checksum(content)}, indent=1, allow_nan=False)
@@ -28,9 +28,9 @@ def write_manifest(folder: Path, facts: dict[str, Any], files: list[Path]) -> No
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest, or an empty dictionary where there is none: then the folder is not ours.
+    """Return the manifest, or an empty dictionary if there is none: then the folder is not ours.
 
-    Raises `InputError` for another version and `DamagedViewSet` where it was changed.
+    Raises `InputError` for another version and `DamagedViewSet` if it was changed.
     """
     file = folder / NAME
     if not file.exists():
@@ -54,7 +54,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
-    """The file, if it is the one that the manifest lists; raises `DamagedViewSet` if not."""
+    """Return the file if it is the one that the manifest lists; raises `DamagedViewSet` if not."""
     try:
         relative = file.resolve().relative_to(folder.resolve()).as_posix()
     except (ValueError, OSError, RuntimeError) as error:  # a link out of it, a name too long, a loop of links
@@ -73,7 +73,7 @@ def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
 
 
 def check_all(folder: Path) -> dict[str, Any]:
-    """The manifest, once every file that it lists is there and whole; raises `InputError` if not."""
+    """Return the manifest, once every file that it lists is there and intact; raises `InputError` if not."""
     manifest = read_manifest(folder)
     if not manifest:
         raise DamagedViewSet(f"{folder / NAME}: missing, so this view set is not complete; render it again")
@@ -83,7 +83,7 @@ def check_all(folder: Path) -> dict[str, Any]:
 
 
 def checksum(file: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+    """Return the SHA-256 of a file's bytes, hexadecimal."""
     with file.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
@@ -101,7 +101,7 @@ def _is_text(value: Any) -> bool:
 
 
 def _is_name(value: Any) -> bool:
-    """Fit for a part of a file's name."""
+    """Return whether a text is fit for a part of a file's name."""
     return _is_text(value) and value not in ("", ".", "..") and not set(value) & set("/\\")
 
 
@@ -148,9 +148,9 @@ _KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "needs": (_are_needs, "a list of needs"),
     "left_out": (_are_left_out, "a list of what was left out"),
 }
-"""What is read of a manifest whose checksum is right, which whoever writes a folder can make right."""
+"""The keys that are read of a manifest, with checks: anyone who writes a folder can make its checksum right."""
 _LATER = ("empty_splits", "needs", "left_out")
-"""Older versions wrote none of these."""
+"""The keys that older versions did not write."""
 
 
 def _shown(value: Any) -> str:
@@ -169,9 +169,9 @@ SUFFIXES = (".png", ".exr")
 
 
 def note(folder: Path, order: str, name: str, facts: dict[str, Any]) -> None:
-    """Says that a view, `<split>/r_<number>`, is complete; `order` is the digest of the set that it is of.
+    """Note that a view, `<split>/r_<number>`, is complete; `order` is the digest of its set.
 
-    Raises `OSError` where that cannot be written.
+    Raises `OSError` if that cannot be written.
     """
     line = {"order": order, "name": name, **facts, "files": _digests(folder, name)}
     with (folder / JOURNAL).open("a", encoding="utf-8") as file:
@@ -180,9 +180,10 @@ def note(folder: Path, order: str, name: str, facts: dict[str, Any]) -> None:
 
 
 def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, dict[str, Any]]:
-    """View → its facts, of those that are sound in one of `donors`; their files are then in `folder`, and noted.
+    """Return view → its facts, of the views that are valid in one of `donors`; their files are then in `folder`, and
+    noted.
 
-    Raises `OSError` where they cannot be copied.
+    Raises `OSError` if they cannot be copied.
     """
     found: dict[str, dict[str, Any]] = {}
     for donor in donors:
@@ -216,7 +217,7 @@ def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
 
 
 def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
-    """Of a set that was whole once."""
+    """Return the facts of the views of a set that was complete once."""
     try:
         manifest = read_manifest(folder)
         if manifest.get("digest") != order:
@@ -231,7 +232,7 @@ def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
 
 
 def _is_sound(facts: dict[str, Any]) -> bool:
-    """Whether they are what `note` is given: what is told of a view goes into a manifest."""
+    """Return whether facts are as `note` takes them: the facts of a view go into a manifest."""
     numbers = [facts.get("noise_mse"), facts.get("seconds", 0.0)]
     return all(type(one) in (int, float) and abs(one) < 1e30 for one in numbers) and all(
         isinstance(facts.get(name, True), bool) for name in ("seen", "lit")

@@ -31,17 +31,19 @@ from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
 NAME = "transforms.json"
 TRAIN_SHARE = 0.9
 REGION = "view_region"
-"""Our own key, which others ignore: `bounds` (six numbers), `near`, `far`."""
+"""The key of our own, which others ignore: `bounds` (six numbers), `near`, `far`."""
 SAME_FOCAL = 1e-4
-"""Relative difference between views below which they have one lens: 0.04 pixels at the edge of 800."""
+"""The relative difference between views below which they have one lens: 0.04 pixels at the edge of 800."""
 Listed = dict[str, list[str]]
 
 
 def write_nerfstudio(
     file: Path, views: dict[str, tuple[list[str], np.ndarray]], size: tuple[int, int], focal: float, region: Region
 ) -> None:
-    """`views`: split → paths of images relative to the file's folder, with suffix, and poses [n, 4, 4]; `size` is width
-    and height, `focal` in pixels. Where there is no `val`, the test views are named for it: nerfstudio wants all three.
+    """Write `transforms.json`.
+
+    `views` maps split → paths of images relative to the file's folder, with suffix, and poses [n, 4, 4]; `size` is
+    width and height, `focal` in pixels. Without a `val`, the test views are named for it: nerfstudio wants all three.
     """
     width, height = size
     listed = {split: paths for split, (paths, _) in views.items() if paths}
@@ -73,14 +75,16 @@ def write_nerfstudio(
 
 
 def _aabb_scale(region: Region) -> int:
-    """For instant-ngp, which maps x to 0.33 x + 0.5: the power of two, up to 128, whose box holds everything seen."""
+    """Return the scale for instant-ngp, which maps x to 0.33 x + 0.5: the power of two, up to 128, whose box holds
+    everything seen.
+    """
     farthest = max((abs(value) for value in region.bounds), default=1.0) if region.bounds else 1.0
     return next((scale for scale in (1, 2, 4, 8, 16, 32, 64) if 0.33 * farthest <= scale / 2), 128)
 
 
 def read_nerfstudio(folder: Path) -> Source:
-    """The folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for whatever cannot be
-    trusted or is not a pinhole of square pixels with the optical axis in the middle.
+    """Read the folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for anything that cannot
+    be trusted or is not a pinhole of square pixels with the optical axis in the middle.
     """
     file = folder / NAME
     data = read_json(file)
@@ -133,14 +137,14 @@ def read_nerfstudio(folder: Path) -> Source:
 
 
 def with_alpha(pixels: np.ndarray) -> np.ndarray:
-    """RGB [h, w, 3] → RGBA, wholly covered; RGBA as it is."""
+    """Return RGB [h, w, 3] as fully opaque RGBA; RGBA as it is."""
     if pixels.shape[2] == 4:
         return pixels
     return np.concatenate([pixels, np.ones((*pixels.shape[:2], 1), dtype=pixels.dtype)], axis=-1)
 
 
 def _lens(camera: dict[str, Any], where: str) -> tuple[float, float | None]:
-    """Horizontal field of view in radians, and height over width where it is said."""
+    """Return the horizontal field of view in radians, and height over width if it is given."""
     if camera.get("mask_path") is not None:
         raise InputError(
             f"{where}: mask_path is {shown(camera['mask_path'])}; pixels cannot be left out of training: save the mask "
@@ -164,7 +168,7 @@ def _lens(camera: dict[str, Any], where: str) -> tuple[float, float | None]:
 
 
 def _pixels(image: Path, shape: float | None) -> np.ndarray:
-    """float32 [h, w, 3 or 4]."""
+    """Return pixels, float32 [h, w, 3 or 4]."""
     pixels = read_image(image)
     height, width, channels = pixels.shape
     if channels not in (3, 4):
@@ -180,7 +184,7 @@ def _pixels(image: Path, shape: float | None) -> np.ndarray:
 def _splits(
     data: dict[str, Any], folder: Path, file: Path, files: list[Path]
 ) -> tuple[dict[str, list[int]], list[str]]:
-    """Split → indices of its views, and what was assumed."""
+    """Return split → indices of its views, and the assumptions made."""
     numbers = {image: number for number, image in enumerate(files)}
     named: dict[str, list[int]] = {}
     for split in SPLITS:
@@ -208,7 +212,7 @@ def _splits(
 
 
 def _shared_out(file: Path, files: list[Path]) -> tuple[dict[str, list[int]], list[str]]:
-    """Training views evenly spread over the sorted paths, the rest for testing."""
+    """Return training views evenly spread over the sorted paths, the rest for testing."""
     count = len(files)
     train = math.ceil(count * TRAIN_SHARE)
     if train == count:

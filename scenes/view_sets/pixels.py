@@ -7,26 +7,26 @@ import numpy as np
 
 
 def encode_srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear light 0 … 1 → display value (IEC 61966-2-1); what lies outside 0 … 1 is clipped first."""
+    """Encode linear light 0 … 1 as display value (IEC 61966-2-1); values outside 0 … 1 are clipped first."""
     x = np.clip(linear, 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
 def decode_srgb(display: np.ndarray) -> np.ndarray:
-    """Display value 0 … 1 → linear light; the inverse of `encode_srgb`."""
+    """Decode display value 0 … 1 to linear light; the inverse of `encode_srgb`."""
     x = np.clip(display, 0.0, 1.0)
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def straight_from_premultiplied(rgba: np.ndarray) -> np.ndarray:
-    """Colour divided by alpha; colour 0 where alpha is 0."""
+    """Divide colour by alpha; colour is 0 where alpha is 0."""
     alpha = rgba[..., 3:]
     colour = np.where(alpha > 0, rgba[..., :3] / np.where(alpha > 0, alpha, 1.0), 0.0)
     return np.concatenate([colour, alpha], axis=-1)
 
 
 def display_from_linear(rgba: np.ndarray) -> np.ndarray:
-    """Premultiplied linear RGBA → straight display RGBA in 0 … 1, as a PNG holds it; float32.
+    """Map premultiplied linear RGBA to straight display RGBA in 0 … 1, as a PNG holds it; float32.
 
     Light brighter than white is clipped; so is colour without coverage, which straight alpha cannot hold.
     """
@@ -36,13 +36,15 @@ def display_from_linear(rgba: np.ndarray) -> np.ndarray:
 
 
 def over_white(display: np.ndarray) -> np.ndarray:
-    """Straight display RGBA → display RGB over white, `colour * alpha + (1 − alpha)`, as the field trains on."""
+    """Put straight display RGBA over white, `colour * alpha + (1 − alpha)`, as the field trains on; returns display
+    RGB.
+    """
     alpha = display[..., 3:]
     return display[..., :3] * alpha + (1 - alpha)
 
 
 def area_weights(size: int, new_size: int, scale: float) -> np.ndarray:
-    """Row-stochastic matrix [new_size, size]: each new pixel is the mean of the `scale` old pixels it covers.
+    """Return a row-stochastic matrix [new_size, size]: each new pixel is the mean of the `scale` old pixels it covers.
 
     The new pixels are centred on the old ones: where `new_size * scale < size` both margins are cut evenly.
     """
@@ -54,7 +56,7 @@ def area_weights(size: int, new_size: int, scale: float) -> np.ndarray:
 
 
 def area_average(image: np.ndarray, width: int) -> np.ndarray:
-    """Image [h, w, channels] → [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
+    """Resize [h, w, channels] to [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
 
     Pixels stay square and the optical axis stays in the centre: a fraction of a new row that is left over is
     cut off evenly above and below.
@@ -68,7 +70,7 @@ def area_average(image: np.ndarray, width: int) -> np.ndarray:
 
 
 def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
-    """Straight RGBA resized with colours weighted by their alpha, so that hidden colour never bleeds; float32.
+    """Resize straight RGBA with colours weighted by their alpha, so that hidden colour never bleeds; float32.
 
     Encoded data is averaged as encoded, as the field does: the result over white is the mean over white.
     """
@@ -77,7 +79,9 @@ def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
 
 
 def area_average_hits(values: np.ndarray, coverage: np.ndarray, width: int) -> np.ndarray:
-    """Values [h, w, channels] that mean something only where `coverage` [h, w] > 0, averaged over those; else 0."""
+    """Average values [h, w, channels] that mean something only where `coverage` [h, w] > 0 over those
+    places; else 0.
+    """
     weighted = np.concatenate([values * coverage[..., None], coverage[..., None]], axis=-1)
     mean = area_average(weighted, width)
     total = mean[..., -1:]

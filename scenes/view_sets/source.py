@@ -1,4 +1,4 @@
-"""What a reader of posed images gives, whatever the format, and where what its cameras look at lies.
+"""The interface of a reader of posed images, whatever the format, and the region that its cameras look at.
 
 `scenes.view_sets.foreign` finds the reader of a path.
 """
@@ -17,10 +17,12 @@ from scenes.view_sets.viewpoints import SPLITS
 
 @dataclass(frozen=True)
 class Region:
-    """Where what is seen lies; None: not said. Raises `InputError` for a box or distances that are none."""
+    """The region of everything visible; None: not given. Raises `InputError` for an invalid box or
+    invalid distances.
+    """
 
     bounds: tuple[float, ...] | None = None
-    """Lower corner, then upper corner: six numbers."""
+    """The lower corner, then the upper corner: six numbers."""
     near: float | None = None
     far: float | None = None
 
@@ -36,11 +38,11 @@ class Region:
 
     @property
     def box(self) -> np.ndarray | None:
-        """float64 [2, 3]."""
+        """The box, float64 [2, 3]."""
         return None if self.bounds is None else np.array(self.bounds, dtype=np.float64).reshape(2, 3)
 
     def over(self, other: "Region") -> "Region":
-        """What is said here, else what `other` says."""
+        """Return the values given here, else those of `other`."""
         return Region(
             other.bounds if self.bounds is None else self.bounds,
             other.near if self.near is None else self.near,
@@ -50,41 +52,43 @@ class Region:
 
 @dataclass(frozen=True)
 class Source:
-    """Posed images of somebody: poses are read, pixels not yet."""
+    """A source of somebody's posed images: poses are read, pixels not yet."""
 
     name: str
     frames: Callable[[str], Frames | None]
-    """All views of a split, or None where it need not be there; raises `InputError` for what cannot be trusted."""
+    """Return all views of a split, or None if it may be missing; raises `InputError` for data that
+    cannot be trusted.
+    """
     pixels: Callable[[Path], np.ndarray]
-    """Straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
+    """Return straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
     region: Region
-    """As the format says it; what it leaves open is found from the cameras (`scenes.view_sets.source`)."""
+    """The region as the format gives it; what is missing is found from the cameras (`scenes.view_sets.source`)."""
     notes: tuple[str, ...] = ()
-    """What was assumed, a sentence each: whoever trains on it should know."""
+    """The assumptions made, one sentence each: a user who trains on it should know them."""
 
 
 ASK = "say where the scene lies with --bounds X0 Y0 Z0 X1 Y1 Z1"
 LEAST_IN_FRONT = 0.9
-"""Share of the cameras that must look towards the common point."""
+"""The share of the cameras that must look towards the common point."""
 LEAST_SPREAD = 1e-4
-"""Smallest eigenvalue of the mean projector across the views: cameras that all look one way have no common point."""
+"""The least eigenvalue of the mean projector across the views: cameras that all look one way have no common point."""
 LEAST_NEAR = 0.02
-"""Of far, where a camera stands in the box or close to it."""
+"""The least near, as a share of far, for a camera in the box or close to it."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """A region of which nothing is open."""
+    """A region without missing values."""
 
     box: np.ndarray
-    """float64 [2, 3]."""
+    """The box, float64 [2, 3]."""
     near: float
     far: float
 
 
 def completed(said: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path) -> Place:
-    """`said`, and what it leaves open found from all cameras of all splits, whichever of them are read now: every
-    reader of a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at` does.
+    """Complete `said` with values found from all cameras of all splits, whichever of them are read now: every reader of
+    a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at` does.
     """
     box, near, far = said.box, said.near, said.far
     if box is None or near is None or far is None:
@@ -97,7 +101,7 @@ def completed(said: Region, source: Source, fov_x_radians: float, size: tuple[in
 
 
 def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, where: str) -> np.ndarray:
-    """A box [2, 3] that every pixel's ray of every camera [n, 4, 4] meets, about the point nearest to all axes.
+    """Return a box [2, 3] that every pixel's ray of every camera [n, 4, 4] meets, about the point nearest to all axes.
 
     `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (±1.5 is the field's habit,
     which cuts the pictures' corners off). Raises `InputError`, which names `where`, for cameras that look at no common
@@ -127,7 +131,7 @@ def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, 
 
 
 def distances_to(box: np.ndarray, camera_to_world: np.ndarray) -> tuple[float, float]:
-    """Near and far: from the nearest camera to the box [2, 3], and from the farthest to its farthest corner."""
+    """Return near and far: from the nearest camera to the box [2, 3], and from the farthest to its farthest corner."""
     o = camera_to_world[:, :3, 3]
     outside = np.maximum(np.maximum(box[0] - o, o - box[1]), 0.0)
     farthest = np.maximum(np.abs(o - box[0]), np.abs(o - box[1]))

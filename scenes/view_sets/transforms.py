@@ -13,18 +13,18 @@ from scenes.view_sets.viewpoints import check_field_of_view, check_poses
 
 LARGEST_FILE = 50 * 1024 * 1024
 SUFFIXES = (".png", ".jpg", ".jpeg")
-"""Tried in turn where a frame's path has no suffix."""
+"""The suffixes tried in turn if a frame's path has none."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """One split as its file lists it."""
+    """A split as its file lists it."""
 
     fov_x_radians: float
     files: list[Path]
-    """Image files, existing, inside the folder."""
+    """The image files, existing, inside the folder."""
     camera_to_world: np.ndarray
-    """float64 [n, 4, 4], OpenGL axes, rigid."""
+    """The poses, float64 [n, 4, 4], OpenGL axes, rigid."""
 
 
 def transforms_file(folder: Path, split: str) -> Path:
@@ -32,7 +32,7 @@ def transforms_file(folder: Path, split: str) -> Path:
 
 
 def write_transforms(file: Path, fov_x_radians: float, paths: list[str], camera_to_world: np.ndarray) -> None:
-    """`paths` are relative to the file's folder, without suffix, such as `./train/r_0`."""
+    """Write a listing; `paths` are relative to the file's folder, without suffix, such as `./train/r_0`."""
     frames = [
         {"file_path": path, "rotation": 2 * math.pi / len(paths), "transform_matrix": pose.tolist()}
         for path, pose in zip(paths, camera_to_world, strict=True)
@@ -41,7 +41,9 @@ def write_transforms(file: Path, fov_x_radians: float, paths: list[str], camera_
 
 
 def read_transforms(folder: Path, split: str) -> Frames:
-    """Raises `InputError` that names the file, the value and the remedy for anything that cannot be trusted."""
+    """Read a listing. Raises `InputError` that names the file, the value and the remedy for data that cannot be
+    trusted.
+    """
     file = transforms_file(folder, split)
     data = read_json(file)
     if not isinstance(data, dict):
@@ -72,7 +74,7 @@ def read_transforms(folder: Path, split: str) -> Frames:
 
 
 def read_json(file: Path) -> Any:
-    """Strict JSON: no NaN or Infinity, no more than 50 MB. Raises `InputError` that names the file."""
+    """Read strict JSON: no NaN or Infinity, no more than 50 MB. Raises `InputError` that names the file."""
     if not file.is_file():
         raise InputError(f"{file}: missing; a view set needs it (the format is that of the NeRF synthetic scenes)")
     try:
@@ -125,7 +127,9 @@ def matrix_of(value: Any, where: str) -> np.ndarray:
 
 
 def image_file(folder: Path, value: Any, where: str) -> Path:
-    """The existing file that a frame's path means; refuses whatever leads out of the folder, by links as well."""
+    """Return the existing file that a frame's path means; refuses anything that leads out of the folder, by links as
+    well.
+    """
     if not isinstance(value, str) or not value or "\0" in value:
         raise InputError(f"{where}: file_path is {shown(value)}; it must be a path inside {folder}")
     relative = value.replace("\\", "/")
@@ -149,12 +153,13 @@ def image_file(folder: Path, value: Any, where: str) -> Path:
 _LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
 _LENS_NO = ("is_orthographic", "is_fisheye")
 CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
-"""Those that are a pinhole where no distortion is given."""
+"""The models that are a pinhole if no distortion is given."""
 
 
 def check_lens(entry: dict[str, Any], where: Path | str, fov_x_radians: float) -> None:
-    """Raises `InputError` where other trainers' keys say that the camera is not our pinhole, or where what they say
-    cannot be checked. A key that is null says nothing."""
+    """Raise `InputError` if other trainers' keys say that the camera is not our pinhole, or if their values cannot be
+    checked. A key that is null says nothing.
+    """
     said = {key: value for key, value in entry.items() if value is not None}
     if "camera_model" in said and said["camera_model"] not in CAMERA_MODELS:
         raise InputError(
@@ -186,7 +191,7 @@ def check_lens(entry: dict[str, Any], where: Path | str, fov_x_radians: float) -
 
 
 def _check_square(lens: dict[str, float], angle_y: Any, fov_x_radians: float, where: Path | str) -> None:
-    """Raises `InputError` where what is said of the vertical and the horizontal does not make square pixels."""
+    """Raise `InputError` if the vertical and the horizontal values do not make square pixels."""
     if "fl_y" in lens:
         if "fl_x" not in lens:
             raise InputError(f"{where}: fl_y without fl_x; give both, or camera_angle_x alone")

@@ -37,7 +37,7 @@ from scenes.view_sets.transforms import Frames, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
 CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
-"""Of our EXR files, as far as they are read."""
+"""The channels of our EXR files that are read."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,17 @@ class Split:
     """The views of one split; n may be 0. Images are in a file and read one at a time or by pixels."""
 
     names: tuple[str, ...]
-    """Path inside the folder without suffix, such as `test/r_0`."""
+    """The paths inside the folder without suffix, such as `test/r_0`."""
     camera_to_world: np.ndarray
-    """float64 [n, 4, 4], OpenGL axes."""
+    """The poses, float64 [n, 4, 4], OpenGL axes."""
     rgba: ImageStack
-    """float32 [n, h, w, 4]: straight alpha, display colour, 0 … 1."""
+    """The images, float32 [n, h, w, 4]: straight alpha, display colour, 0 … 1."""
     depth: ImageStack | None = None
-    """float32 [n, h, w]: distance along the unit ray, mean over the pixel's hits, 0 where nothing was hit."""
+    """The distance along the unit ray, float32 [n, h, w], the mean over the pixel's hits, 0 if nothing was hit."""
     normal: ImageStack | None = None
-    """float32 [n, h, w, 3]: world frame, unit, 0 where nothing was hit."""
+    """The unit normal in the world frame, float32 [n, h, w, 3]; 0 if nothing was hit."""
     noise_mse: np.ndarray | None = None
-    """float64 [n]: expected mean square error of the image over white that rendering noise causes, at this size."""
+    """The expected mean square error of the image over white from rendering noise at this size, float64 [n]."""
 
 
 @dataclass(frozen=True)
@@ -71,22 +71,26 @@ class ViewSet:
     near: float
     far: float
     bounds: np.ndarray
-    """float64 [2, 3]: everything that is seen lies in this box."""
+    """The box in which everything visible lies, float64 [2, 3]."""
     train: Split
     val: Split
     test: Split
     rendered: dict[str, Any] = field(default_factory=dict)
-    """What the manifest says about the rendering; empty for a folder that is not ours."""
+    """The manifest's facts about the rendering; empty for a folder that is not ours."""
     repeated_views: tuple[str, ...] = ()
-    """Views whose camera another view has already, in whatever split, one line each: a reader of scores should know."""
+    """The views whose camera another view has already, in whatever split, one line each: a reader of scores should
+    know.
+    """
     notes: tuple[str, ...] = ()
-    """What was assumed of images that are not ours, a sentence each."""
+    """The assumptions made about images that are not ours, one sentence each."""
     content: str | None = None
-    """Digest of the cameras and the stored pixels that were read; None for a folder of ours, whose manifest has one."""
+    """The digest of the cameras and the stored pixels that were read; None for a folder of ours, whose manifest has
+    one.
+    """
 
     @property
     def focal(self) -> float:
-        """Focal length in pixels."""
+        """Return the focal length in pixels."""
         return 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
 
 
@@ -102,13 +106,13 @@ def read_view_set(
     scratch: Path | None = None,
     region: Region | None = None,
 ) -> ViewSet:
-    """Reads a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
+    """Read a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
 
     `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread subsets
-    and never exceed what there is. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
-    `region` overrule what the manifest or the format says, or what would be found from the cameras. The decoded images,
-    16 bytes a pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
-    (`scenes.view_sets.image_stack`). Raises `InputError`, which says what to do, for anything missing, malformed,
+    and never exceed the number of views. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
+    `region` overrule what the manifest or the format says, or the region found from the cameras. The decoded images, 16
+    bytes per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
+    (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing, malformed,
     damaged or not supported, and where `scratch` has no room.
     """
     folder = Path(folder)
@@ -153,7 +157,7 @@ def read_view_set(
 
 
 def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], splits: Sequence[str]) -> Frames | None:
-    """All views of a split that was asked for and is there."""
+    """Return all views of a split that was asked for and exists."""
     if split not in splits or (
         split in manifest.get("empty_splits", []) and not transforms_file(folder, split).exists()
     ):
@@ -173,7 +177,7 @@ def _chosen(frames: Frames, count: int | None, split: str) -> Frames:
 
 
 def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
-    """As the manifest says it, or else the format."""
+    """Return the region as the manifest gives it, or else the format."""
     if not manifest:
         return source.region
     try:
@@ -184,7 +188,7 @@ def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
 
 
 def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
-    """Raises `InputError` where an image is both trained on and tested on."""
+    """Raise `InputError` if an image is both trained on and tested on."""
     if "train" in frames and "test" in frames:
         both = sorted(set(frames["train"].files) & set(frames["test"].files))
         if both:
@@ -192,7 +196,7 @@ def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
 
 
 def _repeated(frames: dict[str, Frames]) -> tuple[str, ...]:
-    """One line for each view that has the camera of an earlier one, of its split or of the splits before it."""
+    """Return one line for each view that has the camera of an earlier one, of its split or of the splits before it."""
     if not frames:
         return ()
     names = [f"{split}: {file.name}" for split, entry in frames.items() for file in entry.files]
@@ -212,7 +216,7 @@ def _empty(size: tuple[int, int]) -> Split:
 
 
 class _Reader:
-    """Reads views of one folder one after another and holds them to one size."""
+    """A reader of the views of one folder, one after another, which holds them to one size."""
 
     def __init__(
         self, folder: Path, resolution: int | None, manifest: dict[str, Any], source: Source, scratch: Path | None
@@ -223,9 +227,9 @@ class _Reader:
         self.source = source
         self.stored: tuple[int, int] | None = None
         self.size: tuple[int, int] | None = None
-        """Height and width after resizing."""
+        """The height and width after resizing."""
         self.content = hashlib.blake2b(digest_size=32)
-        """Of the stored pixels, in the order in which they are read, where they are not ours."""
+        """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         names: list[str] = []
@@ -262,7 +266,7 @@ class _Reader:
         return pixels if width == pixels.shape[1] else area_average_straight(pixels, width)
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
-        """Colour, then depth and normals where `geometry` is wanted."""
+        """Read colour, then depth and normals if `geometry` is wanted."""
         exr = file.with_suffix(".exr")
         channels = read_channels(checked(self.folder, exr, self.manifest))
         if lacking := [name for name in CHANNELS if name not in channels]:
@@ -306,10 +310,10 @@ class _Reader:
 
 
 def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
-    """Linear light over white [height, width, 3] of the view `name` at the view set's size, not clipped; None where the
-    view set is not ours and holds display colour alone. Errors as in `read_view_set`.
+    """Return linear light over white [height, width, 3] of the view `name` at the view set's size, not clipped; None if
+    the view set is not ours and holds display colour alone. Errors as in `read_view_set`.
 
-    Display colour is put over white, as everywhere (CONVENTIONS.md), and then decoded; what is brighter than white is
+    Display colour is put over white, as everywhere (CONVENTIONS.md), and then decoded; light brighter than white is
     added. So an image that is the display colour has no error but where the light exceeds what display colour holds.
     """
     if "files" not in views.rendered:
@@ -322,6 +326,7 @@ def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
 
 
 def _beyond_white(rgba: np.ndarray) -> np.ndarray:
-    """How much more light [..., 3] comes from each pixel, linear and premultiplied, than if what covers it were white:
-    alpha · max(colour − 1, 0)."""
+    """Return how much more light [..., 3] comes from each pixel, linear and premultiplied, than if its coverage were
+    white: alpha · max(colour − 1, 0).
+    """
     return np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)

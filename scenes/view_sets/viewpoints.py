@@ -1,4 +1,4 @@
-"""Where the cameras of a view set stand: the measured distribution of the NeRF synthetic set.
+"""The cameras of a view set: the measured distribution of the NeRF synthetic set.
 
 Every camera is 4.0311 from the origin, looks at it, and has no roll. Training and validation views are random with
 a fixed seed per split; the test views are one spiral, the same in every scene.
@@ -18,7 +18,7 @@ Z_AXIS = np.array([0.0, 0.0, 1.0])
 FOV_X_RADIANS = 0.6911112070083618
 RADIUS = float(np.hypot(4.0, 0.5))
 TILT = float(np.arctan2(0.5, 4.0))
-"""Elevation of the original rig at rest (7.125°): random elevations are turned up by it."""
+"""The elevation of the original rig at rest (7.125°), by which random elevations are turned up."""
 VIEW_COUNTS: dict[Split, int] = {"train": 100, "val": 100, "test": 200}
 _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 
@@ -26,7 +26,7 @@ _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 def camera_to_world(
     split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere", count: int | None = None
 ) -> np.ndarray:
-    """Poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200.
+    """Return poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200.
 
     Raises `InputError` for a count that is negative or larger than the split.
     """
@@ -35,7 +35,7 @@ def camera_to_world(
 
 
 def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere") -> np.ndarray:
-    """All poses of a split, float64 [views, 4, 4]."""
+    """Return all poses of a split, float64 [views, 4, 4]."""
     count = VIEW_COUNTS[split]
     if split == "test":
         k = np.arange(count)
@@ -55,9 +55,9 @@ def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisp
 
 
 def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = RADIUS) -> np.ndarray:
-    """Cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians.
+    """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians.
 
-    Written in angles, so that a camera right above the object has a direction for "up" as well.
+    They are computed from angles, so that a camera right above the object has a direction for "up" as well.
     """
     sin_a, cos_a, sin_e, cos_e = np.sin(azimuth), np.cos(azimuth), np.sin(elevation), np.cos(elevation)
     zero = np.zeros_like(sin_a)
@@ -71,7 +71,8 @@ def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = 
 
 
 def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> np.ndarray:
-    """The camera [4, 4], OpenGL axes, that stands at `origin` [3], looks at `target` [3] and keeps `up` [3] upright.
+    """Return the camera [4, 4], OpenGL axes, that stands at `origin` [3], looks at `target` [3] and keeps `up` [3]
+    upright.
 
     Raises `InputError` for numbers that are not finite, an origin on the target, and an up without length or along
     the view: for all of these Mitsuba's own look_at gives a matrix with which it renders a clean background.
@@ -95,7 +96,7 @@ def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> 
 
 
 def check_field_of_view(radians: float, where: str) -> None:
-    """Raises `InputError` unless it lies strictly between 0 and 180°; `where` names whose it is."""
+    """Raise `InputError` unless it lies strictly between 0 and 180°; `where` names its owner."""
     if not 0 < radians < math.pi:
         raise InputError(
             f"{where}: the field of view is {math.degrees(radians):g}°; it must lie "
@@ -104,7 +105,7 @@ def check_field_of_view(radians: float, where: str) -> None:
 
 
 def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs (first, later) of cameras [n, 4, 4] that stand and look alike to within 1e-6."""
+    """Return pairs (first, later) of cameras [n, 4, 4] with equal position and view to within 1e-6."""
     first: dict[bytes, int] = {}
     pairs = []
     for number, pose in enumerate(poses):
@@ -115,7 +116,7 @@ def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
 
 
 def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndarray:
-    """Indices [count], increasing, of `count` of the cameras [n, 4, 4], spread evenly over *azimuth*.
+    """Return indices [count], increasing, of `count` of the cameras [n, 4, 4], spread evenly over *azimuth*.
 
     Every k-th of the test spiral would not do: every 25th of its 200 views has only four azimuths. Views are ordered
     by azimuth about the z axis first. Half of the spiral or less gives as many azimuths as views, for any count; an
@@ -130,9 +131,9 @@ def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndar
 
 
 def check_poses(poses: np.ndarray, names: list[str]) -> None:
-    """Raises `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation).
+    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation).
 
-    Mitsuba renders a clean background for a NaN matrix and never says so.
+    Mitsuba renders a clean background for a NaN matrix without any message.
     """
     for pose, name in zip(poses, names, strict=True):
         if not np.isfinite(pose).all():

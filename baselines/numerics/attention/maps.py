@@ -14,12 +14,15 @@ from baselines.numerics.attention.priorities import BadAttention, checked
 from baselines.numerics.attention.regions import Regions
 
 HALF_ACUITY_DEGREES = 2.3
-"""The eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998).
+"""The eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler
+& Perry (1998).
 """
 
 
 def from_mask(regions: Regions, mask: np.ndarray) -> np.ndarray:
-    """Return the attention of a user's mask [height, width]: booleans or numbers ≥ 0. An empty one is plain rendering."""
+    """Return the attention of a user's mask [height, width]: booleans or numbers ≥ 0. An empty one is
+    plain rendering.
+    """
     return _mean(regions, mask, "mask")
 
 
@@ -137,6 +140,8 @@ def _require_point(row: float, column: float) -> None:
 
 
 def _offsets(regions: Regions, row: float, column: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the offsets of pixel centres from a point, downwards [height, 1] and to the right [1, width], in pixels."""
+    """Return the offsets of pixel centres from a point, downwards [height, 1] and to the right [1,
+    width], in pixels.
+    """
     down = np.arange(regions.height)[:, None] + 0.5 - row
     return down, np.arange(regions.width)[None, :] + 0.5 - column

@@ -13,7 +13,7 @@ GREEN, GOLD = surfaces.srgb("#2f6b45"), surfaces.srgb("#dcb75c")
 
 
 def damask(pixels: int = 512) -> np.ndarray:
-    """One repeat of the cloth: staggered gold palmettes and rosettes in an ogee lattice, with a visible weave."""
+    """Draw one repeat of the cloth: staggered gold palmettes and rosettes in an ogee lattice, with a visible weave."""
     rng = np.random.default_rng(11)
     u, v = np.meshgrid(*[(np.arange(pixels) + 0.5) / pixels] * 2, indexing="xy")
     gold = np.zeros((pixels, pixels))
@@ -36,7 +36,9 @@ def damask(pixels: int = 512) -> np.ndarray:
 
 
 def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) -> Solid:
-    """Cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies, 1 = 1 unit."""
+    """Make a cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies, 1 = 1
+    unit.
+    """
     turn = np.linspace(0.0, 1.0, rings)
     side = [(1.0 - 0.06 * (1 - np.sin(a)), thickness * 0.5 * (np.sin(a))) for a in np.linspace(-1.4, 0.6, 6)]
     top = [(side[-1][0] * np.cos(t * np.pi / 2), side[-1][1] + dome * np.sin(t * np.pi / 2) ** 0.9) for t in turn[1:-1]]
@@ -47,7 +49,7 @@ def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) 
 
 
 def leaning(solid: Solid) -> Solid:
-    """From the drawing plane of the back (x right, y up, z to the front) to its place: tilted, hollow."""
+    """Move from the drawing plane of the back (x right, y up, z to the front) to its place: tilted, hollow."""
     x, y, z = solid.vertices.T
     placed = np.stack([-0.40 - 0.24 * y + 0.22 * x**2 + z, x, 0.40 + 0.97 * y], axis=-1)
     return smooth(Solid(placed, solid.faces, solid.uv))
@@ -68,12 +70,12 @@ def seat_outline(count: int = 96) -> np.ndarray:
 
 
 def along(path: np.ndarray, solid: Solid) -> Solid:
-    """A copy of the solid at every point."""
+    """Return a copy of the solid at every point."""
     return merged(solid.moved(*point) for point in path)
 
 
 def carved_back() -> Solid:
-    """Moulded frame, beads along it, a shell on the crest."""
+    """Make the back: moulded frame, beads along it, a shell on the crest."""
     outline = np.c_[back_outline(), np.zeros(96)]
     frame = merged(
         [
@@ -95,14 +97,14 @@ def carved_back() -> Solid:
 
 
 def scroll(x: float, y: float, size: float, turns: float = 1.3, count: int = 28) -> np.ndarray:
-    """Spiral [count, 2] that curls inwards."""
+    """A spiral [count, 2] that curls inwards."""
     t = np.linspace(0, 1, count)
     radius, angle = size * (1 - 0.8 * t), np.pi + 2 * np.pi * turns * t
     return np.c_[x + radius * np.cos(angle), y + radius * np.sin(angle)]
 
 
 def front_leg() -> Solid:
-    """Cabriole: a knee, a thin ankle, a curled foot."""
+    """A cabriole leg: a knee, a thin ankle, a curled foot."""
     path = spline(
         [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)], 36
     )
@@ -124,7 +126,7 @@ def front_leg() -> Solid:
 
 
 def back_leg() -> Solid:
-    """Sabre: swept backwards, carried on upwards as the stile of the back."""
+    """A sabre leg: swept backwards, carried on upwards as the stile of the back."""
     path = spline(
         [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35), (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)],
         30,
@@ -133,7 +135,7 @@ def back_leg() -> Solid:
 
 
 def arm() -> Solid:
-    """Swept from the back outwards to a scroll, on a support that leans back from the seat rail."""
+    """An arm, swept from the back outwards to a scroll, on a support that leans back from the seat rail."""
     reach = [(-0.37, 0.45, 0.28), (-0.15, 0.55, 0.235), (0.12, 0.60, 0.20), (0.30, 0.60, 0.185)]
     curl = [
         (0.34 + 0.065 * s * np.sin(a), 0.60, 0.12 + 0.065 * s * np.cos(a))
@@ -160,7 +162,7 @@ def arm_pad() -> Solid:
 
 
 def apron() -> Solid:
-    """Rail below the seat with a scalloped lower edge and a rosette at the front, moulding above."""
+    """The rail below the seat with a scalloped lower edge and a rosette at the front, moulding above."""
     outline = seat_outline()
     angle = np.arctan2(outline[:, 1], outline[:, 0])
     drop = -0.37 - 0.035 * np.cos(6 * angle)

@@ -32,7 +32,7 @@ def placed(kit: Parts, place: np.ndarray) -> Parts:
 
 
 def pose(at: tuple[float, float, float], tilt: float = 0.0, azimuth: float = 0.0) -> np.ndarray:
-    """Tips the local z by `tilt` degrees towards the azimuth, then moves it there."""
+    """Tip the local z by `tilt` degrees towards the azimuth, then move it there."""
     t, a = np.radians([tilt, azimuth])
     about_y = np.array([[np.cos(t), 0, np.sin(t)], [0, 1, 0], [-np.sin(t), 0, np.cos(t)]])
     about_z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
@@ -42,7 +42,7 @@ def pose(at: tuple[float, float, float], tilt: float = 0.0, azimuth: float = 0.0
 
 
 def pipe(outer: float, inner: float, low: float, high: float) -> Solid:
-    """Open cylinder with a wall."""
+    """An open cylinder with a wall."""
     return lathe([(inner, low), (outer, low), (outer, high), (inner, high), (inner, low)], 64)
 
 
@@ -52,7 +52,7 @@ def skin(radius: float, z: float) -> Solid:
 
 
 def drum(radius: float, depth: float, lugs: int, shell: str, top: str, bottom: str) -> Parts:
-    """Centred, its axis z: shell, hoops, tension rods with lugs, two skins."""
+    """A drum centred at the origin, its axis z: shell, hoops, tension rods with lugs, two skins."""
     half = depth / 2
     hoop = merged(pipe(radius + 0.022, radius + 0.004, s * half - 0.02, s * half + 0.02) for s in (-1, 1))
     rods = merged(rod((radius + 0.016, 0, s * 0.25 * half), (radius + 0.016, 0, s * half), 0.0065, 8) for s in (-1, 1))
@@ -90,7 +90,7 @@ def tripod(height: float, spread: float = 0.26) -> Parts:
 def cymbal_on_boom(
     at: tuple[float, float, float], radius: float, tilt: float, azimuth: float, foot: tuple[float, float]
 ) -> Parts:
-    """The stand rises at `foot`, some way off; a boom with a counterweight reaches over to the plate."""
+    """A stand that rises at `foot`, some way off, with a boom and a counterweight that reaches over to the plate."""
     hub = 0.2 * radius
     plate: Parts = {
         "bronze": [cymbal(radius)],
@@ -122,7 +122,9 @@ def hi_hat(x: float, y: float, z: float, radius: float) -> Parts:
 
 
 def bass_drum() -> Parts:
-    """On its side, front to +x: wooden hoops with claws, a printed translucent front skin, spurs, a pedal behind."""
+    """The bass drum on its side, front to +x: wooden hoops with claws, a printed translucent front skin, spurs, a pedal
+    behind.
+    """
     radius, depth = 0.44, 0.46
     body = drum(radius, depth, 10, "shell", "front", "clear")
     hoops = merged(pipe(radius + 0.034, radius, s * depth / 2 - 0.024, s * depth / 2 + 0.024) for s in (-1, 1))
@@ -145,7 +147,7 @@ def bass_drum() -> Parts:
 
 
 def rack_toms() -> Parts:
-    """Two, tilted to the player, on a post and L-arms from the bass drum."""
+    """Two rack toms, tilted to the player, on a post and L-arms from the bass drum."""
     toms = [
         placed(drum(r, d, 6, "shell", "frosted", "clear"), pose((0.10, s * 0.245, 0.31), 24, 180 + s * 12))
         for s, r, d in ((1, 0.185, 0.22), (-1, 0.205, 0.25))
@@ -192,7 +194,7 @@ def throne() -> Parts:
 
 
 def sparkle(pixels: int = 256) -> np.ndarray:
-    """Lacquer with metal flakes, darker towards the hoops (v runs along the profile of the shell)."""
+    """A lacquer with metal flakes, darker towards the hoops (v runs along the profile of the shell)."""
     rng = np.random.default_rng(5)
     flakes = rng.random((pixels, pixels, 1)) ** 6
     colour = np.array(surfaces.srgb("#b01020")) * (0.8 + 0.4 * rng.random((pixels, pixels, 1)))

@@ -13,7 +13,7 @@ GOLDEN_ANGLE = np.pi * (3 - 5**0.5)
 POT_BOTTOM, POT_HEIGHT = -1.17, 0.5
 SOIL = POT_BOTTOM + POT_HEIGHT - 0.06
 SHADES = 4
-"""Kinds of green; each is one strip of the leaf texture."""
+"""The number of kinds of green; each is one strip of the leaf texture."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -54,20 +54,20 @@ class Plant:
 
 @dataclass(frozen=True)
 class Order:
-    """How axes of one order of branching look: the trunk's stems first, twigs last."""
+    """The look of the axes of one order of branching: the trunk's stems first, twigs last."""
 
     points: int
     bend: float
-    """Wander of the direction from one point to the next."""
+    """The wander of the direction from one point to the next."""
     lift: float
-    """Pull up (positive) or droop (negative) from one point to the next."""
+    """The pull up (positive) or droop (negative) from one point to the next."""
     children: int
     first_child: float
-    """Share of the axis that stays bare."""
+    """The share of the axis that stays bare."""
     spread: float
-    """Angle between a child and its parent, radians."""
+    """The angle between a child and its parent, radians."""
     shorter: float
-    """Length of a child over that of its parent."""
+    """The length of a child over that of its parent."""
 
 
 ORDERS = (
@@ -79,7 +79,7 @@ STEMS = 3
 
 
 def grown() -> Plant:
-    """Stems that rise together out of the soil and lean apart."""
+    """Grow stems that rise together out of the soil and lean apart."""
     plant = Plant()
     for stem in range(STEMS):
         around = 2 * np.pi * stem / STEMS + 0.4
@@ -90,7 +90,7 @@ def grown() -> Plant:
 
 
 def grow(plant: Plant, start: np.ndarray, direction: np.ndarray, length: float, radius: float, order: int) -> None:
-    """One axis with all that it carries."""
+    """Grow one axis and everything on it."""
     habit = ORDERS[order]
     path = wander(plant.random, start, direction, length, habit)
     taper = radius * np.linspace(1.0, 0.35, habit.points)
@@ -127,7 +127,7 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 
 def sideways(along: np.ndarray, angle: float) -> np.ndarray:
-    """Unit vector square to `along`, turned about it."""
+    """A unit vector square to `along`, turned about it."""
     first = unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
     return np.cos(angle) * first + np.sin(angle) * np.cross(along, first)
 
@@ -146,7 +146,9 @@ def leaf_at(random: np.random.Generator, point: np.ndarray, twig: np.ndarray, ar
 
 
 def leaf(curl: float, fold: float, shade: int) -> Solid:
-    """Of unit length along x, facing z: stalk, oval blade, drip tip; `uv` along and across it within its shade."""
+    """A leaf of unit length along x, facing z: stalk, oval blade, drip tip; `uv` along and across it
+    within its shade.
+    """
     x = np.array([0.0, 0.10, 0.14, 0.2, 0.28, 0.38, 0.5, 0.62, 0.73, 0.82, 0.9, 1.0])
     blade = np.clip((x - 0.10) / 0.90, 0, 1)
     half_width = 0.012 * (1 - blade) + 0.232 * np.sin(np.pi * blade**0.8) ** 0.85 * (1 - 0.55 * blade**3)
@@ -160,7 +162,7 @@ def leaf(curl: float, fold: float, shade: int) -> Solid:
 
 
 def leaf_colours() -> np.ndarray:
-    """Strips side by side, one a shade, from stalk to tip along the rows: blade, paler midrib and side veins."""
+    """Strips side by side, one per shade, from stalk to tip along the rows: blade, paler midrib and side veins."""
     rows, columns = 128, 64
     across = np.abs(np.linspace(-1, 1, columns))[None]
     along = np.linspace(0, 1, rows)[:, None]

@@ -11,9 +11,9 @@ BUN_LENGTH = 1.42
 BUN_WIDTH, BUN_HEIGHT = 0.27, 0.27
 SAUSAGE_LENGTH, SAUSAGE_RADIUS = 1.66, 0.125
 SAUSAGE_HEIGHT = 0.155
-"""Of the sausage's axis over the centre of the bun."""
+"""The height of the sausage's axis over the centre of the bun."""
 BETWEEN = 0.37
-"""From the centre of the plate to the centre of each bun."""
+"""The distance from the centre of the plate to the centre of each bun."""
 PLATE_TOP = -0.21
 BUN_CENTRE = PLATE_TOP + 0.185
 
@@ -32,7 +32,7 @@ def build() -> Description:
 
 
 def hot_dog(side: int) -> tuple[Solid, Solid, Solid]:
-    """Bun, sausage and mustard, along y, slightly turned so that the two are no copies of each other."""
+    """Bun, sausage and mustard, along y, slightly turned so that the two hot dogs differ."""
     parts = bun(seed=side), sausage(), mustard(phase=1.3 * side)
     bun_, sausage_, mustard_ = (part.turned(90 + 3 * side).moved(x=side * BETWEEN, z=BUN_CENTRE) for part in parts)
     return bun_, sausage_, mustard_
@@ -48,7 +48,7 @@ def plate() -> Solid:
 
 
 def along(length: float, count: int) -> np.ndarray:
-    """Places −1 … 1 that crowd towards the ends, where a rounded body closes."""
+    """Places from −1 to 1 that crowd towards the ends, where a rounded body closes."""
     return np.sin(np.linspace(-np.pi / 2, np.pi / 2, count + 2))[1:-1] * (length / 2)
 
 
@@ -70,7 +70,7 @@ def bun(seed: int) -> Solid:
 
 
 def bend(x: np.ndarray) -> np.ndarray:
-    """The sausage's axis: its ends curl up."""
+    """Return the height of the sausage's axis, whose ends curl up."""
     return SAUSAGE_HEIGHT + 0.10 * (2 * x / SAUSAGE_LENGTH) ** 2
 
 
@@ -103,7 +103,7 @@ def mustard(phase: float) -> Solid:
 
 
 def bread() -> np.ndarray:
-    """Crust, brownest on the shoulders, paler below, crumb within the cleft; rows go along the bun."""
+    """The colours of the crust, brownest on the shoulders, paler below, crumb in the cleft; rows go along the bun."""
     rows, columns = 128, 256
     from_top = np.abs(np.linspace(-1, 1, columns))[None] + 0.03 * (surfaces.mottle(3, rows, columns, 1.5) - 0.5)
     crumb = 1 / (1 + np.exp((from_top - 0.20) / 0.012))
@@ -114,7 +114,7 @@ def bread() -> np.ndarray:
 
 
 def skin() -> np.ndarray:
-    """Reddish brown, a little mottled."""
+    """A reddish brown skin, a little mottled."""
     return surfaces.mixed((0.36, 0.075, 0.028), (0.52, 0.14, 0.05), surfaces.mottle(5, 128, 128, 1.2))
 
 

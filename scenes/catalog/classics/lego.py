@@ -33,7 +33,7 @@ from scenes.modelling.solids import (
 STUD = 0.118
 PLATE, BRICK = 0.4, 1.2
 GAP = 0.03
-"""Between neighbouring bricks, to be seen as a seam."""
+"""The gap between neighbouring bricks, visible as a seam."""
 
 MATERIALS: dict[str, Description] = {
     "yellow": surfaces.plastic(surfaces.srgb("#f7c414"), 0.1),
@@ -50,7 +50,7 @@ MATERIALS: dict[str, Description] = {
 
 
 def brick(x: float, y: float, z: float, length: int, width: int, height: float, studs: bool = True) -> Solid:
-    """From its lowest corner; with a hair's breadth to its neighbours."""
+    """A brick from its lowest corner, a hair's breadth from its neighbours."""
     body = rounded_box(length - GAP, width - GAP, height - GAP / 2, 0.05, 2)
     body = body.moved(x + length / 2, y + width / 2, z + height / 2)
     knob = creased(cylinder(0.3, 0.2, 14))
@@ -67,7 +67,7 @@ def wall(
 
 
 def prism(outline: list[tuple[float, float]], low: float, high: float) -> Solid:
-    """A convex outline in x and z, counter-clockwise with x right and z up, from y = low to high."""
+    """A prism of a convex outline in x and z, counter-clockwise with x right and z up, from y = low to high."""
     points = np.array(outline)
     rings = [np.c_[points[:, 0], np.full(len(points), y), points[:, 1]] for y in (high, low)]
     return creased(loft(np.array(rings)))
@@ -86,7 +86,7 @@ def strip(profile: np.ndarray, thickness: float, low: float, high: float) -> Sol
 
 
 def beam(holes: int) -> Solid:
-    """Along x from hole 0 at the origin, pierced along y, round at the ends."""
+    """A beam along x from hole 0 at the origin, pierced along y, round at the ends."""
     cell = lathe([(0.3, -0.45), (0.5, -0.45), (0.5, 0.45), (0.3, 0.45), (0.3, -0.45)], 16)
     radius = np.hypot(*cell.vertices[:, :2].T)
     cosine, sine = (cell.vertices[:, :2] / radius[:, None]).T
@@ -104,7 +104,7 @@ def baseplate() -> Parts:
 
 
 def track() -> Parts:
-    """The left one: a belt of cleated links round two wheels, rollers, a pierced frame beam."""
+    """The left track: a belt of cleated links round two wheels, rollers, a pierced frame beam."""
     rear, front, middle, radius, height = -4.6, 3.4, 3.6, 1.35, 1.62
     straight = front - rear
     turn = np.pi * radius
@@ -136,7 +136,7 @@ def chassis() -> Parts:
 
 
 def engine() -> Parts:
-    """Hood of staggered bricks, slatted grille, lamps, exhaust and air filter."""
+    """The hood of staggered bricks, slatted grille, lamps, exhaust and air filter."""
     hood = [wall(0, -2, 2.1, [2, 3], 4), wall(0, -2, 3.3, [3, 2], 4)]
     top = [brick(0, -2, 4.5, 3, 2, PLATE), brick(0, 0, 4.5, 3, 2, PLATE)]
     nose = prism([(3, 4.5), (5, 4.5), (5, 4.6), (3, 4.9)], -2 + GAP, 2 - GAP)
@@ -187,7 +187,7 @@ def driver() -> Parts:
 
 
 def rear() -> Parts:
-    """Counterweight with a slope, red lamps, a ripper."""
+    """The counterweight with a slope, red lamps, and a ripper."""
     block = [brick(-6, -2, 2.1, 2, 4, BRICK, False), brick(-6, -2, 3.3, 2, 4, PLATE)]
     slope = prism([(-7, 2.1), (-6.02, 2.1), (-6.02, 3.3), (-6.2, 3.3)], -2 + GAP, 2 - GAP)
     lamps = [creased(cylinder(0.28, 0.2, 18)).turned(-55, (0, 1, 0)).moved(-6.62, y, 2.82) for y in (-1.5, 1.5)]

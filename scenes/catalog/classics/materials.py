@@ -9,7 +9,7 @@ from scenes.modelling.scene import Description, Scene
 RADIUS = 0.25
 SPACING = 0.565
 ROWS = (3, 4, 4, 3)
-"""Balls in each row; the rows lie along y."""
+"""The number of balls in each row; the rows lie along y."""
 
 
 def build() -> Description:
@@ -20,7 +20,7 @@ def build() -> Description:
 
 
 def centres() -> list[np.ndarray]:
-    """Row by row, each row centred."""
+    """The centres of the balls row by row, each row centred."""
     return [
         SPACING * np.array([row - (len(ROWS) - 1) / 2, place - (count - 1) / 2, 0.0])
         for row, count in enumerate(ROWS)
@@ -29,14 +29,14 @@ def centres() -> list[np.ndarray]:
 
 
 def placed(centre: np.ndarray) -> np.ndarray:
-    """The unit sphere shrunk to a ball there."""
+    """Return the matrix that shrinks the unit sphere to a ball there."""
     matrix = np.diag([RADIUS, RADIUS, RADIUS, 1.0])
     matrix[:3, 3] = centre
     return matrix
 
 
 def materials() -> dict[str, Description]:
-    """In the order of `centres`; alike ones lie apart."""
+    """The materials in the order of `centres`; similar ones lie apart."""
     return {
         "gold": surfaces.gold(0.06),
         "red_lacquer": surfaces.ceramic(surfaces.srgb("#c01818")),
@@ -62,7 +62,7 @@ def chequers() -> np.ndarray:
 
 
 def wood() -> np.ndarray:
-    """Growth rings, bent by noise."""
+    """The growth rings of wood, bent by noise."""
     height, width = 256, 512
     ring = 7 * np.linspace(0, 1, height)[:, None] + 3.2 * surfaces.mottle(11, height, width, 2.2)
     grain = 0.5 + 0.5 * np.sin(2 * np.pi * ring)
@@ -70,7 +70,7 @@ def wood() -> np.ndarray:
 
 
 def marble() -> np.ndarray:
-    """White with thin dark veins where a cloudy pattern crosses its middle."""
+    """A white marble with thin dark veins where a cloudy pattern crosses its middle."""
     height, width = 256, 512
     distance = np.abs(surfaces.mottle(13, height, width, 1.7) - 0.5)
     return surfaces.mixed((0.80, 0.79, 0.76), (0.10, 0.14, 0.13), np.exp(-((distance / 0.035) ** 1.2)))

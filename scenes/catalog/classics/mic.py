@@ -26,14 +26,14 @@ from scenes.modelling.solids import (
 )
 
 RADIUS, HALF = 0.43, 0.10
-"""Of the head: a ball cut at its equator, each half pushed away by `HALF` along the axis."""
+"""The radius of the head, a ball cut at its equator, and the distance that each half is pushed away along the axis."""
 HEAD, TILT = (0.42, 0.0, 0.58), 40.0
 """The middle of the head and how far, in degrees, its axis leans towards +x."""
 NECK = -HALF - RADIUS
-"""Along the axis, from the middle of the head: where the handle begins."""
+"""The place along the axis, from the middle of the head, where the handle begins."""
 FLOOR = -1.10
 FOOT = -0.14
-"""x of the pole."""
+"""The x of the pole."""
 
 
 def head_surface(polar: np.ndarray, azimuth: np.ndarray, lift: np.ndarray | float = 0.0) -> np.ndarray:
@@ -56,7 +56,7 @@ def grille(wires: int = 28, wire: float = 0.0085, turns: float = 0.75) -> Solid:
 
 
 def head() -> Parts:
-    """Foam under the wires, a crown cap, ribs, an equator band between two ridges, riveted."""
+    """The head: foam under the wires, a crown cap, ribs, an equator band between two ridges, riveted."""
     polar = np.linspace(0.0, 1.0, 60)[::-1]
     foam = lathe([(x, z) for x, _, z in head_surface(polar, np.zeros(60), -0.05)], 48)
     outer = RADIUS + 0.018
@@ -74,7 +74,7 @@ def head() -> Parts:
 
 
 def handle() -> Parts:
-    """Collar, tapering lacquered barrel with a switch and a grooved grip, end ring, plug."""
+    """The handle: collar, tapering lacquered barrel with a switch and a grooved grip, end ring, plug."""
     waist = [(0.12, -0.09), (0.175, -0.09), (0.19, -0.07), (0.19, -0.03), (0.175, -0.01), (0.19, 0.01)]
     collar = lathe([*waist, (0.26, 0.07), (0.27, 0.085), (0.26, 0.10), (0.18, 0.10)], 64)
     barrel = [(0.09, -0.74), (0.105, -0.73)]
@@ -94,7 +94,7 @@ def handle() -> Parts:
 
 
 def on_axis(along: float, below: float = 0.0) -> np.ndarray:
-    """World place of a point on the microphone's axis (or that far below it)."""
+    """Return the world place of a point on the microphone's axis (or that far below it)."""
     t = np.radians(TILT)
     return np.array(HEAD) + along * np.array([np.sin(t), 0, np.cos(t)]) + below * np.array([np.cos(t), 0, -np.sin(t)])
 
@@ -112,7 +112,7 @@ def clip() -> Parts:
 
 
 def stand() -> Parts:
-    """Heavy round base with a trim, thin pole with a knurled sleeve, a ribbed arm that curves up to the clip."""
+    """A heavy round base with a trim, thin pole with a knurled sleeve, a ribbed arm that curves up to the clip."""
     base = [
         (0.0, 0.0),
         (0.40, 0.0),
@@ -141,7 +141,7 @@ def stand() -> Parts:
 
 
 def cable() -> Parts:
-    """From the plug down to the floor, once round the base and away to a jack."""
+    """A cable from the plug down to the floor, once round the base and away to a jack."""
     hang = [on_axis(NECK - 0.90), on_axis(NECK - 0.93), on_axis(NECK - 1.0)]
     fall = [(-0.70, 0.03, -0.72), (-0.70, 0.08, -0.95)]
     turn, radius = np.radians(np.linspace(165, -150, 12)), np.linspace(0.52, 0.56, 12)

@@ -43,14 +43,14 @@ def basin() -> Solid:
 
 
 def disc(radius: float, rings: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
-    """x and y [segments + 1, rings] over a disc, from the centre out; for `grid_faces`."""
+    """Return x and y [segments + 1, rings] over a disc, from the centre out; for `grid_faces`."""
     angle = np.linspace(0, -2 * np.pi, segments + 1)[:, None]
     r = radius * np.linspace(0, 1, rings)
     return np.cos(angle) * r, np.sin(angle) * r
 
 
 def waves(x: np.ndarray, y: np.ndarray, seed: int, longest: float, height: float, count: int = 14) -> np.ndarray:
-    """Sum of sine waves, mostly along one wind."""
+    """A sum of sine waves, mostly along one wind."""
     random = np.random.default_rng(seed)
     z = np.zeros_like(x)
     for length in np.geomspace(longest, longest / 4, count):
@@ -61,7 +61,7 @@ def waves(x: np.ndarray, y: np.ndarray, seed: int, longest: float, height: float
 
 
 def water() -> Solid:
-    """Closed body: its sides lie inside the wall of the basin, its bottom below the sand."""
+    """A closed body of water: its sides lie inside the wall of the basin, its bottom below the sand."""
     radius = BASIN_RADIUS - 0.02
     x, y = disc(radius, rings=110, segments=240)
     ripple = waves(x, y, seed=7, longest=0.34, height=0.0045)
@@ -73,7 +73,7 @@ def water() -> Solid:
 
 
 def seabed() -> Solid:
-    """Dunes that rise towards the wall; open below, where nothing looks."""
+    """A seabed of dunes that rise towards the wall; open below, where nothing looks."""
     x, y = disc(BASIN_RADIUS - 0.03, rings=50, segments=120)
     r = np.hypot(x, y) / BASIN_RADIUS
     z = BASIN_BOTTOM + 0.075 + 0.09 * r**4 + waves(x, y, seed=3, longest=0.6, height=0.005)

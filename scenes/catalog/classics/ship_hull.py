@@ -1,4 +1,4 @@
-"""The hull of the ship: planking, deck and what is fixed to them. The bow points along x."""
+"""The hull of the ship: planking, deck and fittings. The bow points along x."""
 
 import itertools
 
@@ -8,28 +8,28 @@ from scenes.modelling import surfaces
 from scenes.modelling.solids import Solid, ball, box, loft, merged, tube
 
 WATER = -0.40
-"""Height of the water line."""
+"""The height of the water line."""
 KEEL = WATER - 0.11
 STERN, BOW = -0.64, 0.60
 STEPS = (0.36, -0.22, -0.45)
-"""Where the deck steps: to the forecastle, the quarterdeck, the poop."""
+"""The stations where the deck steps: to the forecastle, the quarterdeck, the poop."""
 MASTS_AT = (0.33, -0.04, -0.41)
 BEAM = 0.185
 """Half the greatest breadth."""
 STRAKES = 25
-"""Points of a cross-section from the keel to the rail; deck and bulwark add three."""
+"""The number of points of a cross-section from the keel to the rail; deck and bulwark add three."""
 SHEER = 0.8
-"""Share of the girth of the side below the sheer line."""
+"""The share of the girth of the side below the sheer line."""
 TAR, OCHRE, DECK = (0.035, 0.03, 0.028), (0.62, 0.42, 0.13), (0.42, 0.29, 0.16)
 
 
 def sheer(x: np.ndarray) -> np.ndarray:
-    """Height of the smooth line along the side, above which the bulwark steps up with the decks."""
+    """Return the height of the smooth line along the side, above which the bulwark steps up with the decks."""
     return WATER + 0.105 + np.where(x < 0, 0.26, 0.16) * x**2
 
 
 def deck(x: np.ndarray) -> np.ndarray:
-    """Waist, forecastle ahead, quarterdeck and poop aft."""
+    """Return the height of the deck: waist, forecastle ahead, quarterdeck and poop aft."""
     forecastle, quarterdeck, poop = STEPS
     return sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop)
 
@@ -39,14 +39,14 @@ def gunwale(x: np.ndarray) -> np.ndarray:
 
 
 def half_breadth(x: np.ndarray) -> np.ndarray:
-    """Of the deck: full aft with a flat stern, pointed at the bow."""
+    """Return half the breadth of the deck: full aft with a flat stern, pointed at the bow."""
     ahead = np.clip((x - 0.08) / (BOW - 0.08), 0, 1)
     behind = np.clip((0.0 - x) / (0.0 - STERN), 0, 1)
     return BEAM * np.sqrt(np.clip(1 - ahead**2.4, 0, 1)) * (1 - 0.36 * behind**2) + 0.004
 
 
 def stations() -> np.ndarray:
-    """x of the cross-sections: two close together at each step of the deck."""
+    """Return x of the cross-sections: two close together at each step of the deck."""
     steps = [step + side for step in STEPS for side in (-0.002, 0.002)]
     planking = [STERN + 0.012]
     return np.unique(
@@ -55,7 +55,7 @@ def stations() -> np.ndarray:
 
 
 def side(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Point of the starboard side (y < 0) at station x [N], t from the keel (0) to the gunwale (1) [M]."""
+    """Return the point of the starboard side (y < 0) at station x [N], t from the keel (0) to the gunwale (1) [M]."""
     x, t = x[:, None], t[None]
     fore = np.clip((x - 0.05) / (BOW - 0.05), 0, 1)
     aft = np.clip((-0.2 - x) / (-0.2 - STERN), 0, 1)
@@ -70,7 +70,7 @@ def side(x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def hull() -> Solid:
-    """Keel, side, bulwark, deck and back: one closed surface; u runs around it from the keel."""
+    """The keel, side, bulwark, deck and back as one closed surface; u runs around it from the keel."""
     x = stations()
     outside = side(x, np.linspace(0.0, 1.0, STRAKES))
     rail = outside[:, -1]
@@ -85,13 +85,13 @@ def hull() -> Solid:
 
 
 def inboard(points: np.ndarray, thickness: float = 0.014) -> np.ndarray:
-    """Moved through the planking of the starboard side, at most to the middle of the ship."""
+    """Move points through the planking of the starboard side, at most to the middle of the ship."""
     y = np.minimum(points[..., 1] + thickness, 0.2 * points[..., 1])
     return np.stack([points[..., 0], y, points[..., 2]], axis=-1)
 
 
 def planks() -> np.ndarray:
-    """Around the hull along the columns: tarred bottom, brown strakes, pale stripe of the guns, scrubbed deck."""
+    """Colour the columns around the hull: tarred bottom, brown strakes, pale stripe of the guns, scrubbed deck."""
     rows, columns = 256, 560
     t = (1 - np.abs(np.linspace(-1, 1, columns))) * (STRAKES + 2) / (STRAKES - 1)
     stain, wear = surfaces.mottle(8, rows, columns, 0.9), surfaces.mottle(9, rows, columns, 0.8)
@@ -106,13 +106,13 @@ def planks() -> np.ndarray:
 
 
 def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
-    """A point of the planking."""
+    """Return a point of the planking."""
     point = side(np.array([x]), np.array([t]))[0, 0]
     return point * np.array([1, 1 if starboard else -1, 1])
 
 
 def fittings() -> Solid:
-    """All that is of dark wood: gun ports, rails, the shrouds' channels, anchors, hatches, rudder."""
+    """Make all parts of dark wood: gun ports, rails, the shrouds' channels, anchors, hatches, rudder."""
     parts = [box(0.075, 0.012, 0.25).moved(x=STERN - 0.045, z=WATER + 0.02)]
     parts += [box(0.09, 0.12, 0.03).moved(x=x, z=float(deck(np.array([x]))[0]) + 0.012) for x in (0.16, -0.16)]
     for starboard in (True, False):
@@ -123,7 +123,7 @@ def fittings() -> Solid:
 
 
 def rails(starboard: bool) -> list[Solid]:
-    """On top of each stretch of the bulwark, and the wale below the guns."""
+    """Make the rails on top of each stretch of the bulwark, and the wale below the guns."""
     stretches = [(low + 0.003, high - 0.003, 1.0) for low, high in itertools.pairwise(sorted((STERN, *STEPS, BOW)))]
     return [
         tube(np.array([on_side(x, t, starboard) for x in np.linspace(low, high, 30)]), 0.008, sides=6)
@@ -132,7 +132,7 @@ def rails(starboard: bool) -> list[Solid]:
 
 
 def anchor(starboard: bool) -> list[Solid]:
-    """Hanging at the bow: shank and arms."""
+    """An anchor that hangs at the bow: shank and arms."""
     ring = on_side(0.5, 0.8, starboard) * np.array([1, 1.12, 1])
     along = np.linspace(-1, 1, 9)
     arms = np.stack([0.045 * along, np.zeros(9), 0.03 * along**2 - 0.12], axis=-1)
@@ -140,7 +140,7 @@ def anchor(starboard: bool) -> list[Solid]:
 
 
 def channel(x: float, starboard: bool) -> np.ndarray:
-    """Where the shrouds of a mast meet the side; they pull aft."""
+    """A channel, where the shrouds of a mast meet the side; they pull aft."""
     return on_side(x - 0.05, SHEER, starboard) * np.array([1, 1.1, 1])
 
 

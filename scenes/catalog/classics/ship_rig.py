@@ -19,9 +19,9 @@ class Mast:
     """The platform where the shrouds end."""
     head: float
     yards: tuple[tuple[float, float], ...]
-    """(height, half-length) of each yard, lowest first."""
+    """The pairs (height, half-length) of each yard, lowest first."""
     set_sails: tuple[int, ...]
-    """Yards, by index, whose sail is set; it reaches down to the yard below. The others are furled."""
+    """The indices of the yards whose sail is set; it reaches down to the yard below. The others are furled."""
 
 
 FORE = Mast(MASTS_AT[0], -0.3, 0.12, 0.80, ((-0.03, 0.31), (0.31, 0.25), (0.60, 0.18)), (1, 2))
@@ -50,13 +50,13 @@ def tops() -> Solid:
 
 
 def spar(ends: np.ndarray, radius: float) -> Solid:
-    """Thickest in the middle."""
+    """A spar, thickest in the middle."""
     t = np.linspace(0, 1, 9)
     return tube(ends[0] + t[:, None] * (ends[1] - ends[0]), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
 
 
 def ends_of_yard(mast: Mast, yard: int, ahead: float = 0.022) -> np.ndarray:
-    """Port and starboard end, braced round a little to the wind."""
+    """Return port and starboard end, braced round a little to the wind."""
     z, half = mast.yards[yard]
     brace = np.radians(14)
     reach = half * np.array([np.sin(brace), np.cos(brace), 0])
@@ -72,7 +72,7 @@ def boom() -> np.ndarray:
 
 
 def sail(corners: np.ndarray, belly: np.ndarray, across: int = 17, down: int = 15) -> Solid:
-    """Cloth between four corners (head left, head right, foot left, foot right), blown out along `belly`."""
+    """A cloth between four corners (head left, head right, foot left, foot right), blown out along `belly`."""
     u, v = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 1, down), indexing="ij")
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1)
     bulge = np.sin(np.pi * u) ** 0.7 * np.sin(np.pi * np.clip(v * 0.93, 0, 1)) ** 0.7
@@ -83,7 +83,7 @@ def sail(corners: np.ndarray, belly: np.ndarray, across: int = 17, down: int = 1
 
 
 def sails() -> tuple[Solid, Solid]:
-    """Those that are set, and those furled on their yards."""
+    """The sails that are set, and those furled on their yards."""
     spread, furled = [], []
     for mast in MASTS:
         for yard in range(len(mast.yards)):
@@ -166,7 +166,7 @@ def rigging() -> Solid:
 
 
 def standing(mast: Mast) -> list[Solid]:
-    """Shrouds with their ratlines up to the top, then up to the topmast, and backstays."""
+    """The shrouds with their ratlines up to the top, then up to the topmast, and backstays."""
     lines = []
     for starboard in (True, False):
         feet = np.array([channel(mast.x - aft, starboard) for aft in np.linspace(-0.06, 0.07, 5)])
@@ -189,7 +189,7 @@ def ladder(feet: np.ndarray, tops: np.ndarray, rungs: int) -> list[Solid]:
 
 
 def braces(mast: Mast) -> list[Solid]:
-    """From the ends of each yard up to the mast (lifts) and aft to the rail or the next mast (braces)."""
+    """The ropes from the ends of each yard up to the mast (lifts) and aft to the rail or the next mast (braces)."""
     lines = []
     for yard, (z, _) in enumerate(mast.yards):
         for end, sign in zip(ends_of_yard(mast, yard), (1, -1), strict=True):

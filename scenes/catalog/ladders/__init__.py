@@ -1,1 +1,1 @@
-"""One difficulty each, in five rungs; imports `stress` and `modelling`."""
+"""The ladders of scenes, one difficulty each in five rungs; imports `stress` and `modelling`."""

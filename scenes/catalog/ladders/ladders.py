@@ -1,4 +1,4 @@
-"""Ladders: one difficulty each, in five rungs, from what any radiance field can do to what none can.
+"""Ladders: one difficulty each, in five rungs, from a scene that any radiance field can do to one that none can.
 
 Rung i of ladder `name` is the scene `name_i`, built by one parametric function (`scenes.catalog.ladders.rungs`).
 """
@@ -8,20 +8,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Ladder:
-    """One difficulty."""
+    """A difficulty and its rungs."""
 
     name: str
     title: str
     unit: str
-    """What the values are."""
+    """The quantity and unit of the values."""
     values: tuple[float, ...]
-    """One a rung, the easiest first."""
+    """The values, one per rung, the easiest first."""
     hard: str
-    """What makes the upper rungs hard."""
+    """The reason why the upper rungs are hard."""
 
     @property
     def scenes(self) -> tuple[str, ...]:
-        """Names of the rungs' scenes."""
+        """Return the names of the rungs' scenes."""
         return tuple(f"{self.name}_{number}" for number in range(1, len(self.values) + 1))
 
 

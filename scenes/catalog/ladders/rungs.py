@@ -1,4 +1,4 @@
-"""The scenes of the ladders: one function a ladder, value → scene."""
+"""The scenes of the ladders: one function per ladder, value → scene."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from scenes.modelling.normalise import Similarity
 from scenes.modelling.scene import Scene
 
 RESOLUTION = 40
-"""Pixels of the views that the ladders are meant for."""
+"""The width in pixels of the views that the ladders are meant for."""
 
 
 def frequency(name: str, cycles: float) -> Scene:

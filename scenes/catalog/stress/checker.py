@@ -10,7 +10,7 @@ from scenes.modelling.truth import Seen
 
 HALF = 0.95
 FIELDS = round(2 * HALF / pixel_size(RESOLUTION))
-"""Along a side."""
+"""The number of fields along a side."""
 
 
 def pixels() -> np.ndarray:
@@ -23,7 +23,7 @@ def build() -> Description:
 
 
 def truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """From above."""
+    """Return what rays see from above."""
     t = geometry.square(o, d, 0.0, HALF)
     hit = np.isfinite(t)
     albedo = geometry.square_texture(pixels(), geometry.at(o, d, t), HALF)

@@ -14,18 +14,18 @@ from scenes.modelling.truth import Seen, Truth
 
 RADIUS = 0.9
 SKY = 0.5
-"""Well below white, so that noise is not clipped on one side."""
+"""The radiance of the sky, well below white so that noise is not clipped on one side."""
 DENSE, THIN = 50.0, 1e-3
-"""Optical depth along a diameter."""
+"""The optical depths along a diameter."""
 
 
 def density(tau: float) -> float:
-    """σ of fog whose diameter has that optical depth, 1 / scene unit."""
+    """Return σ of fog whose diameter has that optical depth, 1 / scene unit."""
     return tau / (2 * RADIUS)
 
 
 def opacity(o: np.ndarray, d: np.ndarray, tau: float) -> np.ndarray:
-    """1 − exp(−σ · chord) [rays]."""
+    """Return 1 − exp(−σ · chord) [rays]."""
     enter, leave = geometry.ball(o, d, (0.0, 0.0, 0.0), RADIUS)
     met = np.isfinite(enter) & (leave > 0)
     chord = np.where(met, np.where(met, leave, 0.0) - np.where(met, np.maximum(enter, 0.0), 0.0), 0.0)
@@ -34,11 +34,11 @@ def opacity(o: np.ndarray, d: np.ndarray, tau: float) -> np.ndarray:
 
 
 RED, BLACK = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-"""Albedos. Black fog renders quickly however dense it is: nothing scatters."""
+"""The albedos. Black fog renders quickly however dense it is: nothing scatters."""
 
 
 def fog(name: str, title: str, tau: float, albedo: tuple[float, float, float] = BLACK) -> Scene:
-    """A ball of fog with optical depth `tau` along its diameter; an `albedo` of 0 or 1 in each colour."""
+    """Make a ball of fog with optical depth `tau` along its diameter and an `albedo` of 0 or 1 in each colour."""
 
     def build() -> Description:
         matter = {"type": "homogeneous", "sigma_t": density(tau), "albedo": rgb(*albedo)}

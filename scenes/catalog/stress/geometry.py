@@ -6,7 +6,9 @@ Numbers = np.ndarray
 
 
 def ball(o: Numbers, d: Numbers, centre: Numbers | tuple[float, ...], radius: float) -> tuple[Numbers, Numbers]:
-    """Distances [rays] at which lines enter and leave a ball, negative behind the origin; inf and inf for a miss."""
+    """Return distances [rays] at which lines enter and leave a ball, negative behind the origin; inf and inf for a
+    miss.
+    """
     to = o - np.asarray(centre, dtype=np.float64)
     along = (to * d).sum(-1)
     # the distance from the line, not |to|² − along², which cancels far away
@@ -17,13 +19,13 @@ def ball(o: Numbers, d: Numbers, centre: Numbers | tuple[float, ...], radius: fl
 
 
 def first_ball(o: Numbers, d: Numbers, centre: Numbers | tuple[float, ...], radius: float) -> Numbers:
-    """Distance [rays] to a ball from outside."""
+    """Return the distance [rays] to a ball from outside."""
     enter, _ = ball(o, d, centre, radius)
     return np.where(enter > 0, enter, np.inf)
 
 
 def square(o: Numbers, d: Numbers, height: float, half: float) -> Numbers:
-    """Distance [rays] to the level square |x|, |y| ≤ half at z = height."""
+    """Return the distance [rays] to the level square |x|, |y| ≤ half at z = height."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (height - o[..., 2]) / d[..., 2]
         inside = (np.abs(o[..., :2] + t[..., None] * d[..., :2]) <= half).all(-1)
@@ -31,7 +33,7 @@ def square(o: Numbers, d: Numbers, height: float, half: float) -> Numbers:
 
 
 def tube(o: Numbers, d: Numbers, start: Numbers, end: Numbers, radius: float) -> Numbers:
-    """Distance [rays] to a round tube without caps, its inside included."""
+    """Return the distance [rays] to a round tube without caps, its inside included."""
     axis = end - start
     length = float(np.linalg.norm(axis))
     axis = axis / length
@@ -54,24 +56,24 @@ def tube(o: Numbers, d: Numbers, start: Numbers, end: Numbers, radius: float) ->
 
 
 def at(o: Numbers, d: Numbers, t: Numbers) -> Numbers:
-    """Points [rays, 3]; the origin where the distance is not finite."""
+    """Return points [rays, 3]; the origin where the distance is not finite."""
     return o + np.where(np.isfinite(t), t, 0.0)[..., None] * d
 
 
 def ball_texture(pixels: Numbers, normal: Numbers) -> Numbers:
-    """Pixels [h, w, 3] wrapped around a ball as Mitsuba does it, the first row at +z, not interpolated."""
+    """Look up pixels [h, w, 3] wrapped around a ball as Mitsuba does it, the first row at +z, not interpolated."""
     u = np.arctan2(normal[..., 1], normal[..., 0]) / (2 * np.pi) % 1.0
     v = np.arccos(np.clip(normal[..., 2], -1.0, 1.0)) / np.pi
     return picked(pixels, u, v)
 
 
 def square_texture(pixels: Numbers, points: Numbers, half: float) -> Numbers:
-    """Pixels [h, w, 3] laid on the level square, the first row at −y, not interpolated."""
+    """Look up pixels [h, w, 3] laid on the level square, the first row at −y, not interpolated."""
     return picked(pixels, points[..., 0] / (2 * half) + 0.5, points[..., 1] / (2 * half) + 0.5)
 
 
 def picked(pixels: Numbers, u: Numbers, v: Numbers) -> Numbers:
-    """The pixel [rays, 3] in which each (u, v), 0 … 1, lies."""
+    """Return the pixel [rays, 3] in which each (u, v), 0 … 1, lies."""
     height, width = pixels.shape[:2]
     row = np.clip((v * height).astype(int), 0, height - 1)
     column = np.clip((u * width).astype(int), 0, width - 1)

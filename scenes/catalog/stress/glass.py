@@ -21,12 +21,12 @@ def core_pixels() -> np.ndarray:
 
 
 def core() -> Description:
-    """The glowing ball alone."""
+    """Make the glowing ball alone."""
     return {"type": "sphere", "radius": CORE, "bsdf": BLACK, "emitter": glow(fields(core_pixels()))}
 
 
 def glass(name: str, title: str, index: float) -> Scene:
-    """With that index of refraction; 1 is air, and must not be seen."""
+    """Make the glass of that index of refraction; 1 is air, and must be invisible."""
 
     def build() -> Description:
         shell = {"type": "sphere", "radius": RADIUS,
@@ -37,7 +37,7 @@ def glass(name: str, title: str, index: float) -> Scene:
 
 
 def reflected(cosine: np.ndarray, index: float) -> np.ndarray:
-    """Share of unpolarised light that glass turns back, entering from air (Fresnel)."""
+    """Return the share of unpolarised light that glass reflects, entering from air (Fresnel)."""
     inner = np.sqrt(1 - (1 - cosine**2) / index**2)
     across = (cosine - index * inner) / (cosine + index * inner)
     along = (index * cosine - inner) / (index * cosine + inner)

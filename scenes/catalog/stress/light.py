@@ -1,4 +1,6 @@
-"""Extreme light: an emitter a million times as bright as what it lights, and light that all but misses the floor."""
+"""Extreme light: an emitter a million times as bright as the surface it lights, and light that all but misses the
+floor.
+"""
 
 import math
 
@@ -11,20 +13,20 @@ from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen, Truth
 
 HALF = 0.95
-"""Of the floors, which lie at these heights."""
+"""Half an edge of the floors, which lie at the heights below."""
 HDR_FLOOR, GRAZING_FLOOR = -0.4, -0.2
 LAMP, LAMP_RADIUS = (0.0, 0.0, 0.15), 0.12
 BRIGHTEST = 0.8
-"""Radiance of the floor at its brightest."""
+"""The radiance of the floor at its brightest."""
 RATIO = 1e6
 ELEVATION = 0.1
-"""Degrees above the horizon: light meets the floor at 89.9° from its normal."""
+"""The degrees above the horizon: light meets the floor at 89.9° from its normal."""
 AZIMUTH = 20.0
 DOMES = {"high": ((0.35, 0.25, GRAZING_FLOOR), 0.35), "low": ((-0.35, -0.45, GRAZING_FLOOR), 0.2)}
 
 
 def hdr(name: str, title: str, ratio: float) -> Scene:
-    """A lamp that is `ratio` times as bright as the brightest spot of the floor that it lights; `ratio` ≥ 18."""
+    """Make a lamp that is `ratio` times as bright as the brightest spot of the floor that it lights; `ratio` ≥ 18."""
     pixels, radiance = hdr_floor(ratio), ratio * BRIGHTEST
 
     def build() -> Description:
@@ -37,13 +39,15 @@ def hdr(name: str, title: str, ratio: float) -> Scene:
 
 
 def hdr_floor(ratio: float) -> np.ndarray:
-    """Albedo of the floor: as dark as the lamp is bright."""
+    """Return the albedo of the floor: as dark as the lamp is bright."""
     highest = ((LAMP[2] - HDR_FLOOR) / LAMP_RADIUS) ** 2 / ratio
     return chequers(8, 8, (highest, 0.8 * highest, 0.5 * highest), (0.2 * highest, 0.3 * highest, 0.5 * highest))
 
 
 def hdr_truth(ratio: float) -> Truth:
-    """A ball of radiance L and radius r at distance s, wholly above the horizon, gives π L (r / s)² cos θ."""
+    """Return what rays see: a ball of radiance L, radius r, at distance s above the horizon, gives π L
+    (r / s)² cos θ.
+    """
 
     def truth(o: np.ndarray, d: np.ndarray) -> Seen:
         floor, lamp = geometry.square(o, d, HDR_FLOOR, HALF), geometry.first_ball(o, d, LAMP, LAMP_RADIUS)
@@ -62,7 +66,7 @@ def hdr_truth(ratio: float) -> Truth:
 
 GRAZING_PIXELS = chequers(6, 6, (0.70, 0.66, 0.60), (0.25, 0.32, 0.40))
 IRRADIANCE = math.pi * BRIGHTEST / 0.70 / math.sin(math.radians(ELEVATION))
-"""Of a surface that faces the light; the floor gets a 573rd of it."""
+"""The irradiance of a surface that faces the light; the floor gets a 573rd of it."""
 DOME_ALBEDO = math.pi * BRIGHTEST / IRRADIANCE
 
 
@@ -77,7 +81,7 @@ def grazing() -> Description:
 
 
 def shadowed(point: np.ndarray, without: str = "") -> np.ndarray:
-    """Whether [points] a dome stands before the light."""
+    """Return whether [points] a dome stands before the light."""
     light = np.broadcast_to(towards(AZIMUTH, ELEVATION), point.shape)
     hits = [
         np.isfinite(geometry.first_ball(point, light, centre, radius))
@@ -89,7 +93,7 @@ def shadowed(point: np.ndarray, without: str = "") -> np.ndarray:
 
 
 def grazing_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """Light that comes straight from the sun; `max_depth` 2 leaves out what bounces."""
+    """Return what rays see of light that comes straight from the sun; `max_depth` 2 excludes bounces."""
     sun = towards(AZIMUTH, ELEVATION)
     t = geometry.square(o, d, GRAZING_FLOOR, HALF)
     point = geometry.at(o, d, t)

@@ -1,4 +1,4 @@
-"""A perfect mirror ball over a glowing floor, among glowing balls: every ray that it turns is known."""
+"""A perfect mirror ball over a glowing floor, among glowing balls: every ray that it reflects is known."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen
 
 HALF, HEIGHT = 0.95, -0.5
-"""Of the floor."""
+"""Half an edge and the height of the floor."""
 CENTRE, RADIUS = (0.0, 0.0, 0.05), 0.5
-"""Of the mirror."""
+"""The centre and radius of the mirror."""
 BALLS = {
     "a": ((0.68, 0.10, -0.28), 0.20),
     "b": ((-0.35, 0.62, -0.30), 0.18),
@@ -45,7 +45,7 @@ def build() -> Description:
 
 
 def lights(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance [rays, 3] and distance [rays] of the first thing that glows; 0 and inf where there is none.
+    """Return radiance [rays, 3] and distance [rays] of the first thing that glows; 0 and inf if there is none.
 
     The floor glows upwards alone.
     """

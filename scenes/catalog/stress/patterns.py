@@ -6,23 +6,25 @@ from scenes.modelling.scene import Description
 
 
 def chequers(rows: int, columns: int, first: tuple[float, ...], second: tuple[float, ...]) -> np.ndarray:
-    """float32 [rows, columns, 3]: one pixel a field."""
+    """Return chequers, float32 [rows, columns, 3]: one pixel per field."""
     odd = np.indices((rows, columns)).sum(axis=0) % 2
     return np.where(odd[..., None] == 0, np.asarray(first), np.asarray(second)).astype(np.float32)
 
 
 def patchwork(seed: int, rows: int, columns: int, low: float = 0.05, high: float = 0.95) -> np.ndarray:
-    """float32 [rows, columns, 3]: every field a colour of its own, so that no two places look alike."""
+    """Return a patchwork, float32 [rows, columns, 3]: every field has a colour of its own, so that no two places look
+    alike.
+    """
     return np.random.default_rng(seed).uniform(low, high, (rows, columns, 3)).astype(np.float32)
 
 
 def fields(pixels: np.ndarray) -> Description:
-    """A texture or the colours of a glow, its fields with sharp borders."""
+    """Return a texture or the colours of a glow, its fields with sharp borders."""
     return {"type": "bitmap", "data": pixels, "filter_type": "nearest", "raw": True}
 
 
 def rgb(*values: float) -> Description:
-    """One colour; a single value is a grey."""
+    """Return one colour; a single value is a grey."""
     return {"type": "rgb", "value": list(values) * (3 if len(values) == 1 else 1)}
 
 
@@ -31,12 +33,16 @@ def diffuse(reflectance: Description) -> Description:
 
 
 def sky(radiance: float = 1.0) -> Description:
-    """The same light from everywhere: a convex matte body then has its albedo times this as its radiance, exactly."""
+    """Return equal light from everywhere: a convex matte body then has its albedo times this as its
+    radiance, exactly.
+    """
     return {"type": "constant", "radiance": rgb(radiance)}
 
 
 def glow(radiance: Description) -> Description:
-    """What makes a shape an emitter; its matter should be `BLACK` where nothing else is to be seen."""
+    """Return the entry that makes a shape an emitter; its material should be `BLACK` where nothing else
+    is to be seen.
+    """
     return {"type": "area", "radiance": radiance}
 
 
@@ -44,7 +50,7 @@ BLACK = diffuse(rgb(0.0))
 
 
 def level(half: float, height: float) -> np.ndarray:
-    """Places Mitsuba's `rectangle` as the level square |x|, |y| ≤ half, facing up."""
+    """Return the transform of Mitsuba's `rectangle` to the level square |x|, |y| ≤ half, facing up."""
     matrix = np.diag([half, half, 1.0, 1.0])
     matrix[2, 3] = height
     return matrix

@@ -9,7 +9,7 @@ from scenes.modelling.truth import Seen, Truth
 
 RADIUS = 0.9
 WALL_RADIUS = 2.4
-"""Seen from 4.03, a ball of more than 1.83 fills a view up to its corners."""
+"""The radius of the wall: seen from 4.03, a ball of more than 1.83 fills a view up to its corners."""
 
 
 def nothing(o: np.ndarray, d: np.ndarray) -> Seen:
@@ -17,7 +17,7 @@ def nothing(o: np.ndarray, d: np.ndarray) -> Seen:
 
 
 def textured_ball(pixels: np.ndarray, radius: float = RADIUS) -> tuple[Description, Truth]:
-    """A ball of that radiance [h, w, 3], for a scene with `emitters_seen`, and what its rays see."""
+    """Return a ball of that radiance [h, w, 3], for a scene with `emitters_seen`, and what its rays see."""
 
     def truth(o: np.ndarray, d: np.ndarray) -> Seen:
         t = geometry.first_ball(o, d, (0.0, 0.0, 0.0), radius)

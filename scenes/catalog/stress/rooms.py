@@ -1,4 +1,4 @@
-"""Inside of things: a hollow ball that glows, and a closed furnace, whose radiance is the same everywhere."""
+"""Views from inside: a hollow ball that glows, and a closed furnace, whose radiance is the same everywhere."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen
 
 RADIUS = 5.0
-"""Of the ball. Cameras stand 4.03 from the centre, which they look at: they see the wall behind it."""
+"""The radius of the ball. Cameras stand 4.03 from the centre, which they look at: they see the wall behind it."""
 HALF = 4.5
 """Half an edge of the furnace, a cube: from inside a glowing *ball*, Mitsuba 3.9.1 samples light that is too bright,
 by 0.2 % at radius 5 and 2.6 % at radius 50 (measured; for the cube by less than 1e-4)."""
 EMISSION = (0.40, 0.26, 0.20)
 ALBEDO = (0.20, 0.35, 0.50)
 FURNACE_RADIANCE = tuple(emission / (1.0 - albedo) for emission, albedo in zip(EMISSION, ALBEDO, strict=True))
-"""E / (1 − ρ), everywhere and in every direction: the sum of a geometric series of bounces."""
+"""The radiance E / (1 − ρ), everywhere and in every direction: the sum of a geometric series of bounces."""
 FURNACE_DEPTH = 24
-"""0.5^24 = 6e-8 of the light is lost to paths that are cut off."""
+"""The longest path: 0.5^24 = 6e-8 of the light is lost to paths that are cut off."""
 
 
 def wall_pixels() -> np.ndarray:
@@ -37,13 +37,13 @@ def furnace() -> Description:
 
 
 def inside_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """For origins inside of the room."""
+    """Return what rays see that start inside the hollow ball."""
     _, t = geometry.ball(o, d, (0.0, 0.0, 0.0), RADIUS)
     return Seen(geometry.ball_texture(wall_pixels(), (o + t[:, None] * d) / RADIUS), np.ones(len(o)), t)
 
 
 def furnace_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """For origins inside of the room."""
+    """Return what rays see that start inside the furnace."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(d == 0, np.inf, (np.sign(d) * HALF - o) / d).min(axis=-1)
     return Seen(np.broadcast_to(np.array(FURNACE_RADIANCE), o.shape).copy(), np.ones(len(o)), t)

@@ -10,7 +10,9 @@ HUGE = Similarity(1e4, (1e5, -1e5, 5e4))
 
 
 def unit() -> Description:
-    """A ball, a block and a niche on a floor, close together, so that light bounces between them; ±1 about 0."""
+    """Describe a ball, a block and a niche on a floor, close together, so that light bounces between
+    them; ±1 about 0.
+    """
     return {
         "sky": sky(),
         "floor": {"type": "rectangle", "to_world": level(1.0, -0.5), "bsdf": diffuse(fields(
@@ -22,7 +24,7 @@ def unit() -> Description:
 
 
 def described(scale: Similarity) -> Description:
-    """The unit scene in another unit and elsewhere."""
+    """Describe the unit scene in another unit and elsewhere."""
     return scale.applied(unit())
 
 

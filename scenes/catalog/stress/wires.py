@@ -1,4 +1,4 @@
-"""Straight black wires, thinner than a pixel: what a pixel shows is the share of it that they cover."""
+"""Straight black wires, thinner than a pixel: a pixel shows the share of it that they cover."""
 
 import math
 from itertools import pairwise
@@ -12,19 +12,19 @@ from scenes.modelling.truth import Seen, Truth
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS
 
 RESOLUTION = 48
-"""Pixels of the views that the stress scenes are meant for."""
+"""The width in pixels of the views that the stress scenes are meant for."""
 QUARTER_PIXEL = 0.25
 HALF = 0.75
 """Half an edge of the cage."""
 
 
 def pixel_size(resolution: int) -> float:
-    """Width of a pixel's footprint at the origin, scene units."""
+    """Return the width of a pixel's footprint at the origin, scene units."""
     return 2 * math.tan(0.5 * FOV_X_RADIANS) * RADIUS / resolution
 
 
 def spans() -> list[tuple[np.ndarray, np.ndarray]]:
-    """Ends of the wires: a cube's twelve edges and its four long diagonals."""
+    """Return the ends of the wires: a cube's twelve edges and its four long diagonals."""
     ring = [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]
     edges = [((*a, z), (*b, z)) for z in (-1, 1) for a, b in pairwise(ring)]
     posts = [((*a, -1), (*a, 1)) for a in ring[:4]]
@@ -33,7 +33,7 @@ def spans() -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def wires(name: str, title: str, width: float) -> Scene:
-    """Wires of that width in scene units."""
+    """Make wires of that width in scene units."""
 
     def build() -> Description:
         shapes = {
