@@ -1,1 +1,1 @@
-"""This machine and this code: cores, device, clocks, provenance; imports `records` and what is below."""
+"""This machine and this code: cores, device, clocks, provenance; imports `records` and the rooms below it."""

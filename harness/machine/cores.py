@@ -1,8 +1,8 @@
-"""Cores of this machine for one worker alone: clocks that share a core measure each other.
+"""Cores of this machine for one worker alone: workers that share a core would measure each other.
 
-A core that is taken is an abstract socket with its number, which the system frees with the process that holds it,
-however that ends. So workers of several runs, and of several Ray nodes on one machine, keep out of each other's way;
-those of containers with a network of their own do not see each other's sockets.
+A taken core is an abstract socket with its number, which the system frees with the process that holds it, however that
+ends. So workers of several runs, and of several Ray nodes on one machine, avoid each other; those of containers with a
+network of their own do not see each other's sockets.
 """
 
 import os
@@ -14,7 +14,7 @@ from pathlib import Path
 
 NAME = "radiance-verdict-core-"
 CHOOSING = "choosing"
-"""Held while a worker chooses, so that two do not take half of what each needs."""
+"""The name held while a worker chooses, so that two do not take half of what each needs."""
 LONGEST_CHOICE_SECONDS = 5.0
 PERIOD = "cpu.cfs_period_us"
 
@@ -23,8 +23,8 @@ PERIOD = "cpu.cfs_period_us"
 def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
     """Bind all threads of this process to `count` cores that no other worker of ours has, as long as it lasts.
 
-    Hardware threads of one core stay together, and are left idle where there are cores enough. Gives the numbers of the
-    cores; none, and nothing is bound, where too few are free or a quota gives time on any core; None where the system
+    Hardware threads of one core stay together, and are left idle if there are cores enough. Returns the numbers of the
+    cores; an empty list, binding nothing, if too few are free or a quota gives time on any core; None if the system
     (all but Linux) has no such binding.
     """
     if not hasattr(os, "sched_setaffinity"):
@@ -47,21 +47,22 @@ def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
 
 
 def physical_cores() -> int:
-    """Cores that this process may run on, hardware threads of one core counted once; no more than its quota."""
+    """Count the cores that this process may run on, hardware threads of one core once; no more than its quota."""
     cores = len(own_siblings())
     return min(cores, quota_cores() or cores)
 
 
 def own_siblings() -> list[tuple[int, ...]]:
-    """Cores that this process may run on, each as the numbers of its hardware threads."""
+    """Return the cores that this process may run on, each as the numbers of its hardware threads."""
     cpus = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     return siblings(cpus)
 
 
 def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
-    """Whole cores that a container's quota of processor time (`docker run --cpus`) is worth, at least 1; None without.
+    """Return the whole cores that a container's quota of processor time (`docker run --cpus`) is worth, at least 1;
+    None without a quota.
 
-    Of the process's control group and those above it, of either version of the interface.
+    The quota is that of the process's control group and those above it, of either version of the interface.
     """
     found = []
     for line in _words(groups, "\n"):
@@ -86,7 +87,7 @@ def _words(file: Path, between: str | None = None) -> list[str]:
 
 
 def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
-    """`cpus` by the core that they are hardware threads of, as the system tells it; else each is its own."""
+    """Group `cpus` by the core that they are hardware threads of, as the system reports it; else each is its own."""
     by_core: dict[str, list[int]] = {}
     for cpu in cpus:
         listed = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
@@ -98,8 +99,9 @@ def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
 
 
 def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> list[int]:
-    """`count` numbers of wholly free `cores`: their first threads, one each, then their others; none for too few. A
-    core of which somebody else has a thread is nobody's own."""
+    """Choose `count` numbers of completely free `cores`: their first threads, one each, then their others; none if
+    there are too few. A core with a thread that somebody else holds is not available.
+    """
     whole = [core for core in cores if set(core) <= free]
     firsts = [core[0] for core in whole]
     rest = [cpu for core in whole for cpu in core[1:]]
@@ -108,7 +110,7 @@ def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> li
 
 
 def _taken(held: ExitStack, count: int, allowed: list[int], name: str) -> list[int]:
-    """Numbers of cores that are ours until `held` is closed; none where too few are free."""
+    """Return the numbers of cores that are ours until `held` is closed; none if too few are free."""
     with ExitStack() as choosing:
         until = time.monotonic() + LONGEST_CHOICE_SECONDS
         while not _take(choosing, f"{name}{CHOOSING}"):
@@ -134,7 +136,7 @@ def _take(held: ExitStack, name: str) -> bool:
 
 
 def _bind(cpus: set[int]) -> None:
-    """Every thread, those of torch that were started before included."""
+    """Bind every thread, including those that torch started before."""
     for thread in Path("/proc/self/task").iterdir():
         with suppress(OSError):  # it has ended meanwhile
             os.sched_setaffinity(int(thread.name), cpus)

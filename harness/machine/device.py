@@ -1,4 +1,4 @@
-"""Where tensors live, and the switches that make a run repeatable; one GPU a worker. ROCm is torch's `cuda`."""
+"""The device of tensors, and the switches that make a run repeatable; one GPU per worker. ROCm is torch's `cuda`."""
 
 import ctypes
 import os
@@ -13,7 +13,7 @@ from scenes.files.errors import InputError
 
 
 def chosen_device(name: str) -> torch.device:
-    """`auto`, `cpu` or `cuda` → device; raises `InputError` where a GPU is asked for and there is none."""
+    """Return the device for `auto`, `cpu` or `cuda`; raises `InputError` if a GPU is asked for and there is none."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
@@ -38,14 +38,16 @@ def use_threads(count: int) -> None:
 
 
 def keep_freed_memory() -> None:
-    """Let this process keep what it frees below 1 GB a block: training asks for the same sizes at every step, and each
-    page that is handed back has to be zeroed anew. Does nothing where the C library has no such setting.
+    """Let this process keep freed blocks below 1 GB: training asks for the same sizes at every step, and each page that
+    is handed back has to be zeroed again. Does nothing if the C library has no such setting.
     """
     _set_thresholds(1 << 30, 1 << 30)
 
 
 def return_freed_memory() -> None:
-    """What a process does in its steady state that sets nothing, for comparisons with one; returns what is free now."""
+    """Use the thresholds of a process without settings in its steady state, for comparisons, and release free memory
+    now.
+    """
     _set_thresholds(32 << 20, 64 << 20)
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
@@ -60,24 +62,24 @@ def _set_thresholds(mmap: int, trim: int) -> None:
 
 
 def rendering_threads() -> int:
-    """Unless a user says otherwise, of what renders while somebody looks on. A core is left for the browser: threads of
-    torch that wait for each other on a core that is busy with something else made a view of 100 × 100 pixels take
-    seconds instead of half a second.
+    """Return the default number of threads for rendering while somebody looks on. A core is left for the browser:
+    threads of torch that wait for each other on a core that is busy with something else made a view of 100 × 100 pixels
+    take seconds instead of half a second.
     """
     return max(1, available_cores() - 1)
 
 
 def available_cores() -> int:
-    """Cores that this process may run on, hardware threads of one counted each; no more than its quota."""
+    """Count the cores that this process may run on, each hardware thread as one; no more than its quota."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(cores, quota_cores() or cores)
 
 
 def multiplies_bfloat16(device: torch.device) -> bool:
-    """Whether the processor has matrix units for bfloat16; without them float32 is faster.
+    """Return whether the processor has matrix units for bfloat16; without them float32 is faster.
 
-    AVX-512's vector products alone are none: with them a step takes 1.6 (6 × 64) to 1.7 times (8 × 256) as long as in
-    float32, where it was measured.
+    AVX-512's vector multiplications do not suffice: with them a step was measured to take 1.6 (6 × 64) to 1.7 times
+    (8 × 256) as long as in float32.
     """
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
@@ -85,19 +87,20 @@ def multiplies_bfloat16(device: torch.device) -> bool:
 
 
 def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
-    """Whether the processor multiplies bfloat16 matrices in tiles."""
+    """Return whether the processor multiplies bfloat16 matrices in tiles."""
     return cpuinfo.exists() and "amx_bf16" in cpuinfo.read_text(encoding="utf-8")
 
 
 NVIDIA = ("CUDA_VISIBLE_DEVICES",)
 AMD = ("HIP_VISIBLE_DEVICES", "CUDA_VISIBLE_DEVICES")
-"""HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which therefore stays as it
-is."""
+"""The variables for AMD. HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which
+therefore stays as it is.
+"""
 
 
 def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str]) -> dict[str, str]:
-    """Changes to the environment after which a new process sees GPU `number` (modulo `count`) of the `count` that this
-    one sees; none where there is nothing to choose.
+    """Return the changes to the environment after which a new process sees GPU `number` (modulo `count`) of the `count`
+    that this one sees; an empty dictionary if there is nothing to choose.
     """
     if count < 2:
         return {}
@@ -108,7 +111,7 @@ def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str])
 
 
 def gpu_masks(workers: int, device: str) -> list[dict[str, str]]:
-    """For each worker, what `only_gpu` says; asks torch where cells run on a GPU."""
+    """Return the result of `only_gpu` for each worker; asks torch if cells run on a GPU."""
     if device != "cuda":
         return [{}] * workers
     import os

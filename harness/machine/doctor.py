@@ -1,4 +1,4 @@
-"""All probes by name; each gives findings, and what it raises is a finding too."""
+"""All probes by name; each yields findings, and an error that it raises is a finding too."""
 
 import ctypes.util
 import math
@@ -24,7 +24,7 @@ class Finding:
     found: str
     verdict: Verdict = "ok"
     to_do: str = ""
-    """Where the verdict is not ok."""
+    """The remedy if the verdict is not ok."""
     needed: bool = False
     """Whether nothing works without it: `missing` then ends with exit code 2."""
 
@@ -35,15 +35,17 @@ def one_line(text: object) -> str:
 
 CGROUP = Path("/sys/fs/cgroup")
 WORKER_GB = 1.0
-"""Memory of a worker at reduced size (`docs/speed.json`), rounded up."""
+"""The memory of a worker at reduced size (`docs/speed.json`), rounded up."""
 LEAST_GB = 2.0
 ROOMY_GB = 2.0
 LEAST_DISK_GB = 0.3
-"""Eight view sets of 100 pixels, weights, records and the page of a default run take half of it."""
+"""The least disk space: eight view sets of 100 pixels, weights, records and the page of a default run
+take half of it.
+"""
 
 
 def core_findings() -> list[Finding]:
-    """The smallest of what the machine has, what the process may run on, and what its container pays for."""
+    """Report the smallest of the machine's cores, those the process may run on, and those its container pays for."""
     machine = os.cpu_count() or 1
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else machine
     quota = cpu_quota()
@@ -84,7 +86,7 @@ def disk_findings(out: Path = Path("out")) -> list[Finding]:
 
 
 def cpu_quota(root: Path = CGROUP) -> float | None:
-    """Cores that the container pays for; None without such a limit."""
+    """Return the cores that the container pays for; None without such a limit."""
     try:
         allowed, period = (root / "cpu.max").read_text(encoding="utf-8").split()[:2]
         return None if allowed == "max" else int(allowed) / int(period)
@@ -99,7 +101,7 @@ def cpu_quota(root: Path = CGROUP) -> float | None:
 
 
 def memory_bytes(root: Path = CGROUP, meminfo: Path = Path("/proc/meminfo")) -> int | None:
-    """What there is, or what the container may use of it; None where neither can be read."""
+    """Return the memory, or the part of it that the container may use; None if neither can be read."""
     found = []
     for file in (root / "memory.max", root / "memory" / "memory.limit_in_bytes"):
         try:
@@ -127,7 +129,7 @@ def python_findings() -> list[Finding]:
 
 
 def package_findings() -> list[Finding]:
-    """The packages that a run needs: one line where all are as pinned, else a line each."""
+    """Report the packages that a run needs: one line if all are as pinned, else a line each."""
     pins = pinned(_project()["project"]["dependencies"])
     findings = [_against_pin(name, pin, needed=True) for name, pin in pins.items()]
     odd = [finding for finding in findings if finding.verdict != "ok"]
@@ -136,7 +138,7 @@ def package_findings() -> list[Finding]:
 
 
 def optional_findings() -> list[Finding]:
-    """What has a command of its own and nothing else needs."""
+    """Report packages that have a command of their own and that nothing else needs."""
     project = _project()
     extras = project["project"].get("optional-dependencies", {})
     found = []
@@ -150,11 +152,11 @@ def optional_findings() -> list[Finding]:
 
 
 EXTRAS = {"ray": "--executor ray", "tensorboard": "--tensorboard"}
-"""Extra of `pyproject.toml` → the option that needs it."""
+"""Map extra of `pyproject.toml` → the option that needs it."""
 
 
 def tool_findings() -> list[Finding]:
-    """Programs that are called by name."""
+    """Report programs that are called by name."""
     found = []
     for names, purpose, to_do in TOOLS:
         path = next(filter(None, map(shutil.which, names)), None)
@@ -175,11 +177,11 @@ TOOLS: tuple[tuple[tuple[str, ...], str, str], ...] = (
         "install it (Debian: apt install chromium)",
     ),
 )
-"""Names to try · what it is for · what to do."""
+"""The tools: names to try · what they are for · what to do."""
 
 
 def pinned(requirements: list[str]) -> dict[str, str]:
-    """Name → version of `name==version`."""
+    """Map name → version of lines `name==version`."""
     found = (re.match(r"\s*([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==([^\s;]+)", one) for one in requirements)
     return {match.group(1): match.group(2) for match in found if match}
 
@@ -227,7 +229,7 @@ def torch_findings() -> list[Finding]:
 
 
 def product_findings() -> list[Finding]:
-    """AMX, AVX-512 and what torch makes of them."""
+    """Report AMX, AVX-512 and what torch makes of them."""
     import torch
 
     from harness.machine.device import multiplies_bfloat16
@@ -254,7 +256,7 @@ INSTALL_LLVM += "in DRJIT_LIBLLVM_PATH"
 
 
 def scalar_findings() -> list[Finding]:
-    """Which everything works with."""
+    """Report the scalar variant, with which everything works."""
     failure = probe("scalar_rgb", "")
     if failure is None:
         return [Finding("Mitsuba scalar_rgb", "renders")]
@@ -262,7 +264,7 @@ def scalar_findings() -> list[Finding]:
 
 
 def llvm_findings() -> list[Finding]:
-    """The newest library that works, and those that do not."""
+    """Report the newest library that works, and those that do not."""
     found = []
     users = os.environ.get("DRJIT_LIBLLVM_PATH")
     libraries = [str(path) for path in llvm_libraries()]
@@ -281,7 +283,7 @@ def llvm_findings() -> list[Finding]:
 
 
 def cuda_findings() -> list[Finding]:
-    """For NVIDIA alone: Dr.Jit has no backend for other GPUs."""
+    """Report CUDA, for NVIDIA alone: Dr.Jit has no backend for other GPUs."""
     if not (ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda")):
         return [Finding("Mitsuba cuda_ad_rgb", "no CUDA driver", "limited", "nothing: processors render as well")]
     failure = probe("cuda_ad_rgb", "")
@@ -305,11 +307,11 @@ PROBES: dict[str, Callable[[], list[Finding]]] = {
     "optional": optional_findings,
 }
 ESSENTIAL = ("python", "packages", "torch", "scalar_rgb")
-"""Where a probe cannot even be made, nothing works."""
+"""The probes without whose success nothing works; a failure to run them counts the same."""
 
 
 def findings() -> Iterator[Finding]:
-    """In the order of `PROBES`, each as soon as it is known; a package that is missing is told once."""
+    """Yield findings in the order of `PROBES`, each as soon as it is known; a missing package is reported once."""
     missing = set()
     for name, look in PROBES.items():
         try:

@@ -1,4 +1,4 @@
-"""Whether the cells of a run were made by the same code, packages and kind of clock; what a reader must know if not."""
+"""Checks whether the cells of a run share code, packages and kind of clock, with a note for readers if not."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -10,7 +10,9 @@ from harness.records.cells import CellRecord, cell_path
 
 
 def clocks_apart(cells: list[CellRecord]) -> list[str]:
-    """Sentences for what a run did not test: one clock for all cells. None where all ran alike."""
+    """Return sentences on mixed hardware for what a run did not test: one clock for all cells. None if
+    all ran alike.
+    """
     timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
     kinds = sorted({_kind(cell) for cell in timed})
     found = []
@@ -46,18 +48,20 @@ def clocks_apart(cells: list[CellRecord]) -> list[str]:
 
 
 def _kind(cell: CellRecord) -> str:
-    """The GPU where there is one, else the processor; with the number of threads, which set the pace as well."""
+    """Return the GPU, else the processor, with the number of threads, which set the pace as well."""
     device = cell.provenance.get("device", "cpu")
     name = cell.provenance.get("processor", "unknown") if device == "cpu" else device
     return f"{name}, {cell.provenance.get('threads', '?')} threads"
 
 
 NAMED = 4
-"""Cells that are made alike, before the others are counted."""
+"""The most cells made alike that are named; more are counted."""
 
 
 def code_apart(cells: Sequence[CellRecord]) -> list[str]:
-    """A sentence for what a run did not test: one code for all cells. None where all were made alike."""
+    """Return a sentence on mixed code for what a run did not test: one code for all cells. None if all
+    were made alike.
+    """
     trained = [cell for cell in cells if cell.provenance]
     made = [_made_by(cell.provenance, cell.method) for cell in trained]
     apart = _unlike(made)
@@ -83,8 +87,8 @@ def code_apart(cells: Sequence[CellRecord]) -> list[str]:
 
 
 def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
-    """Which of the finished cells were made by other code or packages than those of `here`, the provenance of this
-    process, and how to have them anew; in one line, None where there are none.
+    """Return a line on the finished cells that other code or packages than those of `here`, the provenance of this
+    process, made, and on how to make them again; None if there are none.
     """
     found: dict[str, list[CellRecord]] = defaultdict(list)
     for cell in cells:
@@ -102,7 +106,7 @@ def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path)
 
 
 def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
-    """Name → version of all that the cell of `method` may depend on, as far as it is known."""
+    """Return name → version of everything that the cell of `method` may depend on, as far as it is known."""
     packages, plugin = origin.get("packages", {}), origin.get("plugins", {}).get(method)
     found = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}
     found |= {name: packages.get(name) for name in CHECKED}
@@ -112,8 +116,9 @@ def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
 
 
 def _unlike(made: list[dict[str, str]]) -> list[str]:
-    """Names of which there is more than one value. A commit says no more than the sources, where those are known of
-    all: it may have changed other files alone."""
+    """Return names with more than one value. A commit adds nothing to the sources, if those are known of all: it may
+    have changed other files alone.
+    """
     names = dict.fromkeys(name for one in made for name in one)
     apart = [name for name in names if len({one[name] for one in made if name in one}) > 1]
     if "sources" not in apart and all("sources" in one for one in made):

@@ -1,4 +1,4 @@
-"""Where and with what a record was made: our sources and their lines, packages, processor, commit.
+"""The origin of a record: our sources and their lines, packages, processor, commit.
 
 A node must have sources and packages in common with the driver for its cells to belong to the run.
 """
@@ -20,28 +20,30 @@ import torch
 from harness.machine.device import available_cores, multiplies_bfloat16
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
-"""Of ours: what a cell needs, sent to every node."""
+"""The packages of ours that a cell needs, sent to every node."""
 CHECKED = ("torch", "numpy", "drjit", "OpenImageIO", "flip-evaluator", "scipy", "safetensors", "jaxtyping")
-"""Of others: what a cell's bits or scores may depend on. Mitsuba is needed where view sets are rendered alone."""
+"""The packages of others that a cell's bits or scores may depend on. Mitsuba is needed only to render view sets."""
 PROGRAM = "this program"
-"""Among `versions`, our own sources."""
+"""The key of our own sources among `versions`."""
 
 
 def our_folders() -> list[Path]:
-    """The folder of each of `OUR_PACKAGES`, as this process imports it: on a node each may lie somewhere else."""
+    """Return the folder of each of `OUR_PACKAGES`, as this process imports it: on a node each may lie
+    somewhere else.
+    """
     return [Path(next(iter(import_module(name).__path__))).resolve() for name in OUR_PACKAGES]
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Python, `CHECKED`, and a digest of our own sources, of this process, as they were when it was first asked."""
+    """Return the versions of Python, `CHECKED` and our own sources (a digest) of this process at the first call."""
     found = {"Python": platform.python_version(), PROGRAM: _digest(our_folders())}
     return found | {name: installed(name) for name in CHECKED}
 
 
 @cache
 def installed(package: str) -> str:
-    """The version of a package, which is not imported; "not installed" where there is none."""
+    """Return the version of a package, which is not imported; "not installed" if there is none."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -49,7 +51,7 @@ def installed(package: str) -> str:
 
 
 def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
-    """What differs, in words; empty where nothing does."""
+    """Describe the differences in words; empty if there are none."""
     return ", ".join(
         f"{name} {theirs.get(name, 'unknown')} instead of {value}"
         for name, value in ours.items()
@@ -58,12 +60,12 @@ def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
 
 
 def changed_since(ours: dict[str, str]) -> str:
-    """`differences` to this process, with our own sources read again."""
+    """Return `differences` to this process, with our own sources read again."""
     return differences(ours, {**versions(), PROGRAM: _digest(our_folders())})
 
 
 def _digest(folders: list[Path]) -> str:
-    """16 hexadecimal digits of every Python file's name and bytes."""
+    """Return 16 hexadecimal digits of every Python file's name and bytes."""
     found = hashlib.sha256()
     for folder in folders:
         for file in sorted(folder.rglob("*.py")):
@@ -78,7 +80,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "network": ("composition.py", "methods/nerf.py", "methods/qnerf.py", "field.py"),
     "rendering": ("numerics/quadrature.py", "numerics/compositing.py", "rendering.py"),
 }
-"""Listing 1; Listing 2 and Eq. 4; Table 1 and Listing 3; Listing 4. Files of `baselines`."""
+"""The files of `baselines` by part: Listing 1; Listing 2 and Eq. 4; Table 1 and Listing 3; Listing 4."""
 
 BASELINES = Path(__file__).parents[2] / "baselines"
 SILENT = frozenset(
@@ -87,7 +89,7 @@ SILENT = frozenset(
 
 
 def source_lines(text: str) -> int:
-    """Lines of a Python module that hold code; raises `SyntaxError` for what is none."""
+    """Count the lines of a Python module that hold code; raises `SyntaxError` for other text."""
     told = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
@@ -100,7 +102,7 @@ def source_lines(text: str) -> int:
 
 
 def core_module_lines() -> dict[str, int]:
-    """Part → source lines of its files."""
+    """Map part → source lines of its files."""
     return {
         part: sum(source_lines((BASELINES / name).read_text(encoding="utf-8")) for name in names)
         for part, names in PARTS.items()
@@ -111,7 +113,7 @@ PACKAGES = (*CHECKED, "mitsuba", "colour-science")
 
 
 def provenance(device: torch.device) -> dict[str, Any]:
-    """Versions, processor, device, commit and a digest of our sources; no user names, no paths."""
+    """Return versions, processor, device, commit and a digest of our sources; no user names, no paths."""
     return {
         **code_here(),
         "python": platform.python_version(),
@@ -127,8 +129,8 @@ def provenance(device: torch.device) -> dict[str, Any]:
 
 
 def code_here() -> dict[str, Any]:
-    """Commit, digest of our sources and packages, as they were when this process first asked: what it has imported
-    does not change any more.
+    """Return commit, digest of our sources and packages, as they were at this process's first call: what it has
+    imported does not change any more.
     """
     return {
         "commit": commit(),
@@ -139,7 +141,7 @@ def code_here() -> dict[str, Any]:
 
 @cache
 def processor() -> str:
-    """Its model, as the system names it."""
+    """Return the processor's model, as the system names it."""
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
         for line in cpuinfo.read_text(encoding="utf-8").splitlines():
@@ -150,7 +152,7 @@ def processor() -> str:
 
 @cache
 def commit() -> str:
-    """As git names it, `-dirty` where files were changed since; "unknown" without git."""
+    """Return the commit as git names it, `-dirty` if files were changed since; "unknown" without git."""
     here = Path(__file__).parent
     try:
         found = subprocess.run(

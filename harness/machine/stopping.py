@@ -1,4 +1,4 @@
-"""What a command says and ends when it is stopped, and workers that end with it."""
+"""The end of a stopped command, and workers that end with it."""
 
 import multiprocessing
 import os
@@ -15,7 +15,7 @@ ON = "go on with --resume --out"
 
 @contextmanager
 def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
-    """`KeyboardInterrupt` with what is kept by then, and how to go on."""
+    """Turn `KeyboardInterrupt` into a message on what is kept and how to resume."""
     try:
         yield
     except KeyboardInterrupt:
@@ -23,7 +23,7 @@ def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
 
 
 def end_workers() -> None:
-    """All children of `multiprocessing`, at once: they may be in the middle of something long."""
+    """End all children of `multiprocessing` at once: they may be in the middle of something long."""
     workers = multiprocessing.active_children()
     for worker in workers:
         worker.kill()
@@ -32,8 +32,9 @@ def end_workers() -> None:
 
 
 def end_with_parent() -> None:
-    """In a worker: Ctrl-C is its parent's business, and without the parent it ends at once, whatever it is doing, as
-    another process may have the folder by then."""
+    """End this worker with its parent: Ctrl-C is its parent's business, and without the parent it ends at once,
+    whatever it is doing, as another process may have the folder by then.
+    """
     from multiprocessing.connection import wait
 
     for number in SIGNALS:
@@ -54,7 +55,9 @@ def end_with_parent() -> None:
 
 
 def _die_with_parent() -> None:
-    """The kernel does it even where no Python runs; elsewhere and where that is refused, the watching thread does."""
+    """Let the kernel end this process even if no Python runs; elsewhere, or if that is refused, the watching thread
+    does.
+    """
     import ctypes
 
     pr_set_pdeathsig = 1

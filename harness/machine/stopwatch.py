@@ -1,4 +1,4 @@
-"""Training seconds of one method: what is not between `start` and `stop` does not count."""
+"""Training seconds of one method: only the time between `start` and `stop` counts."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -8,7 +8,9 @@ import torch
 
 
 class Stopwatch:
-    """Accumulates wall seconds; the device is synchronised before each reading, so launched work is finished work."""
+    """A stopwatch of wall seconds; the device is synchronised before each reading, so launched work is
+    finished work.
+    """
 
     def __init__(self, device: torch.device, clock: Callable[[], float] = time.perf_counter) -> None:
         self._synchronise = torch.cuda.synchronize if device.type == "cuda" else _nothing

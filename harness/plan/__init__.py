@@ -1,1 +1,1 @@
-"""What will be done: profiles, settings, schedule, seeds, plugins; imports `machine`, `records` and below."""
+"""The plan of a run: profiles, settings, schedule, seeds, plugins; imports `machine`, `records` and the rooms below."""

@@ -1,4 +1,4 @@
-"""What a reader must know: where a run departs from the paper's text, and what it does not test."""
+"""Caveats for a reader: where a run departs from the paper's text, and what it does not test."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ ALWAYS = [
 
 
 def deviations(plan: Plan) -> list[str]:
-    """Where this plan departs from the paper's printed text, and why; one sentence each."""
+    """Return where this plan departs from the paper's printed text, and why; one sentence each."""
     train, paper = plan.train, TrainSettings()
     rows = list(ALWAYS)
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
@@ -103,7 +103,7 @@ def deviations(plan: Plan) -> list[str]:
 
 
 def not_tested(plan: Plan) -> list[str]:
-    """What a reader of the paper might expect and this plan does not do."""
+    """Return what a reader of the paper might expect and this plan does not do."""
     full = Budget(steps=200_000, seconds=None)
     missing = []
     if plan.view_set is None and plan.scene_file is None:

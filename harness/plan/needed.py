@@ -1,4 +1,4 @@
-"""What a scene needs, made into settings: from its view set, with what the user forces in or out on top."""
+"""Settings from a scene's needs: those of its view set, overruled by what the user forces in or out."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -15,18 +15,18 @@ LEFT_OUT_BY = {
     "empty_space": "grid",
     "behind_opaque": "early_stop",
 }
-"""Need → the acceleration that leaves it out (`--need NAME` and `--without ACCELERATION` are the same)."""
+"""Map need → the acceleration that leaves it out (`--need NAME` and `--without ACCELERATION` are the same)."""
 FORCEABLE = (*LEFT_OUT_BY, "fine_pass", "participating_media", "depth_metric")
-"""What there is a choice about: the other parts no method has, or all are compared with."""
+"""The parts with a choice: no method has the other parts, or all are compared with them."""
 
 
 def needs_of(views: "ViewSet") -> Needs:
-    """Empty for a view set from elsewhere, about whose scene nothing is known."""
+    """Return the needs of a view set; empty for one from elsewhere, about whose scene nothing is known."""
     return needs_from_rows(views.rendered.get("needs"))
 
 
 def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
-    """The same images, with parts forced in or out; without depth where nothing has one."""
+    """Return the same images, with parts forced in or out; without depth if nothing has one."""
     if need or no_need:
         found = forced(needs_of(views), need, no_need)
         views = replace(views, rendered={**views.rendered, "needs": as_rows(found), "left_out": left_out(found)})
@@ -37,14 +37,14 @@ def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]
 
 
 def kept(train: TrainSettings, need: tuple[str, ...]) -> TrainSettings:
-    """`train` that leaves out none of `need`."""
+    """Return `train` without any acceleration that leaves out a part of `need`."""
     off = tuple(acceleration for name, acceleration in LEFT_OUT_BY.items() if name in need)
     fine = train.fine_bins or 2 * train.bins if "fine_pass" in need else train.fine_bins
     return replace(train, accelerations=train.accelerations.without(off), fine_bins=fine)
 
 
 def for_scene(train: TrainSettings, views: "ViewSet") -> TrainSettings:
-    """`train` with what this scene needs kept and what it does not need left out.
+    """Return `train` with all parts that this scene needs, and without those that it does not need.
 
     The view direction is not in these settings: whoever makes a learner asks
     `harness.training.lockstep.needs_view_direction`.

@@ -4,7 +4,7 @@
     mine = "my_package:METHOD"
 
 A package is imported only when one of its methods is asked for, and is then trusted like everything that its user has
-installed: it runs in this process, with its user's rights. The catalogue's own names are never given to anybody else.
+installed: it runs in this process, with its user's rights. A package cannot take a name of the catalogue.
 """
 
 import csv
@@ -31,25 +31,25 @@ from scenes.files.errors import InputError
 GROUP = "radiance_verdict.methods"
 OURS = frozenset(CATALOG)
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
-"""It becomes a part of file names."""
+"""The form of a method's name, which becomes a part of file names."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a method came from."""
+    """The package that a method came from."""
 
     package: str
     version: str
     entry_point: str
     sources: str
-    """SHA-256 of the package's files, as they were when it was loaded (`sources_digest`)."""
+    """The SHA-256 of the package's files, as they were when it was loaded (`sources_digest`)."""
 
 
 _loaded: dict[str, Origin] = {}
 
 
 def offered() -> dict[str, list[EntryPoint]]:
-    """Name → the entry points that have it, of all installed packages; nothing is imported.
+    """Map name → the entry points that have it, of all installed packages; nothing is imported.
 
     A package whose list of them cannot be read offers nothing, and takes nothing away from the others.
     """
@@ -72,15 +72,15 @@ def _points() -> Sequence[EntryPoint]:
 
 
 def method_names() -> list[str]:
-    """All that `--methods` takes: the catalogue's, then those that packages offer."""
+    """Return all names that `--methods` takes: the catalogue's, then those that packages offer."""
     return [*CATALOG, *(name for name in offered() if name not in CATALOG)]
 
 
 def require_methods(names: Iterable[str]) -> None:
-    """Has every one of `names` that a package offers in the catalogue; names that nobody offers are left alone.
+    """Load every one of `names` that a package offers into the catalogue; names that nobody offers are left alone.
 
-    Raises `InputError` naming package, entry point and reason: where a name is in the catalogue or offered twice, where
-    the package cannot be imported, and where what it offers is no method.
+    Raises `InputError` naming package, entry point and reason: if a name is in the catalogue or offered twice, if
+    the package cannot be imported, and if the object that it offers is no method.
     """
     points = offered()
     for name in names:
@@ -89,8 +89,8 @@ def require_methods(names: Iterable[str]) -> None:
 
 
 def method_named(name: str) -> Method:
-    """Of the catalogue, or of the package that offers it, in whatever process; raises `InputError` as above, and for a
-    name that nobody has.
+    """Return the method of the catalogue, or of the package that offers it, in any process; raises `InputError` as
+    above, and for an unknown name.
     """
     if name not in CATALOG:
         require_methods([name])
@@ -100,19 +100,19 @@ def method_named(name: str) -> Method:
 
 
 def origin_of(name: str) -> dict[str, str] | None:
-    """Package, version, entry point and digest of a method that came from a package; None for one of ours."""
+    """Return package, version, entry point and digest of a method that came from a package; None for one of ours."""
     found = _loaded.get(name)
     return None if found is None else dict(vars(found))
 
 
 def origins(names: Iterable[str]) -> dict[str, Any]:
-    """For a record: `{"plugins": {name: origin}}`, or nothing where all are ours."""
+    """Return the entry of a record: `{"plugins": {name: origin}}`, or nothing if all are ours."""
     found = {name: origin for name in names if (origin := origin_of(name)) is not None}
     return {"plugins": found} if found else {}
 
 
 def title_of(name: str) -> str:
-    """What it is, and whose it is where it is not ours."""
+    """Return the method's title, with its package if it is not ours."""
     title, origin = CATALOG[name].title, _loaded.get(name)
     return title if origin is None else f"{title} (package {origin.package} {origin.version})"
 
@@ -157,7 +157,7 @@ def said_of(point: EntryPoint) -> str:
 
 
 def package_of(point: EntryPoint) -> tuple[str, str]:
-    """Name and version."""
+    """Return name and version."""
     if point.dist is None:
         return "unknown", "?"
     # an installation that was cut short has neither
@@ -169,7 +169,7 @@ def one_line(error: BaseException) -> str:
 
 
 def _wrong_with(method: object) -> str | None:
-    """Why it cannot be taken as a method, in words."""
+    """Return why an object cannot be accepted as a method, in words."""
     if not isinstance(method, Method):
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
     if not isinstance(method.title, str) or not method.title.strip():
@@ -195,12 +195,12 @@ def _wrong_with(method: object) -> str | None:
 
 @cache
 def sources_digest(point: EntryPoint) -> str:
-    """64 hexadecimal digits of the files of the package that offers `point`, by name and content, of whatever kind:
+    """Return 64 hexadecimal digits of the files of the package that offers `point`, by name and content, of any kind:
     those that its installation lists and all in the folder of the entry point's own package; in an editable
-    installation, which lists none, also the packages and modules beside that. Not counted are what the installer wrote
-    for itself, programs and data outside of the folder of packages, hidden files and Python's caches.
+    installation, which lists none, also the packages and modules beside that. Not counted are the installer's own
+    files, programs and data outside of the folder of packages, hidden files and Python's caches.
 
-    Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` where the installer's notes cannot be read.
+    Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` if the installer's notes cannot be read.
     """
     found = hashlib.sha256()
     for name, file in sorted(_files(point)):
@@ -210,7 +210,7 @@ def sources_digest(point: EntryPoint) -> str:
 
 
 def _files(point: EntryPoint) -> set[tuple[str, Path]]:
-    """(name, file)."""
+    """Yield (name, file)."""
     places = _places(importlib.util.find_spec(point.module.partition(".")[0]))
     listed = []
     if _is_editable(point):
@@ -226,7 +226,7 @@ def _files(point: EntryPoint) -> set[tuple[str, Path]]:
 
 
 def _places(spec: ModuleSpec | None) -> set[Path]:
-    """The folders of a package, or the file of a module; nothing where there is none."""
+    """Return the folders of a package, or the file of a module; an empty list if there is none."""
     if spec is None:
         return set()
     if spec.submodule_search_locations is not None:
@@ -239,7 +239,7 @@ def _counts(name: PurePath) -> bool:
 
 
 def _is_editable(point: EntryPoint) -> bool:
-    """By what the installer noted (direct_url.json, PEP 610)."""
+    """Return whether the installer noted an editable installation (direct_url.json, PEP 610)."""
     text = point.dist.read_text("direct_url.json") if point.dist is not None else None
     noted = json.loads(text) if text else {}
     return isinstance(noted, dict) and bool((noted.get("dir_info") or {}).get("editable"))

@@ -1,4 +1,4 @@
-"""What a run is going to do: scenes × methods × seeds, how much, and on what. Profiles hold what differs."""
+"""The plan of a run: scenes × methods × seeds, how much, and on what. Profiles hold the differences."""
 
 import hashlib
 import re
@@ -22,14 +22,14 @@ from scenes.modelling.needs import PARTS
 from scenes.view_sets.source import Region
 
 APART = ("scenes", "methods", "seeds", "render_limit")
-"""What settings have elsewhere or not at all."""
+"""The fields that settings have elsewhere or not at all."""
 LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096, "render_limit": 3e7}
 SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8, "render_limit": 0.1}
 
 
 @dataclass(frozen=True)
 class Extra:
-    """Further methods on one scene, beside those that train on all: what explains a result, and no part of it."""
+    """Further methods on one scene, beside those that train on all: they explain a result and are no part of it."""
 
     scene: str
     methods: tuple[str, ...]
@@ -38,7 +38,7 @@ class Extra:
 
 @dataclass(frozen=True)
 class Plan:
-    """A run."""
+    """A plan of a run."""
 
     profile: str
     scenes: tuple[str, ...]
@@ -49,40 +49,46 @@ class Plan:
     score: ScoreSettings
     views: ViewSettings
     view_set: tuple[str, ...] | None = None
-    """Posed images of each scene, in any format that is read (`scenes.view_sets.foreign`), instead of rendering
-    scenes."""
+    """The posed images of each scene, in any readable format (`scenes.view_sets.foreign`), instead of
+    rendered scenes.
+    """
     scene_file: str | None = None
-    """A file with a scene of the user's own (`scenes.catalog.scene_file`), to be rendered instead of the
-    catalogue's."""
+    """The file of a scene of the user's own (`scenes.catalog.scene_file`), to be rendered instead of
+    the catalogue's.
+    """
     scene_file_digest: str | None = None
-    """SHA-256 of its bytes."""
+    """The SHA-256 of its bytes."""
     render_limit: float | None = None
-    """Seconds that the scene file, or one of its views, may take, else the usual; no result depends on it."""
+    """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
     extras: tuple[Extra, ...] = ()
 
     def cells(self) -> list[tuple[str, str, int]]:
-        """(scene, method, seed) in the order in which they are run."""
+        """Return (scene, method, seed) in the order in which they are run."""
         return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods_of(scene, seed)]
 
     def methods_of(self, scene: str, seed: int) -> tuple[str, ...]:
-        """What trains in lockstep there: the methods of the plan, then the further ones of that scene and seed."""
+        """Return the methods that train in lockstep there: those of the plan, then the further ones of that scene and
+        seed.
+        """
         more = (name for one in self.extras if one.scene == scene and seed in one.seeds for name in one.methods)
         return tuple(dict.fromkeys((*self.methods, *more)))
 
     def all_methods(self) -> tuple[str, ...]:
-        """Those of all scenes, then those of single ones."""
+        """Return the methods of all scenes, then those of single ones."""
         return tuple(dict.fromkeys((*self.methods, *(name for one in self.extras for name in one.methods))))
 
     def groups(self) -> list[tuple[str, int]]:
-        """(scene, seed): its methods train in lockstep. Seeds outermost, so that a stopped run has every scene."""
+        """Return (scene, seed), whose methods train in lockstep. Seeds are outermost, so that a stopped run has every
+        scene.
+        """
         return [(scene, seed) for seed in self.seeds for scene in self.scenes]
 
     def in_float32(self) -> "Plan":
-        """With products in float32, the rest as it is."""
+        """Return the plan with matrix multiplications in float32, the rest as it is."""
         return replace(self, train=replace(self.train, precision="float32"))
 
     def settings(self) -> dict[str, Any]:
-        """Everything that the results depend on, as JSON."""
+        """Return everything that the results depend on, as JSON."""
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
         if self.scene_file is None:
             del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are the same
@@ -96,29 +102,33 @@ class Plan:
         return {**kept, **names, "density_units": self.density_units()}
 
     def density_units(self) -> dict[str, dict[str, Any]]:
-        """Method → the density where its amplifier gives 1 and the length that it is per, of methods of our parts."""
+        """Map method → the density where its amplifier gives 1 and the length that it is per, for
+        methods of our parts.
+        """
         parts = {name: METHODS[name].parts for name in self.all_methods() if name in METHODS}
         return {name: {"scale": one.density_scale, "per": one.density_per} for name, one in parts.items() if one}
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What a run uses of the machine it is on: clocks are comparable on the same alone."""
+    """The part of the machine that a run uses: clocks are comparable only on the same machine."""
 
     device: str
     workers: int
-    """Processes; on Ray as many groups at once as the cluster has room for, and this of what is measured beside."""
+    """The number of processes; on Ray as many groups run at once as the cluster has room for, and this is for
+    measurements.
+    """
     threads: int
     executor: Literal["local", "ray"] = "local"
     keep_every: float = KEPT_EVERY
-    """Seconds between two times that cells are kept in the middle of their training; changes no result."""
+    """The seconds between two times that cells are kept in the middle of their training; changes no result."""
 
     def of_a_group(self) -> dict[str, Any]:
-        """What a group's task takes from it."""
+        """Return the settings that a group's task takes from it."""
         return {"device": self.device, "threads": self.threads, "keep_every": self.keep_every}
 
     def settings(self) -> dict[str, Any]:
-        """As JSON; what is the usual is not said, so that runs from before there was a choice can be gone on with."""
+        """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""
         usual = ("device", "workers", "threads")
         return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}
 
@@ -132,12 +142,13 @@ EXPLAINING = (
     "qnerf_theorem",
     "nerf_no_shift",
 )
-"""The form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; of qnerf_theorem and qnerf_repaired the
-one with the better mean on validation views (`docs/repair_search.json`); NeRF without the part of its density that
-Listing 2 lacks."""
+"""The methods that explain the result: the form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; of
+qnerf_theorem and qnerf_repaired the one with the better mean on validation views (`docs/repair_search.json`); NeRF
+without the part of its density that Listing 2 lacks.
+"""
 
 COMPARED = ("nerf", "nerf_matched", "qnerf")
-"""Every default run has the bandwidth control beside the two methods of the paper."""
+"""The methods of every default run: the bandwidth control beside the two methods of the paper."""
 
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
@@ -162,7 +173,7 @@ SHORT_TRAINING = replace(
     grid=GridSettings(cells=32, first_step=80, every=20),
     precision="float32",
 )
-"""For scenes that are simple, and hard for one reason: a few hundred steps."""
+"""The settings for scenes that are simple, and hard for one reason: a few hundred steps."""
 
 PROFILES: dict[str, Plan] = {
     "smoke": Plan(
@@ -239,11 +250,11 @@ def planned(
     no_need: list[str] | None = None,
     ray_attention: str | None = None,
 ) -> Plan:
-    """A profile with the user's changes; raises `InputError` naming the option, the value and what is known.
+    """Return a profile with the user's changes; raises `InputError` naming the option, the value and the known ones.
 
     `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
-    parts in and out, whatever a scene needs: `need` is also what switching off the acceleration that leaves it out is.
-    `ray_attention` None keeps the profile's. `region` says where the images of `view_set` have what is seen.
+    parts in and out, whatever a scene needs: `need` also stands for switching off the acceleration that leaves it out.
+    `ray_attention` None keeps the profile's. `region` bounds the visible geometry of the images of `view_set`.
     """
     from harness.plan.plugins import method_names, require_methods
 
@@ -302,7 +313,7 @@ def planned(
 
 
 def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
-    """Whatever `plan` does not leave out already counts as needed."""
+    """Return the plan with forced parts; those that `plan` does not leave out already count as needed."""
     for option, asked in (("--need", need), ("--no-need", no_need)):
         if fixed := [name for name in asked if name in PARTS and name not in FORCEABLE]:
             raise InputError(
@@ -325,7 +336,7 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
 
 
 def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
-    """Of the scene that each is; raises `InputError` for what is no view set, and for two of one name."""
+    """Return the names of the scenes; raises `InputError` for a path that is no view set, and for two of one name."""
     from scenes.view_sets.foreign import check_listed
 
     known: dict[str, Path] = {}
@@ -342,14 +353,14 @@ def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
 
 
 def scene_name_of(view_set: Path) -> str:
-    """A name for records, from the folder's: letters, digits, `-` and `_` alone."""
+    """Make a name for records from the folder's: letters, digits, `-` and `_` alone."""
     folder = view_set.resolve()
     name = folder.stem if folder.suffix in (".npz", ".json") and folder.is_file() else folder.name
     return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "view-set"
 
 
 def known_names(option: str, names: list[str], known: list[str]) -> tuple[str, ...]:
-    """`names` as they are; raises `InputError` for one that is not known or named twice."""
+    """Return `names` as they are; raises `InputError` for one that is unknown or named twice."""
     unknown = [name for name in names if name not in known]
     if unknown:
         raise InputError(f"{option}: unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")

@@ -1,4 +1,4 @@
-"""Progress through a budget, the learning rate over it, and where the test set is scored."""
+"""Progress through a budget, the learning rate over it, and the checkpoints where the test set is scored."""
 
 import math
 from dataclasses import dataclass
@@ -6,26 +6,26 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Budget:
-    """How long a method trains: steps, seconds on its own clock, or whichever ends first."""
+    """The training time of a method: steps, seconds on its own clock, or whichever ends first."""
 
     steps: int | None
     seconds: float | None
 
     def progress(self, step: int, seconds: float) -> float:
-        """0 at the start; 1 or more when the budget is spent."""
+        """Return 0 at the start; 1 or more when the budget is spent."""
         by_steps = step / self.steps if self.steps else 0.0
         by_seconds = seconds / self.seconds if self.seconds else 0.0
         return max(by_steps, by_seconds)
 
 
 def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int) -> float:
-    """Exponential decay from `first` to `last` over the budget (the original's schedule), after a linear warm-up."""
+    """Decay exponentially from `first` to `last` over the budget (the original's schedule), after a linear warm-up."""
     decayed = first * (last / first) ** min(progress, 1.0)
     return decayed * min(1.0, (step + 1) / (warm_up_steps + 1))
 
 
 def checkpoint_fractions(count: int, earliest: float) -> list[float]:
-    """`count` shares of the budget, evenly spaced in log time from `earliest` to 1."""
+    """Return `count` shares of the budget, evenly spaced in log time from `earliest` to 1."""
     if count == 1:
         return [1.0]
     return [math.exp(math.log(earliest) * (1 - i / (count - 1))) for i in range(count)]

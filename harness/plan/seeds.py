@@ -1,4 +1,4 @@
-"""One generator for each purpose, seeded by what it is for."""
+"""One generator for each purpose, seeded by that purpose."""
 
 import hashlib
 
@@ -6,6 +6,8 @@ import torch
 
 
 def generator_for(*purpose: int | str) -> torch.Generator:
-    """A CPU generator that depends on `purpose` alone, e.g. `(seed, step, "jitter")`; the method is not part of it."""
+    """Return a CPU generator that depends on `purpose` alone, e.g. `(seed, step, "jitter")`; the method is not part of
+    it.
+    """
     digest = hashlib.blake2b("/".join(map(str, purpose)).encode(), digest_size=8).digest()
     return torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)

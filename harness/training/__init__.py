@@ -1,1 +1,1 @@
-"""One method learns one scene; imports `run_folder`, `plan`, `machine`, `records` and what is below."""
+"""One method learns one scene; imports `run_folder`, `plan`, `machine`, `records` and the rooms below it."""

@@ -32,7 +32,7 @@ class Cameras:
     width: int
     height: int
     focal: float
-    """In pixels."""
+    """The focal length in pixels."""
     near: float
     far: float
 
@@ -47,7 +47,7 @@ class Cameras:
         return Cameras(self.camera_to_world.to(device), self.width, self.height, self.focal, self.near, self.far)
 
     def rays(self, view: Int[Tensor, " rays"], column: Int[Tensor, " rays"], row: Int[Tensor, " rays"]) -> Rays:
-        """Rays through pixel centres, `(column + 0.5, row + 0.5)`, unit directions."""
+        """Return rays through pixel centres, `(column + 0.5, row + 0.5)`, with unit directions."""
         x = (column + 0.5 - 0.5 * self.width) / self.focal
         y = -(row + 0.5 - 0.5 * self.height) / self.focal
         in_camera = torch.stack([x, y, -torch.ones_like(x)], dim=-1)
@@ -57,7 +57,7 @@ class Cameras:
         return Rays(matrix[:, :3, 3], directions, self.near, self.far)
 
     def all_rays(self, view: int) -> Rays:
-        """Every pixel of one view, row by row."""
+        """Return the rays of every pixel of one view, row by row."""
         device = self.camera_to_world.device
         index = torch.arange(self.width * self.height, device=device)
         return self.rays(torch.full_like(index, view), index % self.width, index // self.width)
@@ -65,18 +65,18 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: what makes two views the
-    same is `harness.playback.keys`' to say.
+    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: `harness.playback.keys`
+    decides when two views are the same.
 
     Raises `ValueError` for a pose or a length that is not finite, an empty picture, or near and far out of order.
     """
 
     camera_to_world: np.ndarray
-    """float64 [4, 4], OpenGL axes."""
+    """The pose, float64 [4, 4], OpenGL axes."""
     width: int
     height: int
     focal: float
-    """In pixels."""
+    """The focal length in pixels."""
     near: float
     far: float
 
@@ -94,27 +94,27 @@ class Camera:
         object.__setattr__(self, "camera_to_world", pose)
 
     def resized(self, width: int) -> "Camera":
-        """The same view in pictures of another width; the shape is kept to the nearest pixel."""
+        """Return the same view in pictures of another width; the shape is kept to the nearest pixel."""
         scale = width / self.width
         height = max(1, round(self.height * scale))
         return Camera(self.camera_to_world, width, height, self.focal * scale, self.near, self.far)
 
     def at(self, camera_to_world: np.ndarray) -> "Camera":
-        """The same lens elsewhere."""
+        """Return the same lens at another pose."""
         return Camera(camera_to_world, self.width, self.height, self.focal, self.near, self.far)
 
     def cameras(self, device: torch.device) -> Cameras:
-        """As a set of one."""
+        """Return a set of this one camera."""
         pose = self.camera_to_world[None].copy()  # torch warns of an array that it may not write to
         return Cameras.of(pose, self.width, self.height, self.focal, self.near, self.far).to(device)
 
     def rays(self, device: torch.device) -> Rays:
-        """Of all pixels, row by row."""
+        """Return the rays of all pixels, row by row."""
         return self.cameras(device).all_rays(0)
 
 
 REGIONS_ACROSS = 25
-"""Regions along the width of a training image, at least as wide as a pixel: 4 pixels of 100, 32 of 800."""
+"""The regions along the width of a training image, at least as wide as a pixel: 4 pixels of 100, 32 of 800."""
 
 
 @dataclass(frozen=True)
@@ -123,12 +123,13 @@ class AttendedPixels:
 
     regions: Regions
     until: np.ndarray
-    """float64 [images · regions]: chance of all regions up to and with this one; a region's is its pixels' share of the
-    attention (Eq. 7's priority over φ)."""
+    """The chance of all regions up to and including this one, float64 [images · regions]; a region's is its pixels'
+    share of the attention (Eq. 7's priority over φ).
+    """
 
     @staticmethod
     def by_gradients(images: Iterable[np.ndarray]) -> "AttendedPixels":
-        """Of straight RGBA images [height, width, 4] over white, looked at one at a time."""
+        """Make the distribution of straight RGBA images [height, width, 4] over white, read one at a time."""
         regions: Regions | None = None
         attention = []
         for rgba in images:
@@ -140,8 +141,9 @@ class AttendedPixels:
         return AttendedPixels(regions, _until(attention, regions))
 
     def draw(self, count: int, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Pixels numbered through all images row by row, as `scenes.view_sets.image_stack.ImageStack.pixels` takes
-        them."""
+        """Draw pixels numbered through all images row by row, as `scenes.view_sets.image_stack.ImageStack.pixels` takes
+        them.
+        """
         u = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
         image, region = np.divmod(np.searchsorted(self.until, u[0], side="right"), self.regions.count)
         row, column = np.divmod(region, self.regions.columns)
@@ -153,14 +155,16 @@ class AttendedPixels:
 
 
 def mixed(attended: AttendedPixels, pixels: int, count: int, seed: int | str, step: int) -> Int[Tensor, " count"]:
-    """The pixels of a batch, of `pixels` that there are: `ATTENDED_SHARE` by attention, then the others by chance."""
+    """Draw the pixels of a batch out of `pixels`: `ATTENDED_SHARE` by attention, then the others uniformly."""
     generator = generator_for(seed, step, "attended batch")
     by_attention = attended.draw(int(count * ATTENDED_SHARE), generator)
     return torch.cat([by_attention, torch.randint(pixels, (count - len(by_attention),), generator=generator)])
 
 
 def _until(attention: list[np.ndarray], regions: Regions) -> np.ndarray:
-    """Images of one colour alone are equal attention: each pixel has the same chance, not each region."""
+    """Return the cumulative chances. Images of one colour alone are equal attention: each pixel has the same chance,
+    not each region.
+    """
     everything = np.concatenate(attention)
     chance = shares(everything if everything.max() > 0.0 else np.tile(regions.rays, len(attention)))
     until = np.cumsum(chance)
@@ -174,10 +178,11 @@ class Batches:
     """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
 
     def __init__(self, cameras: Cameras, rgba: ImageStack, attention: RayAttention = "none") -> None:
-        """`rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` on any other shape.
+        """Store `rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` on any other
+        shape.
 
-        `attention` `none`: all pixels alike. `gradients`: half of a batch by the gradients of the images
-        (`harness.training.batches`), which are looked at once, here.
+        With `attention` `none` all pixels are alike; with `gradients` half of a batch is drawn by the gradients of the
+        images (`harness.training.batches`), which are read once, here.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
@@ -188,7 +193,7 @@ class Batches:
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
-        """`count` rays and their colours over white; depends on nothing but its arguments. Not to be changed."""
+        """Return `count` rays and their colours over white; depends on its arguments alone. Must not be changed."""
         wanted = (seed, step, count)
         if self._last is None or self._last[0] != wanted:
             # kept for the other methods, which are at the same step
@@ -205,7 +210,7 @@ class Batches:
         return rays, colours.to(device)
 
     def _chosen(self, seed: int | str, step: int, count: int) -> Int[Tensor, " count"]:
-        """Numbered through all views row by row."""
+        """Return pixels numbered through all views row by row."""
         pixels = math.prod(self.rgba.shape[:3])
         if self._attended is None:
             return torch.randint(pixels, (count,), generator=generator_for(seed, step, "batch"))

@@ -1,4 +1,4 @@
-"""One cell in training: steps, scores at checkpoints, is kept on its way, and ends in a record."""
+"""One cell in training: it steps, scores at checkpoints, is kept on its way, and ends in a record."""
 
 import json
 import math
@@ -29,23 +29,24 @@ from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import Split, ViewSet
 
 CORNERS = 8
-"""Voxels between which a point is interpolated."""
+"""The voxels between which a point is interpolated."""
 FORWARD_AND_BACKWARD = 3
-"""A training step in forward passes: a layer's way back is two products of the size of its way there, one for its
-weights and one for its inputs."""
+"""The cost of a training step in forward passes: a layer's backward pass is two matrix multiplications of the size of
+its forward pass, one for its weights and one for its inputs.
+"""
 
 
 @runtime_checkable
 class Voxels(Protocol):
-    """What is interpolated at a point: one density, and of each of three colours so many coefficients."""
+    """The values interpolated at a point: one density, and so many coefficients of each of three colours."""
 
     @property
     def coefficients(self) -> int: ...
 
 
 def flops_per_evaluation(field: object) -> int | None:
-    """Operations of one evaluation of `field` at one point, density and colour, forward; None where it is neither a
-    network nor voxels.
+    """Count the operations of one forward evaluation of `field` at one point, density and colour; None if it is neither
+    a network nor voxels.
     """
     if isinstance(field, nn.Module):
         layers = [one for one in field.modules() if isinstance(one, nn.Linear)]
@@ -57,18 +58,18 @@ def flops_per_evaluation(field: object) -> int | None:
 
 
 def training_flops(network_evaluations: float, per_evaluation: float) -> float:
-    """Of so many evaluations in training. A little too much where an occupancy grid is refreshed, which goes forward
-    alone and asks for density alone.
+    """Count the operations of so many evaluations in training. A little too many if an occupancy grid is refreshed,
+    which runs forward alone and needs density alone.
     """
     return FORWARD_AND_BACKWARD * network_evaluations * per_evaluation
 
 
 SAME = 1e-6
-"""Relative: what is found from cameras may differ in its last bits between processors."""
+"""The relative tolerance: values found from cameras may differ in their last bits between processors."""
 
 
 def view_set_facts(views: ViewSet) -> dict[str, Any]:
-    """As a cell's record holds them."""
+    """Return the facts of a view set as a cell's record holds them."""
     return {
         "name": views.path.resolve().name,
         "digest": views.rendered.get("digest"),
@@ -85,8 +86,9 @@ def view_set_facts(views: ViewSet) -> dict[str, Any]:
 
 
 def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet) -> int:
-    """How many cells of `keys` (scene, method, seed) are finished, all of them on `views`; what an earlier version did
-    not record counts as the same. Raises `InputError` where one was trained on others, and `DamagedRecord`."""
+    """Count the finished cells of `keys` (scene, method, seed), all of them on `views`; facts that an earlier version
+    did not record count as the same. Raises `InputError` if one was trained on others, and `DamagedRecord`.
+    """
     now = view_set_facts(views)
     finished = 0
     for key in keys:
@@ -119,19 +121,24 @@ def _short(value: Any) -> Any:
 
 
 COLLAPSED_OPACITY = 0.02
-"""Mean test opacity below which a method has learnt nothing but the background."""
+"""The mean test opacity below which a method has learnt nothing but the background."""
 BILLBOARD_GAP_DB = 6.0
-"""Training views this much above test views, and these worse than a copy of the nearest training view: the images are
-painted in front of the cameras, not in the scene."""
+"""The gap by which training views score above test views, these also worse than a copy of the nearest training view,
+where the images are painted in front of the cameras, not in the scene.
+"""
 FLAGGED_GAP_DB = 3.0
-"""Training views this much above test views: the views are fitted better than what is between them."""
+"""The gap by which training views score above test views where the views are fitted better than the
+space between them.
+"""
 REFERENCE_LIMITED_DB = 1.0
-"""Nearer to the ceiling than this, a score says more about the noise of the ground truth than about the method."""
+"""The distance to the ceiling below which a score says more about the noise of the ground truth than
+about the method.
+"""
 
 
 @dataclass(frozen=True)
 class GroupSettings:
-    """What a group of cells is trained with; the same for every method."""
+    """The settings of a group of cells, the same for every method."""
 
     methods: tuple[str, ...]
     train: TrainSettings
@@ -141,15 +148,15 @@ class GroupSettings:
 
 @dataclass
 class _LastViews:
-    """What the record takes from the last rendering of the test views, which are in memory one at a time."""
+    """The values that the record takes from the last rendering of the test views, which are in memory one at a time."""
 
     test: Split
     rows: list[ViewScore] = field(default_factory=list)
     opacities: list[np.floating[Any]] = field(default_factory=list)
-    """Mean of each view."""
+    """The mean of each view."""
 
     def passing(self, images: Iterable[evaluate.View]) -> Iterator[evaluate.View]:
-        """The views themselves, each noted on its way."""
+        """Yield the views themselves, each noted on its way."""
         for index, image in enumerate(images):
             self.rows.append(evaluate.view_scores(image, self.test, index))
             self.opacities.append(image.opacity.mean())
@@ -157,7 +164,7 @@ class _LastViews:
 
 
 class IncompatibleSnapshot(Exception):
-    """What was kept of a cell is not what this one needs, though it was written for it; says so in words."""
+    """A snapshot of a cell that this cell cannot resume from, though it was written for it; the message says why."""
 
 
 class CellTraining:
@@ -189,7 +196,7 @@ class CellTraining:
         self.occupied = read_occupancy(views)
         self.ended = False
         self.resumed_at: list[int] = []
-        """The steps at which it went on in another process than before."""
+        """The steps at which it was resumed in another process."""
         self.can_be_kept = True
 
     @property
@@ -197,7 +204,7 @@ class CellTraining:
         return 1.0 if self.ended else self.trainer.progress
 
     def warm_up(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
-        """What comes before the clock; the record when the cell ends with it."""
+        """Run everything before the clock starts; returns the record if the cell ends with it."""
         try:
             self.trainer.warm_up(rays, truth)
         except Diverged as stop:
@@ -208,7 +215,7 @@ class CellTraining:
 
     @property
     def file(self) -> Path:
-        """Where it is kept until it has ended."""
+        """Return the file that holds the cell until it has ended."""
         return unfinished_path(self.out, self.scene, self.trainer.method, self.seed)
 
     @property
@@ -216,8 +223,8 @@ class CellTraining:
         return f"{self.scene}, {self.trainer.method}, seed {self.seed}"
 
     def keep(self) -> str | None:
-        """Write all of it as it stands; in words why that cannot be done, at the first time. Raises `OSError`, naming
-        the file.
+        """Write the complete state; returns, the first time, why that cannot be done, in words. Raises `OSError`,
+        naming the file.
         """
         if not self.can_be_kept:
             return None
@@ -249,9 +256,8 @@ class CellTraining:
         write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
 
     def go_on(self) -> str | None:
-        """From where it was kept, if it was, by the same code on the same kind of processor; what a reader should know
-        of it, in words. Raises `IncompatibleSnapshot` where what was kept does not fit, seen too late for this one to
-        begin at all.
+        """Resume from the snapshot, if one was kept by the same code on the same kind of processor; returns a note for
+        the reader. Raises `IncompatibleSnapshot` if the mismatch is found too late for this cell to begin at all.
         """
         if not self.file.exists():
             return None
@@ -285,7 +291,7 @@ class CellTraining:
         self.resumed_at = [*listing["resumed_at"], self.trainer.step]
 
     def _made_with(self) -> dict[str, Any]:
-        """All that its next steps depend on but what training changed; as it comes back from JSON."""
+        """Return all that its next steps depend on, except what training changed, as it comes back from JSON."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
         packages = self.provenance.get("packages", {})
         found = {
@@ -300,7 +306,7 @@ class CellTraining:
         return dict(json.loads(json.dumps(found)))
 
     def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
-        """One step and whatever is due after it; the record when the cell has ended."""
+        """Take one step and run whatever is due after it; returns the record when the cell has ended."""
         try:
             self.trainer.train_on(rays, truth)
             if self.trainer.progress < self.due[0]:
@@ -390,7 +396,7 @@ class CellTraining:
 
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
-    """States that a reader of the scores must know, in words."""
+    """Return the states that a reader of the scores must know, in words."""
     found = []
     psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
     if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:

@@ -1,9 +1,9 @@
-"""What training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors.
+"""The tensors that training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors.
 
-A cell in the middle of its training is a file as well (`harness.records.snapshot`). What is drawn at random depends on
-a cell's seed and step alone (`harness.plan.seeds`), so weights, optimiser, occupancy grid, counters and what was scored
-so far are all that there is to keep. On a CPU, a cell that is resumed from its file ends in the bits of one that was
-never interrupted; its clock goes on as well, from where it stood.
+A cell in the middle of its training is a file as well (`harness.records.snapshot`). Random draws depend on a cell's
+seed and step alone (`harness.plan.seeds`), so weights, optimiser, occupancy grid, counters and the scores so far are
+all that has to be kept. On a CPU, a cell that is resumed from its file ends in the bits of one that was never
+interrupted; its clock goes on as well, from where it stood.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from harness.training.learner import Learner
 
 OCCUPIED = "occupied"
-"""The mask of the occupancy grid, beside the weights: which points are evaluated is part of a picture."""
+"""The mask of the occupancy grid, beside the weights: the choice of evaluated points is part of a picture."""
 
 
 def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
@@ -36,7 +36,7 @@ def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 
 def tensors_of(learner: "Learner") -> dict[str, Tensor]:
-    """Everything that training changed and a picture depends on, by name."""
+    """Return everything that training changed and a picture depends on, by name."""
     tensors = {name: value.contiguous() for name, value in learner.fields.state_dict().items()}
     if learner.grid is not None:
         tensors[OCCUPIED] = learner.grid.occupied
@@ -44,13 +44,13 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
 
 
 def save_checkpoint(learner: "Learner", path: Path) -> None:
-    """Whole or not at all; raises `OSError`, naming the file, where it cannot be written."""
+    """Write a checkpoint atomically; raises `OSError`, naming the file, if it cannot be written."""
     # not by safetensors itself, whose own error would hide a full disk
     write_whole(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
 
 def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:
-    """Makes a learner what it was after `step` steps. Raises `InputError` for a file that is missing, damaged, of
+    """Restore a learner to its state after `step` steps. Raises `InputError` for a file that is missing, damaged, of
     another network, or of another SHA-256 than `digest`; nothing is unpickled.
     """
     if not path.is_file():
@@ -70,7 +70,7 @@ def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | Non
 
 @torch.no_grad()
 def weights_digest(learner: "Learner") -> str:
-    """64 hexadecimal digits: equal where every tensor has the same name, type, shape and bits."""
+    """Return 64 hexadecimal digits: equal if every tensor has the same name, type, shape and bits."""
     found = hashlib.blake2b(digest_size=32)
     for name, value in sorted(tensors_of(learner).items()):
         found.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
@@ -79,11 +79,13 @@ def weights_digest(learner: "Learner") -> str:
 
 
 LARGEST_SHARE = 0.02
-"""Of its time that a group spends on keeping: what takes long is kept less often."""
+"""The share of its time that a group spends on keeping at most: if writing takes long, cells are kept less often."""
 
 
 class Keeping:
-    """When a group's cells are kept: every so many seconds, and seldom enough to cost little; with 0 always."""
+    """The schedule of keeping a group's cells: every so many seconds, and seldom enough to cost little;
+    with 0 always.
+    """
 
     def __init__(self, every: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._every = every
@@ -96,7 +98,7 @@ class Keeping:
 
     @contextmanager
     def done(self) -> Iterator[None]:
-        """Around the writing."""
+        """Enclose the writing."""
         began = self._clock()
         yield
         ended = self._clock()
@@ -104,7 +106,7 @@ class Keeping:
 
 
 def training_state(learner: "Learner") -> Unfinished:
-    """All that training has changed in a learner."""
+    """Return all that training has changed in a learner."""
 
     tensors = {f"trained.{name}": one for name, one in tensors_of(learner).items()}
     tensors |= {f"optimiser.{name}": one for name, one in learner.optimiser_tensors().items()}
@@ -123,8 +125,9 @@ def training_state(learner: "Learner") -> Unfinished:
 
 
 def restore_training(learner: "Learner", kept: Unfinished) -> None:
-    """Makes a fresh learner of the same settings what it was. Where it was another one, raises anything, and leaves the
-    learner good for nothing."""
+    """Restore a fresh learner of the same settings. If the state is of another one, raises any error, and leaves the
+    learner unusable.
+    """
     import torch
 
     def tensors(prefix: str) -> dict[str, torch.Tensor]:

@@ -1,4 +1,4 @@
-"""A trained method against the views: scores of the fixed test set, properties, and pictures for the report."""
+"""A trained method compared with the views: scores of the fixed test set, properties, and pictures for the report."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from scenes.view_sets.view_set import Split, ViewSet
 HISTOGRAM_BINS = 40
 SMALL_CHUNK = 256
 LARGE_CHUNK = 4096
-"""Rays a call in the chunk-dependence measurement, row by row."""
+"""The rays per chunk in the measurement of chunk dependence, row by row."""
 LARGEST_PSNR = 100.0
-"""What an image that is identical to the truth counts for, in means alone."""
+"""The PSNR of an image that is identical to the truth, in means alone."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
 
 
 def pixel_order(pixels: int) -> torch.Tensor:
-    """The fixed random order in which the pixels of a view are rendered, int [pixels], on the processor."""
+    """Return the fixed random order in which the pixels of a view are rendered, int [pixels], on the processor."""
     return torch.randperm(pixels, generator=generator_for("pixel order"))
 
 
 def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> View:
-    """A whole view, its pixels in one fixed random order.
+    """Render a full view, its pixels in one fixed random order.
 
-    The order matters to a density that depends on the call alone: a call then holds pixels of all parts of the view,
+    The order matters only to a density that depends on the chunk: a chunk then holds pixels of all parts of the view,
     as a training batch does, and not ten rows of background.
     """
     rays = cameras.all_rays(view)
@@ -68,12 +68,12 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
 
 
 def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[View]:
-    """One view at a time: no more than one need be in memory."""
+    """Render one view at a time: no more than one need be in memory."""
     return (render_view(trainer, cameras, index, chunk) for index in range(len(cameras)))
 
 
 def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None]:
-    """psnr, ssim and rmse_linear, each the mean over all views of the split."""
+    """Return psnr, ssim and rmse_linear, each the mean over all views of the split."""
     rows = []
     for image, rgba in zip(images, split.rgba, strict=True):
         truth = over_white(rgba)
@@ -83,9 +83,10 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
 
 
 def scores_along(images: Iterable[View], split: Split) -> dict[str, float | None]:
-    """What a checkpoint holds: psnr, ssim, rmse_linear, flip and depth_rmse, each the mean over the views that have it.
+    """Return a checkpoint's scores: psnr, ssim, rmse_linear, flip and depth_rmse, each the mean over the views that
+    have it.
 
-    The geometry of a view whose truth has none, or no opaque pixel, is left aside.
+    The geometry of a view whose truth has none, or no opaque pixel, is excluded.
     """
     rows: dict[str, list[float | None]] = {}
     for index, image in enumerate(images):
@@ -113,11 +114,11 @@ ALONG_TRAINING: dict[str, Callable[[np.ndarray, np.ndarray], float]] = {
     "rmse_linear": metrics.rmse_linear,
     "flip": metrics.flip,
 }
-"""Scores of colour that every checkpoint has."""
+"""The scores of colour that every checkpoint has."""
 
 
 def view_scores(image: View, split: Split, index: int) -> ViewScore:
-    """Every score of one view; geometry where the view set carries it."""
+    """Return every score of one view; geometry if the view set carries it."""
     rgba = split.rgba[index]
     truth = over_white(rgba)
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
@@ -138,7 +139,7 @@ SCORES = ("psnr", "ssim", "flip", "delta_e", "rmse_linear", "depth_rmse", "opaci
 
 
 def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
-    """Means over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
+    """Average over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
     means: dict[str, float | None] = {}
     for name in SCORES:
         values = [value for row in rows if (value := getattr(row, name)) is not None]
@@ -147,7 +148,9 @@ def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:
-    """Mean PSNR over `count` evenly spread training views: what the method fits, beside what it generalises to."""
+    """Return the mean PSNR over `count` evenly spread training views: how well they are fitted, beside
+    generalisation.
+    """
     cameras = cameras_of(views, views.train, trainer.device)
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
     values = [
@@ -158,7 +161,7 @@ def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> floa
 
 
 def floor_psnr(views: ViewSet) -> float | None:
-    """PSNR of answering every test view with the training view whose camera is nearest: below it nothing is learnt."""
+    """Return the PSNR of answering every test view with the nearest training view: below it nothing is learnt."""
     train, test = views.train.camera_to_world[:, :3, 3], views.test.camera_to_world[:, :3, 3]
     nearest = np.argmin(np.linalg.norm(test[:, None] - train[None], axis=-1), axis=1)
     values = [
@@ -169,12 +172,12 @@ def floor_psnr(views: ViewSet) -> float | None:
 
 @torch.no_grad()
 def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, points: int = 32) -> dict[str, list[float]]:
-    """Shares of a regular grid of points over the box by density, before and after the amplifier.
+    """Return shares of a regular grid of points over the box by density, before and after the amplifier.
 
-    Densities are per half of the box's longest side. Bins are linear up to the method's limit where it has one, else
-    logarithmic from 1e-3 to 1e3. With the
-    true occupancy of the points, bool [points, points, points], the same for those inside and outside matter, and how
-    many of them there are; it is looked at here alone, never trained on.
+    Densities are per half of the box's longest side. Bins are linear up to the method's limit if it has one, else
+    logarithmic from 1e-3 to 1e3. With the true occupancy of the points, bool [points, points, points], the same is
+    given for those inside and outside geometry, and how many of them there are; it is used here alone, never trained
+    on.
     """
     axis = (torch.arange(points, device=trainer.device) + 0.5) / points
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
@@ -205,8 +208,8 @@ def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
 
 @torch.no_grad()
 def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | str | None]:
-    """Chunk dependence of one test view, the grid's occupied share, and the largest density found, per half of the
-    box's longest side, with the opacity that this length of it has.
+    """Return the chunk dependence of one test view, the grid's occupied share, and the largest density found, per half
+    of the box's longest side, with the opacity that this length of it has.
     """
     rays = test.all_rays(0)
     large = trainer.render(rays, LARGE_CHUNK).colour

@@ -1,4 +1,4 @@
-"""What the harness asks of a method in training, whatever it is made of, and how much of a gradient it is given."""
+"""The interface of a method in training, whatever its kind, and the clipping of gradients."""
 
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,28 +12,29 @@ from harness.machine.stopwatch import Stopwatch
 
 NORMS_REMEMBERED = 20
 SPIKE = 10.0
-"""A norm counts in the running mean as at most this many times what was allowed. One spike of any height makes the mean
-(10 · 4 − 1) / 20 + 1 = 2.95 times as large at most; norms that last or come again raise it in a few steps, which norms
-counted only as they are clipped would not: one in ten batches would be cut to 6 times the others' norm for good."""
+"""The multiple of the allowed norm that a norm counts as at most in the running mean. One spike of any height makes the
+mean (10 · 4 − 1) / 20 + 1 = 2.95 times as large at most; norms that last or come again raise it in a few steps, which
+norms counted only as they are clipped would not: one in ten batches would be cut to 6 times the others' norm for good.
+"""
 
 
 class Clipping:
-    """To a fixed norm and to a multiple of the usual one: what a fixed bound passes may be a hundred times as much."""
+    """Clipping to a fixed norm and to a multiple of the usual one: a fixed bound may pass a hundred times as much."""
 
     def __init__(self, norm: float, ratio: float) -> None:
         self.norm = norm
         self.ratio = ratio
         self.usual_norm: float | None = None
-        """Running mean of the norm, spikes cut; None before the first that is not zero."""
+        """The running mean of the norm, spikes cut; None before the first that is not zero."""
         self.clipped_steps = 0
 
     @property
     def allowed(self) -> float:
-        """The largest norm that the next gradient may have."""
+        """Return the largest norm that the next gradient may have."""
         return self.norm if self.usual_norm is None else min(self.norm, self.ratio * self.usual_norm)
 
     def scale(self, norm: float) -> float:
-        """What a gradient of that finite norm is multiplied by, in (0, 1]; remembers the norm for those after it."""
+        """Return the factor in (0, 1] for a gradient of that finite norm; remembers the norm for those after it."""
         allowed = self.allowed
         if norm > 0.0:
             counted, usual = min(norm, SPIKE * allowed), self.usual_norm
@@ -46,7 +47,7 @@ class Clipping:
 
 @runtime_checkable
 class LearnedField(Protocol):
-    """The density that scoring looks at, and what it is made of."""
+    """The density that scoring looks at, and its components."""
 
     @property
     def density_limit(self) -> float:
@@ -55,7 +56,7 @@ class LearnedField(Protocol):
 
     @property
     def pointwise(self) -> bool:
-        """Whether a point's density does not depend on the other points of the call."""
+        """Whether a point's density does not depend on the other points of the chunk."""
         ...
 
     def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
@@ -63,28 +64,28 @@ class LearnedField(Protocol):
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        """The density entering the amplifier and the density that is rendered; equal without an amplifier."""
+        """Return the density entering the amplifier and the density that is rendered; equal without an amplifier."""
         ...
 
     def parameter_counts(self) -> dict[str, int]:
-        """Numbers that are learnt, by component, and their `total`."""
+        """Count the learnt numbers by component, with their `total`."""
         ...
 
 
 @runtime_checkable
 class Stored(Protocol):
-    """What a checkpoint keeps."""
+    """The state that a checkpoint keeps."""
 
     def state_dict(self) -> dict[str, Any]: ...
 
 
 @runtime_checkable
 class Learner(Protocol):
-    """One method on one scene with one seed, trained a batch at a time; `harness.training.trainer.Trainer` is the usual
-    one.
+    """One method on one scene with one seed, trained one batch at a time; `harness.training.trainer.Trainer` is the
+    usual one.
 
-    `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` rather than go on with a number that is
-    not finite.
+    `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` rather than continue with a number that
+    is not finite.
     """
 
     method: str
@@ -94,10 +95,10 @@ class Learner(Protocol):
     clipping: Clipping
     step: int
     network_evaluations: int
-    """Points at which the method was evaluated for training so far."""
+    """The number of points at which the method was evaluated for training so far."""
     trace: dict[str, list[float | None]]
     grid: OccupancyGrid | None
-    """What leaves empty space out, where the method has one that the harness keeps."""
+    """The occupancy grid, if the method has one that the harness keeps."""
 
     @property
     def field(self) -> LearnedField: ...
@@ -113,23 +114,23 @@ class Learner(Protocol):
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """`chunk` rays a call; `bins` a ray instead of those of the settings."""
+        """Render in chunks of `chunk` rays, with `bins` per ray instead of those of the settings."""
         ...
 
     def rendered_by(self) -> dict[str, Any]:
-        """All that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
+        """Return all that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
         ...
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
-        """What `harness.training.checkpoints.tensors_of` gave after `step` steps, put back."""
+        """Restore the tensors that `harness.training.checkpoints.tensors_of` returned after `step` steps."""
         ...
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        """What the optimiser remembers of the steps so far; names without an order."""
+        """Return the optimiser's state; names without an order."""
         ...
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
-        """What `optimiser_tensors` gave, put back after `restore`."""
+        """Restore the state that `optimiser_tensors` returned, after `restore`."""
         ...
 
     def amplifier_scalars(self) -> dict[str, float | None]: ...

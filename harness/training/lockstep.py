@@ -36,11 +36,11 @@ def train_group(
     keep_every: float = KEPT_EVERY,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> Iterator[CellRecord]:
-    """Yields the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
+    """Yield the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
 
-    `on_progress` gets the share of the group's training that is done; `made_by` stands for `learner_for`. Every
-    `keep_every` seconds all cells are kept in `out` as they stand, and one that was kept there goes on from that, which
-    `on_notice` is told.
+    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. Every
+    `keep_every` seconds all cells are kept in `out` as they stand, and one that was kept there is resumed, which is
+    reported to `on_notice`.
     """
     box = box_of(views, device)
     train_cameras = evaluate.cameras_of(views, views.train, device)
@@ -102,24 +102,24 @@ def train_group(
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
-    """The box that everything seen lies in."""
+    """Return the box in which everything visible lies."""
     return Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
 
 
 def stream_of(scene: str, seed: int) -> str:
-    """What seeds the random numbers of a cell. With the scene in it, scenes are independent draws, as the statistics
-    take them to be; without the method in it, methods are paired.
+    """Return the seed of a cell's random numbers. With the scene in it, scenes are independent draws, as the statistics
+    assume; without the method in it, methods are paired.
     """
     return f"{scene}/{seed}"
 
 
 def needs_view_direction(views: ViewSet) -> bool:
-    """False where the scene's own description says that it looks the same from all sides."""
+    """Return False if the scene's own description says that it looks the same from all sides."""
     return needs_view_direction_of([row["what"] for row in views.rendered.get("left_out", [])])
 
 
 def needs_view_direction_of(left_out: list[str]) -> bool:
-    """By what a scene does not need, in words."""
+    """Decide by a list of what a scene does not need."""
     return "view-direction branch" not in left_out
 
 
@@ -132,9 +132,11 @@ def trained_alone(
     device: torch.device,
     on_step: Callable[[Learner], None] | None = None,
 ) -> Learner:
-    """Trained to the end of its budget on the batches of `stream`; `on_step` is called after each step, off the clock.
+    """Return a learner trained to the end of its budget on the batches of `stream`; `on_step` is called after each
+    step, off the clock.
 
-    What the scene does not need is left out. Raises `Diverged`, and `NotAvailable` for a method that cannot run here.
+    Parts that the scene does not need are left out. Raises `Diverged`, and `NotAvailable` if the method cannot run
+    here.
     """
     settings = for_scene(settings, views)
     cameras = evaluate.cameras_of(views, views.train, device)
@@ -150,6 +152,6 @@ def trained_alone(
 
 
 def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
-    """Mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
+    """Return the mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
     cameras = evaluate.cameras_of(views, split, trainer.device)
     return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]

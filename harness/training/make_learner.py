@@ -1,4 +1,4 @@
-"""Who makes the right learner for a method, or says why this machine cannot train it."""
+"""The factory of learners: makes the right learner for a method, or reports why this machine cannot train it."""
 
 import importlib.util
 import os
@@ -19,7 +19,7 @@ from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 class NotAvailable(InputError):
     """A method that this machine cannot train. The message says what is missing.
 
-    In a comparison its cells end as `not_available`; a command that is about this method alone ends with the message.
+    In a comparison its cells end as `not_available`; a command about this method alone ends with the message.
     """
 
 
@@ -32,8 +32,8 @@ def learner_for(
     device: torch.device,
     view_dependent: bool = True,
 ) -> Learner:
-    """The method ready to be trained. Raises `NotAvailable` where this machine lacks what it needs, and `InputError`
-    where a user's own package that offers it cannot be loaded.
+    """Return the method ready to be trained. Raises `NotAvailable` if this machine lacks what it needs, and
+    `InputError` if a user's own package that offers it cannot be loaded.
     """
     if method_named(method).kind == "network":
         return Trainer(method, box, settings, budget, seed, device, view_dependent)
@@ -44,7 +44,7 @@ def learner_for(
 
 
 def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
-    """Dr.Jit's backend for `device`, found to work in a process of its own, as it may abort; raises `NotAvailable`."""
+    """Return Dr.Jit's backend for `device`, tested in a process of its own, as it may abort; raises `NotAvailable`."""
     if importlib.util.find_spec("drjit") is None:
         raise NotAvailable("needs the package drjit, which is not installed")
     if device.type == "cuda" and torch.version.hip:

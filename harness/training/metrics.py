@@ -13,30 +13,30 @@ SSIM_SIGMA = 1.5
 
 
 def mse(image: np.ndarray, truth: np.ndarray) -> float:
-    """Mean squared difference; raises `ValueError` where a value is not finite or the shapes differ."""
+    """Return the mean squared difference; raises `ValueError` if a value is not finite or the shapes differ."""
     _require_finite(image, truth)
     return float(np.mean((image.astype(np.float64) - truth.astype(np.float64)) ** 2))
 
 
 def psnr_from_mse(error: float) -> float:
-    """−10 log10(mse) for a peak of 1; infinite for identical images."""
+    """Return −10 log10(mse) for a peak of 1; infinite for identical images."""
     return float("inf") if error == 0.0 else float(-10.0 * np.log10(error))
 
 
 def psnr(image: np.ndarray, truth: np.ndarray) -> float:
-    """Peak signal-to-noise ratio of one image in dB (float, display colour)."""
+    """Return the peak signal-to-noise ratio of one image in dB (float, display colour)."""
     return psnr_from_mse(mse(image, truth))
 
 
 def rmse_linear(image: np.ndarray, truth: np.ndarray) -> float:
-    """Root mean squared difference in linear light."""
+    """Return the root mean squared difference in linear light."""
     _require_finite(image, truth)
     return float(np.sqrt(mse(decode_srgb(image), decode_srgb(truth))))
 
 
 def ssim(image: np.ndarray, truth: np.ndarray) -> float:
-    """Structural similarity as the field computes it (Wang et al. 2004): 11 × 11 Gaussian window of σ = 1.5, valid
-    windows only, averaged over channels; an image smaller than the window gets the whole image as one window.
+    """Return the structural similarity as the field computes it (Wang et al. 2004): 11 × 11 Gaussian window of σ = 1.5,
+    valid windows only, averaged over channels; an image smaller than the window gets the whole image as one window.
     """
     _require_finite(image, truth)
     x, y = image.astype(np.float64), truth.astype(np.float64)
@@ -62,7 +62,7 @@ def ssim(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 def flip(image: np.ndarray, truth: np.ndarray) -> float:
-    """Mean FLIP error (Andersson et al. 2020), 0 to 1, at the default 67 pixels per degree."""
+    """Return the mean FLIP error (Andersson et al. 2020), 0 to 1, at the default 67 pixels per degree."""
     _require_finite(image, truth)
     import flip_evaluator
 
@@ -74,7 +74,7 @@ def flip(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
-    """Mean CIEDE2000 colour difference (D65), by colour-science."""
+    """Return the mean CIEDE2000 colour difference (D65), by colour-science."""
     _require_finite(image, truth)
     import colour
 
@@ -85,7 +85,7 @@ def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> float | None:
-    """Root mean squared depth error in scene units over the truly opaque pixels; None where there are none."""
+    """Return the root mean squared depth error in scene units over the truly opaque pixels; None if there are none."""
     if not opaque.any():
         return None
     _require_finite(depth, truth[opaque])
@@ -93,7 +93,7 @@ def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> floa
 
 
 def opacity_iou(opacity: np.ndarray, truth: np.ndarray) -> float | None:
-    """Intersection over union of the silhouettes (opacity above one half); None where both are empty."""
+    """Return the intersection over union of the silhouettes (opacity above one half); None if both are empty."""
     _require_finite(opacity, truth)
     ours, theirs = opacity > 0.5, truth > 0.5
     union = np.count_nonzero(ours | theirs)

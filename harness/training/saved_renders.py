@@ -1,4 +1,4 @@
-"""The few test views that a run keeps as pictures: which, their truth, and what a cell renders of them."""
+"""The few test views that a run saves as pictures: their choice, their truth, and what a cell renders of them."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -32,14 +32,17 @@ from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
 ROOM = LARGEST_BYTES - HEADER_BYTES
 TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
 RENDER_BYTES = 2 * sum(channels or 1 for channels in RENDER.values())
-"""A pixel."""
+"""The bytes per pixel."""
 SAME_COLOUR = 0.01
-"""Display colours nearer than this may be of one view: one that was rendered twice, or read by another version."""
+"""The difference of display colours below which two truths may be of one view, rendered twice or read by another
+version.
+"""
 
 
 def kept_views(test: Split, count: int) -> list[int]:
-    """Indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer, if at all, where
-    the file of their truth would be too large."""
+    """Return indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer, if any, if
+    the file of their truth would be too large.
+    """
     count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
     spread = np.linspace(0, len(test.names) - 1, count + 2).round().astype(int)[1:-1].tolist()
     return list(dict.fromkeys(spread))
@@ -50,8 +53,9 @@ def _pixels(test: Split) -> int:
 
 
 def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
-    """Writes the truth of the kept views, the same bytes whoever does it first; one that is there is kept. Raises
-    `OSError`, and `InputError` where that is of other views, and for a view set that was damaged meanwhile."""
+    """Write the truth of the saved views, the same bytes whoever does it first; an existing one is kept. Raises
+    `OSError`, and `InputError` if that is of other views, and for a view set that was damaged meanwhile.
+    """
     test = views.test
     found = []
     for index in kept_views(test, count):
@@ -74,12 +78,12 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
 
 
 def drop_truth(out: Path, scene: str) -> None:
-    """Of views that nothing was trained on."""
+    """Remove the truth of views that nothing was trained on."""
     (records_folder(out) / truth_pictures(scene)).unlink(missing_ok=True)
 
 
 def _kept_truth(path: Path) -> list[Truth] | None:
-    """None where there is none or it is damaged."""
+    """Read the saved truth; None if there is none or it is damaged."""
     try:
         return read_truth(path)
     except DamagedRecord:
@@ -87,7 +91,7 @@ def _kept_truth(path: Path) -> list[Truth] | None:
 
 
 def _same_truth(kept: list[Truth], found: list[Truth]) -> bool:
-    """As far as a processor or a version may change the last bits."""
+    """Return whether truths are equal as far as a processor or a version may change the last bits."""
     return [(one.view, one.display.shape) for one in kept] == [(one.view, one.display.shape) for one in found] and all(
         np.abs(one.display.astype(np.float32) - other.display).max() < SAME_COLOUR
         for one, other in zip(kept, found, strict=True)
@@ -96,12 +100,12 @@ def _same_truth(kept: list[Truth], found: list[Truth]) -> bool:
 
 @dataclass
 class KeptRenders:
-    """What one cell keeps of the views that pass on their way to being scored."""
+    """The renders that one cell saves of the views that pass on their way to being scored."""
 
     chosen: list[int]
     names: tuple[str, ...]
     every: bool
-    """Of every checkpoint, or of the last one alone."""
+    """Whether those of every checkpoint are saved, or of the last one alone."""
     renders: list[Render] = field(default_factory=list)
 
     @staticmethod
@@ -111,7 +115,7 @@ class KeptRenders:
         return KeptRenders(chosen, test.names, fits and seed == EVERY_CHECKPOINT_SEED)
 
     def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
-        """The views themselves, one at a time, some of them noted on their way."""
+        """Yield the views themselves, one at a time, some of them noted on their way."""
         for index, image in enumerate(images):
             if (last or self.every) and index in self.chosen:
                 parts = (half(image.colour), half(image.opacity), half(image.depth))
@@ -119,7 +123,7 @@ class KeptRenders:
             yield image
 
     def write(self, out: Path, scene: str, method: str, seed: int) -> str | None:
-        """Path relative to the records; None where nothing was kept. Raises `OSError`."""
+        """Write the renders; returns the path relative to the records, None if nothing was saved. Raises `OSError`."""
         if not self.renders:
             return None
         path = cell_pictures(scene, method, seed)

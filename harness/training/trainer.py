@@ -26,7 +26,7 @@ from harness.training.learner import Clipping
 
 
 class Diverged(ArithmeticError):
-    """Something is NaN or infinite; says at which step and in which tensor."""
+    """A value is NaN or infinite; the message names the step and the tensor."""
 
     def __init__(self, step: int, tensor: str) -> None:
         super().__init__(f"not finite at step {step}: {tensor}")
@@ -35,7 +35,7 @@ class Diverged(ArithmeticError):
 
 
 class Trainer:
-    """Trains one method on one scene with one seed, a batch at a time."""
+    """A trainer of one method on one scene with one seed, a batch at a time."""
 
     def __init__(
         self,
@@ -78,12 +78,14 @@ class Trainer:
         self.network_evaluations = 0
         self.clipping = Clipping(settings.clip_norm, settings.clip_ratio)
         self.last_loss: float | None = None
-        """Of the batch of the last step, before that step."""
+        """The loss of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
 
     @cached_property
     def optimiser(self) -> torch.optim.Optimizer:
-        """Made when it is first needed: it imports torch's compiler, seconds that what only renders need not wait."""
+        """Return the optimiser, made when it is first needed: it imports torch's compiler, seconds that rendering need
+        not wait.
+        """
         return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
 
     @property
@@ -96,12 +98,12 @@ class Trainer:
         return self.budget.progress(self.step, self.clock.seconds)
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """One forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
+        """Run one forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
         self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
         self.optimiser.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """One step on one batch, on the clock.
+        """Take one step on one batch, on the clock.
 
         Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
         """
@@ -135,9 +137,9 @@ class Trainer:
 
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given,
-        and of as many more in the second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel not
-        finite.
+        """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
+        given, and as many more in the second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel
+        not finite.
         """
         if bins is not None:
             require_bins(bins)
@@ -157,7 +159,7 @@ class Trainer:
         return whole
 
     def amplifier_scalars(self) -> dict[str, float | None]:
-        """α and β of the amplifier, None where the method has none."""
+        """Return α and β of the amplifier, None if the method has none."""
         amplifier = getattr(self.field, "amplifier", None)
         return {
             name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
@@ -224,7 +226,7 @@ class Trainer:
     def _rendered(
         self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
     ) -> Rendering:
-        """`first` is what the rays are counted from where one of them is named."""
+        """Render one chunk; `first` is the number of its first ray, for errors that name one."""
         rays.require_finite()
         sampling = self._sampling()
         if bins is not None:
@@ -240,7 +242,9 @@ class Trainer:
             raise Diverged(self.step, self._first_not_finite("weight")) from error
 
     def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
-        """Mean squared error of display colours, of the coarse pass as well where there is one (as the original)."""
+        """Return the mean squared error of display colours, with that of the coarse pass if there is one (as the
+        original).
+        """
         rendering = self._rendered(rays, generator)
         loss = torch.mean((rendering.colour - colours) ** 2)
         if rendering.coarse_colour is not None:
@@ -248,7 +252,8 @@ class Trainer:
         return loss, rendering
 
     def _clipped_gradient(self, loss: Tensor, measured: bool) -> tuple[float, float]:
-        """Leaves the gradient of all weights, clipped; its norm before and, if it is to be `measured`, after that.
+        """Leave the gradient of all weights, clipped; returns its norm before and, if it is to be `measured`, after
+        that.
 
         Raises `Diverged`.
         """
@@ -300,8 +305,9 @@ class Trainer:
 
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
-"""What the loss is multiplied by on the way back alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
-512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32."""
+"""The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
+512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32.
+"""
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
 TRACE_EVERY = 20
 
@@ -312,6 +318,6 @@ def require_bins(bins: int) -> None:
 
 
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
-    """Asks the device once, where every norm is finite, as it nearly always is."""
+    """Return whether all is finite, asking the device once if every norm is finite, as it nearly always is."""
     some = list(tensors)
     return bool(torch.isfinite(nn.utils.get_total_norm(some))) or all(bool(torch.isfinite(one).all()) for one in some)

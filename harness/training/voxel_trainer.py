@@ -24,7 +24,7 @@ from harness.training.trainer import TRACE_EVERY, TRACED, Diverged, require_bins
 
 
 class VoxelTrainer:
-    """Trains the voxel field on one scene with one seed, a batch at a time."""
+    """A trainer of the voxel field on one scene with one seed, a batch at a time."""
 
     def __init__(
         self,
@@ -66,7 +66,9 @@ class VoxelTrainer:
         return self.budget.progress(self.step, self.clock.seconds)
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """A step at every fineness on fields that are thrown away: kernels are compiled here, outside the clock."""
+        """Take a step at every fineness on fields that are thrown away: kernels are compiled here,
+        outside the clock.
+        """
         for _, voxels in self.settings.voxels.stages():
             field = self.field.refined(voxels)
             found = self._slope(field, rays, colours, generator_for(self.seed, "warm-up"))
@@ -74,7 +76,7 @@ class VoxelTrainer:
         dr.sync_thread()
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """One step on one batch, on the clock. Raises `Diverged`; the field is then the one before the step."""
+        """Take one step on one batch, on the clock. Raises `Diverged`; the field is then the one before the step."""
         settings = self.settings
         rays.require_finite()
         with self.clock.running():
@@ -105,7 +107,8 @@ class VoxelTrainer:
                 series.append(noted[name])
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """All of `rays`, `chunk` at a time, at the midpoints of the bins; of `bins` of them a ray where that is given.
+        """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
+        given.
 
         Raises `ValueError` for less than one bin, and `Diverged` on a pixel not finite.
         """
@@ -153,7 +156,7 @@ class VoxelTrainer:
         return {"alpha": None, "beta": None}
 
     def _slope(self, field: VoxelField, rays: Rays, colours: Tensor, generator: torch.Generator) -> "_Slope":
-        """Raises `Diverged`, naming what is not finite."""
+        """Compute the gradient; raises `Diverged`, naming what is not finite."""
         voxels = self.settings.voxels
         samples, inside = field.samples(rays, voxels.bins, generator)
         missed = torch.ones(len(rays), dtype=torch.bool, device=colours.device)
@@ -176,15 +179,15 @@ class VoxelTrainer:
 
 @dataclass(frozen=True)
 class _Slope:
-    """What one batch says."""
+    """The gradient of one batch and its measurements."""
 
     loss: float
-    """Mean squared error of display colours, rays that miss the box among them."""
+    """The mean squared error of display colours, including rays that miss the box."""
     norm: float
-    """Of the gradient, before it is clipped."""
+    """The norm of the gradient, before it is clipped."""
     gradients: dict[str, Any]
     points: int
-    """Evaluated."""
+    """The number of evaluated points."""
 
 
 def _first_not_finite(arrays: dict[str, Any]) -> str | None:

@@ -1,4 +1,4 @@
-"""Cells → paired comparisons, at equal steps and at equal time."""
+"""Paired comparisons of cells, at equal steps and at equal time."""
 
 import math
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ from harness.verdicts.statistics import (
 class Metric:
     higher_is_better: bool
     smallest_of_interest: float
-    """Differences below it do not matter to anybody; for PSNR the smallest step of the paper's Table 4."""
+    """The difference below which nobody is interested; for PSNR the smallest step of the paper's Table 4."""
     along_training: bool
-    """Scored at every checkpoint, so that it can be compared at equal time."""
+    """Whether it is scored at every checkpoint, so that it can be compared at equal time."""
 
 
 METRICS: dict[str, Metric] = {
@@ -41,18 +41,18 @@ METRICS: dict[str, Metric] = {
 
 PRIMARY = "psnr"
 FEWEST_SEEDS = 3
-"""Fewer give no verdict on a single scene."""
+"""The fewest seeds that give a verdict on a single scene."""
 
 Budget = Literal["steps", "seconds"]
 Key = tuple[str, str, int]
 
 
 def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS)) -> int:
-    """How many comparisons of two methods at one budget are looked at together with this one.
+    """Return how many comparisons of two methods at one budget are looked at together with this one.
 
     Declared before any data: PSNR over all scenes is the question itself, and stands alone. PSNR by scene is asked once
-    a scene, the other metrics over all scenes once a metric, and by scene as often as both. Methods and budgets are
-    questions of their own. `metrics` is how many are looked at, PSNR included.
+    per scene, the other metrics over all scenes once per metric, and by scene as often as both. Methods and budgets are
+    questions of their own. `metrics` is the number of metrics, PSNR included.
     """
     by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
     return by_metric * (1 if scene == "all" else scenes)
@@ -71,7 +71,7 @@ class Judgement:
 
     @property
     def chosen(self) -> Estimate:
-        """The one that a verdict without a name is of: scenes like these where several were tried."""
+        """The estimate that a verdict without a name is of: scenes like these if several were tried."""
         return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
 
 
@@ -79,9 +79,10 @@ NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
 
 
 def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
-    """Every method against `nerf` (else the first one), and against `nerf_matched` where it takes part.
+    """Compare every method with `nerf` (else the first one), and with `nerf_matched` if it takes part.
 
-    Scene by scene where both have cells, however these ended, and over all scenes where both have cells on all.
+    The comparison is made scene by scene where both have cells, however these ended, and over all scenes if both have
+    cells on all.
     """
     by_key, _, seeds = keyed(cells)
     rows = []
@@ -97,7 +98,9 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
 
 
 def duels(methods: list[str]) -> list[tuple[str, str]]:
-    """Who is compared with whom: (method, against). A row of the paper's ablation also with the row above it."""
+    """Return the pairs to compare: (method, against). A row of the paper's ablation is also compared with the row above
+    it.
+    """
     references = [
         name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
     ]
@@ -112,7 +115,9 @@ def duels(methods: list[str]) -> list[tuple[str, str]]:
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
-    """Where two methods are compared: the scenes on which both have cells, and `all` first where that is every one."""
+    """Return where two methods are compared: the scenes on which both have cells, and `all` first if
+    that is every one.
+    """
     planned = {(cell.scene, cell.method) for cell in cells}
     scenes = sorted({cell.scene for cell in cells})
     shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
@@ -120,7 +125,7 @@ def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
 
 
 def keyed(cells: list[CellRecord]) -> tuple[dict[Key, CellRecord], list[str], list[int]]:
-    """Cells by scene, method and seed, with all scenes and all seeds."""
+    """Index cells by scene, method and seed, with all scenes and all seeds."""
     by_key = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     return by_key, sorted({cell.scene for cell in cells}), sorted({cell.seed for cell in cells})
 
@@ -134,7 +139,7 @@ def differences(
     metric: str,
     budget: Budget,
 ) -> dict[str, np.ndarray]:
-    """Scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
+    """Map scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
     found = {}
     for scene in scenes:
         pairs = [
@@ -148,7 +153,7 @@ def differences(
 
 
 def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
-    """Scene → differences [seeds], NaN where there is none: over `all` its scenes, or on one of them.
+    """Judge scene → differences [seeds], NaN where there is none: over `all` its scenes, or on one of them.
 
     A pair without a difference is counted, and keeps no other from being judged: whether methods fail is a question of
     its own (`harness.verdicts.failures`).
@@ -167,7 +172,7 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
 
 
 def _estimate(result: PairedDifference, metric: str, settled: bool = True) -> Estimate:
-    """No verdict unless `settled`."""
+    """Return the estimate, without a verdict unless `settled`."""
     about = METRICS[metric]
     return Estimate(
         result.interval,
@@ -205,7 +210,7 @@ def _comparison(
 def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
 ) -> tuple[float | None, float | None]:
-    """A metric of two cells: at the steps that both have done, or at the training time that the quicker one took."""
+    """Return a metric of two cells: at the steps that both have done, or at the training time of the quicker one."""
     if first is None or second is None or not (judgeable(first) and judgeable(second)):
         return None, None
     if budget == "steps" and first.steps == second.steps:
@@ -216,9 +221,9 @@ def scores_at(
 
 
 def score_on_curve(cell: CellRecord, name: str, axis: Literal["step", "seconds"], at: float) -> float | None:
-    """A metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
+    """Return a metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
 
-    None before the first checkpoint, and for a metric that is scored at the end alone.
+    The result is None before the first checkpoint, and for a metric that is scored at the end alone.
     """
     points = [
         (getattr(point, axis), value) for point in cell.curve if (value := getattr(point, name, None)) is not None

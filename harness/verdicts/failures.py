@@ -1,7 +1,7 @@
 """Runs that end without a result: how often a method diverges or shows nothing, and whether another does so less often.
 
 A failure is a result of its method. It is judged here and nowhere else: differences of scores are of the pairs of
-which neither failed. A run that ended for reasons of its own (a full disk, a killed process) is no failure and no run.
+which neither failed. A run that ended for other reasons (a full disk, a killed process) is no failure and no run.
 """
 
 from collections import Counter
@@ -14,14 +14,14 @@ from harness.records.cells import CellRecord
 
 CONFIDENCE = 0.95
 COLLAPSED = "empty collapse"
-"""How the warning of a run begins that shows little but background."""
+"""The beginning of the warning of a run that shows little but background."""
 
 Failure = Literal["diverged", "empty collapse"]
 
 
 @dataclass(frozen=True)
 class FailureRate:
-    """How many of a method's runs failed."""
+    """The number of a method's runs that failed."""
 
     method: str
     runs: int
@@ -29,7 +29,7 @@ class FailureRate:
     collapsed: int
     rate: float
     interval: tuple[float, float]
-    """95 %, two-sided, exact (Clopper & Pearson): of runs on these scenes with other seeds."""
+    """The exact two-sided 95 % interval (Clopper & Pearson), for runs on these scenes with other seeds."""
 
     @property
     def failed(self) -> int:
@@ -44,14 +44,14 @@ class FailureComparison:
     against: str
     pairs: int
     only_method: int
-    """Pairs of which `method` alone failed."""
+    """The number of pairs of which `method` alone failed."""
     only_against: int
     difference: float
-    """Share of the pairs in which `method` failed less that of `against`."""
+    """The share of the pairs in which `method` failed less that of `against`."""
     p_value: float
-    """Two-sided: how often chance alone makes the two counts as unequal, if both fail equally often."""
+    """The two-sided p-value: how often chance alone makes the counts as unequal, if both fail equally often."""
     verdict: Literal["better", "worse", "inconclusive"]
-    """better: `method` fails less often."""
+    """The verdict; better: `method` fails less often."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Failures:
 
 
 def failure_of(cell: CellRecord) -> Failure | None:
-    """How a run failed by what its method does; None for all others."""
+    """Return how a run failed if its method is the cause; None for all others."""
     if cell.status == "diverged":
         return "diverged"
     collapsed = cell.status == "done" and any(warning.startswith(COLLAPSED) for warning in cell.warnings)
@@ -69,12 +69,14 @@ def failure_of(cell: CellRecord) -> Failure | None:
 
 
 def judgeable(cell: CellRecord) -> bool:
-    """Whether a run's scores may be compared with another's."""
+    """Return whether a run's scores may be compared with another's."""
     return cell.status == "done" and failure_of(cell) is None
 
 
 def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str, str]]) -> Failures:
-    """Rates of the methods that have runs, and of each duel (method, against) that has pairs who fails more often."""
+    """Return the rates of the methods that have runs, and for each duel (method, against) with pairs which fails more
+    often.
+    """
     runs = [cell for cell in cells if cell.status in ("done", "diverged")]
     failed = {(cell.scene, cell.seed, cell.method): failure_of(cell) is not None for cell in runs}
     rates = [_rate(method, mine) for method in methods if (mine := [one for one in runs if one.method == method])]
@@ -83,7 +85,7 @@ def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str,
 
 
 def exact_interval(failed: int, runs: int) -> tuple[float, float]:
-    """Clopper and Pearson's interval of a share: holds the truth in 95 % or more, whatever that is."""
+    """Return Clopper and Pearson's interval of a share: it holds the truth in 95 % or more, whatever that is."""
     tail = (1.0 - CONFIDENCE) / 2
     low = float(beta.ppf(tail, failed, runs - failed + 1)) if failed else 0.0
     high = float(beta.ppf(1.0 - tail, failed + 1, runs - failed)) if failed < runs else 1.0

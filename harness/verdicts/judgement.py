@@ -1,4 +1,4 @@
-"""A table of results → which methods are told apart, which are not, which results are suspect; and that in words."""
+"""Judgement of a table of results: methods that differ, methods that do not, and suspect results; and that in words."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,12 +15,12 @@ from scenes.files.errors import InputError
 
 
 def headline(record: JudgementRecord) -> str:
-    """What the table says, as given."""
+    """State the table's facts, as given."""
     return f"{len(record.given.places)} methods on {len(record.scenes)} scenes: {told(record, record.given)}"
 
 
 def told(record: JudgementRecord, ranking: Ranking) -> str:
-    """How many pairs are told apart."""
+    """State how many pairs are told apart."""
     if record.baseline is not None:
         verdicts = Counter[str](pair.verdict for pair in ranking.pairs)
         words = {"better": "better", "worse": "worse", "equivalent": "equivalent", "inconclusive": "not told apart"}
@@ -36,7 +36,7 @@ def told(record: JudgementRecord, ranking: Ranking) -> str:
 
 
 def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
-    """With two decimals of dB, and four significant digits of what else there is."""
+    """Format with two decimals for dB, and four significant digits for anything else."""
     if value is None:
         return "–"
     text = format(value, f"{sign}.2f" if record.unit else f"{sign}#.4g")
@@ -53,7 +53,7 @@ def suspect_line(record: JudgementRecord, one: Suspect) -> str:
 
 
 def without_line(record: JudgementRecord) -> str:
-    """What becomes of the verdicts without the suspect results."""
+    """State the verdicts without the suspect results."""
     if record.without_suspects is None:
         return ""
     many = len(changed_pairs(record))
@@ -64,7 +64,7 @@ def without_line(record: JudgementRecord) -> str:
 
 
 def lines(record: JudgementRecord) -> Iterator[str]:
-    """The table of a terminal, what is suspect, what is missing, and what a reader must know."""
+    """Return the table of a terminal, suspect results, missing ones, and notes for the reader."""
     yield headline(record)
     last = "groups" if record.baseline is None else f"against {record.baseline}"
     rows = [("method", f"mean {record.metric}", "scenes", last)]
@@ -93,7 +93,7 @@ def missing_line(record: JudgementRecord) -> str:
 
 
 def shown_groups(groups: list[int]) -> str:
-    """`2`, or `2–4`: a method's groups follow each other."""
+    """Format groups as `2`, or `2–4`: a method's groups follow each other."""
     return f"{groups[0]}" if len(groups) == 1 else f"{groups[0]}–{groups[-1]}" if groups else ""
 
 
@@ -107,17 +107,18 @@ def _against(record: JudgementRecord, method: str) -> str:
 
 
 SUSPECT_DEVIATIONS = 8.0
-"""Robust standard deviations from the fit at which a result is suspect: next to none is in a table of normal residuals,
-and one in ten tables of 17 methods and 8 scenes has one where they are of Student's t with four degrees of freedom."""
+"""The robust standard deviations from the fit at which a result is suspect: a table of normal residuals has next to
+none, and one in ten tables of 17 methods and 8 scenes has one if they are of Student's t with four degrees of freedom.
+"""
 SUSPECT_MARGINS = 10.0
-"""Smallest effects of interest that it must be away as well: in a small table the spread itself is hardly known."""
+"""The smallest effects of interest that it must be away as well: in a small table the spread itself is hardly known."""
 SMALLEST_FIT = 3
-"""Methods, and scenes, below which nobody can say which of two results is off."""
+"""The number of methods, and of scenes, below which nobody can say which of two results is off."""
 POLISHES = 20
 
 
 def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
-    """Raises `InputError` for a baseline that is no method of the table, and a margin that is no size."""
+    """Judge a table. Raises `InputError` for a baseline that is no method of the table, and an invalid margin."""
     if baseline is not None and baseline not in table.methods:
         raise InputError(f"--baseline {baseline}: no such method; methods of the table: {', '.join(table.methods)}")
     if margin is None:
@@ -147,7 +148,7 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
 
 
 def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
-    """Every pair, or every method against `baseline`, with the methods from best to worst."""
+    """Compare every pair, or every method with `baseline`; returns the methods from best to worst."""
     means = adjusted_means(scene_means(table.values))
     order = [int(place) for place in np.argsort(-means if table.higher_is_better else means, kind="stable")]
     many = len(order)
@@ -167,16 +168,17 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:
-    """[methods, scenes, seeds] → [methods, scenes], means over the seeds that are there; NaN where none is."""
+    """Reduce [methods, scenes, seeds] to [methods, scenes], means over the seeds that are there; NaN if none is."""
     there = np.isfinite(values)
     counts = there.sum(axis=2)
     return np.where(counts > 0, np.where(there, values, 0.0).sum(axis=2) / np.maximum(counts, 1), np.nan)
 
 
 def adjusted_means(cells: np.ndarray) -> np.ndarray:
-    """Each method's mean [methods] over all scenes of `cells` [methods, scenes].
+    """Return each method's mean [methods] over all scenes of `cells` [methods, scenes].
 
-    With missing cells it is that of an additive fit by least squares: who lacks a hard scene is not ahead for that.
+    With missing cells it is that of an additive fit by least squares: a method that lacks a hard scene is not ahead for
+    that.
     """
     there = np.isfinite(cells)
     known = np.where(there, cells, 0.0)
@@ -193,7 +195,7 @@ def adjusted_means(cells: np.ndarray) -> np.ndarray:
 def _pair(
     method: str, against: str, differences: np.ndarray, family: int, margin: float, higher: bool, shown: bool
 ) -> Pair:
-    """From `differences` [scenes, seeds], NaN where there is no pair; with what it could have found if `shown`."""
+    """Compare by `differences` [scenes, seeds], NaN where there is no pair; with the detectable effect if `shown`."""
     means = scene_means(differences[None])[0]
     there = means[np.isfinite(means)]
     if not there.size:
@@ -218,7 +220,7 @@ def _place(table: ResultTable, row: int, mean: float) -> Place:
 
 
 def _grouped(ranked: Ranking) -> Ranking:
-    """With its groups: the longest runs of neighbours in which no two methods are told apart."""
+    """Add the groups: the longest runs of neighbours in which no two methods are told apart."""
     names = [one.method for one in ranked.places]
     apart = {frozenset((pair.method, pair.against)) for pair in ranked.pairs if pair.told_apart}
     runs: list[tuple[int, int]] = []
@@ -235,7 +237,7 @@ def _grouped(ranked: Ranking) -> Ranking:
 
 
 def suspects(table: ResultTable, margin: float) -> list[Suspect]:
-    """Results that lie far from a fit of method plus scene by medians, the farthest first."""
+    """Return the results that lie far from a fit of method plus scene by medians, the farthest first."""
     values = table.values
     if min(values.shape[:2]) < SMALLEST_FIT:
         return []
@@ -262,7 +264,9 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
 
 
 def polished(cells: np.ndarray) -> np.ndarray:
-    """Tukey's median polish: what method and scene let one expect of each of `cells` [methods, scenes]."""
+    """Return Tukey's median polish: the value expected of each of `cells` [methods, scenes] from its
+    method and scene.
+    """
     residuals = cells.copy()
     for _ in range(POLISHES):
         residuals = residuals - _median(residuals, 1)[:, None]
@@ -271,14 +275,14 @@ def polished(cells: np.ndarray) -> np.ndarray:
 
 
 def _median(values: np.ndarray, axis: int) -> np.ndarray:
-    """As `nanmedian`, NaN without a warning where nothing is there."""
+    """Return `nanmedian`, but NaN without a warning if nothing is there."""
     there = np.isfinite(values).any(axis=axis, keepdims=True)
     found = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
     return np.asarray(np.where(there, found, np.nan).squeeze(axis))
 
 
 def without(table: ResultTable, found: list[Suspect]) -> ResultTable | None:
-    """`table` without these results; None where there is none, or where a method would have no result left."""
+    """Return `table` without these results; None if there is none, or if a method would have no result left."""
     if not found:
         return None
     values = table.values.copy()

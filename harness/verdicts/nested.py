@@ -1,8 +1,8 @@
 """Means of nested tables and their errors, of many tables at once: pure functions on arrays [..., scenes, seeds].
 
 NaN stands where a seed has no value. Each estimate is a mean, its standard error and the degrees of freedom of that;
-an error is NaN where nothing is known of the spread. Three seeds know their own variance badly: what the variances of
-a study's scenes say together is Smyth 2004 (Linear models and empirical Bayes methods): each is drawn from a scaled
+an error is NaN where nothing is known of the spread. Three seeds estimate their variance badly: the variances of
+a study's scenes are combined as in Smyth 2004 (Linear models and empirical Bayes methods): each is drawn from a scaled
 inverse χ² about a common one, whose location and whose degrees of freedom are estimated from all of them.
 """
 
@@ -13,23 +13,24 @@ import numpy as np
 from scipy.special import digamma, polygamma
 
 SMALLEST_SHARE = 1e-5
-"""A variance counts as no less than this share of the median, so that scores that agree by chance to all digits do not
-pull the prior to 0."""
+"""The least share of the median that a variance counts as, so that scores that agree by chance to all digits do not
+pull the prior to 0.
+"""
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """Arrays of one shape."""
+    """Estimates as arrays of one shape."""
 
     mean: np.ndarray
     error: np.ndarray
     freedom: np.ndarray
     spread: np.ndarray
-    """Standard deviation of what `error` was made from: of seeds within a scene, or of the scenes' means."""
+    """The standard deviation of what `error` was made from: of seeds within a scene, or of the scenes' means."""
 
 
 def on_these_scenes(values: np.ndarray) -> Estimated:
-    """The mean over scenes of the means over seeds, [...]; error from seeds alone.
+    """Estimate the mean over scenes of the means over seeds, [...]; error from seeds alone.
 
     Nothing is assumed of how alike the scenes' variances are: the degrees of freedom are Satterthwaite's, with squares
     of estimated variances corrected for their own uncertainty, and no more than all scenes have together. A scene with
@@ -51,7 +52,7 @@ def on_these_scenes(values: np.ndarray) -> Estimated:
 
 
 def on_each_scene(values: np.ndarray) -> Estimated:
-    """The mean over seeds of every scene [..., scenes], its variance moderated by those of the others."""
+    """Estimate the mean over seeds of every scene [..., scenes], its variance moderated by those of the others."""
     means, variances, counts = _by_scene(values)
     found, freedom = moderated(variances, np.maximum(counts - 1.0, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -60,7 +61,7 @@ def on_each_scene(values: np.ndarray) -> Estimated:
 
 
 def scenes_like_these(values: np.ndarray) -> Estimated:
-    """As `on_these_scenes`, of scenes that were not tried: each scene's mean is one value."""
+    """Estimate as `on_these_scenes`, but for scenes that were not tried: each scene's mean is one value."""
     means, _, counts = _by_scene(values)
     many = (counts > 0).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -71,14 +72,14 @@ def scenes_like_these(values: np.ndarray) -> Estimated:
 
 
 def _estimated(*parts: Any) -> Estimated:
-    """Sums over all axes are no arrays."""
+    """Return arrays, since sums over all axes are scalars."""
     return Estimated(*map(np.asarray, parts))
 
 
 def moderated(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each variance [..., scenes] as its own values and the other scenes' together say, and its degrees of freedom.
+    """Return each variance [..., scenes] moderated by the other scenes' ones, and its degrees of freedom.
 
-    `freedom` [..., scenes] is 0 where a scene has nothing to say of its own. With fewer than two scenes that have a
+    `freedom` [..., scenes] is 0 where a scene has no variance of its own. With fewer than two scenes that have a
     variance there is nothing to learn from.
     """
     location, prior = (one[..., None] for one in _prior(variances, freedom))
@@ -89,8 +90,9 @@ def moderated(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _prior(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The common variance and its degrees of freedom [...]: infinite where the variances differ no more than chance
-    alone makes them, 0 where there are not two of them."""
+    """Return the common variance and its degrees of freedom [...]: infinite where the variances differ no more than
+    chance alone makes them, 0 where there are not two of them.
+    """
     known = freedom > 0
     count = known.sum(axis=-1)
     half = np.where(known, freedom, 2.0) / 2
@@ -117,7 +119,7 @@ def _median(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _inverse_trigamma(values: np.ndarray) -> np.ndarray:
-    """By Newton's method on 1/trigamma, which is convex: Smyth 2004, appendix."""
+    """Invert by Newton's method on 1/trigamma, which is convex: Smyth 2004, appendix."""
     found = np.asarray(0.5 + 1.0 / values)
     for _ in range(50):
         trigamma = polygamma(1, found)
@@ -129,7 +131,7 @@ def _inverse_trigamma(values: np.ndarray) -> np.ndarray:
 
 
 def _by_scene(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means (NaN of none), variances (0 of a single value) and counts [..., scenes]."""
+    """Return means (NaN of none), variances (0 of a single value) and counts [..., scenes]."""
     there = np.isfinite(values)
     counts = there.sum(axis=-1).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,7 +1,7 @@
 """The paper's four tables as printed, and the ledger: every number that it prints, once, with all its places.
 
-An entry's `rule` says what kind of statement it is, and so who judges it (`reports.claims.claim_list.RULES`); `of` says
-of what. Entries that repeat the shape of a table are made from that table, in the paper's order.
+An entry's `rule` names the kind of statement, and so its judge (`reports.claims.claim_list.RULES`); `of` names its
+subject. Entries that repeat the shape of a table are made from that table, in the paper's order.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -31,7 +31,7 @@ TABLE4: list[dict[str, Any]] = [
     {"configuration": "+ Quantum Amplifier", "method": "nerf_phi_encoding_amplifier", "psnr": 33.8, "ssim": 0.972},
     {"configuration": "+ φ-Skip (Full Q-NeRF)", "method": "qnerf", "psnr": 34.0, "ssim": 0.974},
 ]
-"""`method` is ours with that row's parts, the amplifier as in Listing 2."""
+"""Table 4; `method` is ours with that row's parts, the amplifier as in Listing 2."""
 
 SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
     ("table1-position-bands", "Table 1", 10, "Frequency bands of a position, L", "train.network.position_bands"),
@@ -50,7 +50,7 @@ SETTINGS: tuple[tuple[str, str, float | None, str, str], ...] = (
     ("listing4-last", "Listing 4", 1e10, "Length of the last interval of a ray", ""),
     ("listing4-offset", "Listing 4", 1e-10, "What is added to the transmittance of an interval", ""),
 )
-"""id, place, printed value, what it is, and where a run's settings hold its own: nothing where they do not."""
+"""The stated settings: id, place, printed value, quantity, and the place of a run's own value, empty if it has none."""
 
 SERVING: tuple[tuple[str, tuple[str, ...], str, str, str], ...] = (
     ("section8.1-retrieval", ("§8.1",), "Cached views are retrieved instantly", "retrieval", "×"),
@@ -58,8 +58,9 @@ SERVING: tuple[tuple[str, tuple[str, ...], str, str, str], ...] = (
     ("section8.2-priority", ("§8.2", "Eq. 7"), "Rendering is prioritised by attention", "attended first", "×"),
     ("eq7-phi", ("Eq. 7",), "Factor φ changes what is rendered first or how finely", "factor of priorities", "maps"),
 )
-"""What §8 says in words, and our reading of Listing 5's key and of Eq. 7's φ, of which it says nothing: id, places,
-statement, rule, unit of what is measured."""
+"""The statements of §8 in words, and our reading of Listing 5's key and of Eq. 7's φ, which it does not explain: id,
+places, statement, rule, unit of the measured value.
+"""
 
 ORIGINAL_NERF: dict[str, float] = {
     "chair": 33.00,
@@ -71,8 +72,9 @@ ORIGINAL_NERF: dict[str, float] = {
     "mic": 32.91,
     "ship": 28.65,
 }
-"""PSNR by scene of the original NeRF (Mildenhall et al. 2020, Realistic Synthetic 360°): trained with 4096 rays a step
-for 100 000 to 300 000 steps, where the paper states 1024 rays and 200 000. Its SSIM on lego is 0.961 as well."""
+"""The PSNR by scene of the original NeRF (Mildenhall et al. 2020, Realistic Synthetic 360°): trained with 4096 rays per
+step for 100 000 to 300 000 steps, where the paper states 1024 rays and 200 000. Its SSIM on lego is 0.961 as well.
+"""
 
 
 Number = int | float
@@ -80,22 +82,22 @@ Number = int | float
 
 @dataclass(frozen=True)
 class Printed:
-    """One printed number."""
+    """A printed number."""
 
     id: str
     where: tuple[str, ...]
-    """Every place of the paper that states it."""
+    """The places of the paper that state it."""
     printed: Number | tuple[Number, Number] | None
-    """A range as a pair; None where the paper says it in words alone."""
+    """The number, a range as a pair; None if the paper says it in words alone."""
     statement: str
-    """What the paper says, in a sentence without the number."""
+    """The paper's statement, in a sentence without the number."""
     rule: str
-    """How it is put to the test, a key of `reports.claims.claim_list.RULES`."""
+    """The rule of its test, a key of `reports.claims.claim_list.RULES`."""
     unit: str = ""
     of: dict[str, str] = field(default_factory=dict)
-    """What it is about: scene, method, against, metric, axis, table, column."""
+    """The subject: scene, method, against, metric, axis, table, column."""
     leaves_open: tuple[float, float] | None = None
-    """Of a number that is derived from rounded ones: what these leave open. None where the paper prints it."""
+    """The interval that a number derived from rounded ones leaves open. None if the paper prints it."""
 
 
 NAMES = {"nerf": "NeRF", "qnerf": "Q-NeRF"}
@@ -245,12 +247,12 @@ EFFICIENCY = (
 
 
 def _step(metric: str, place: int) -> Number:
-    """What row `place` of Table 4 adds to the row above it."""
+    """Return what row `place` of Table 4 adds to the row above it."""
     return round(TABLE4[place][metric] - TABLE4[place - 1][metric], {"psnr": 1, "ssim": 3}[metric])
 
 
 def _open(metric: str, place: int) -> tuple[float, float] | None:
-    """Half a digit of either row; footnote 1 prints the first step of PSNR itself."""
+    """Return half a digit of either row; footnote 1 prints the first step of PSNR itself."""
     digit = {"psnr": 0.1, "ssim": 0.001}[metric]
     step = _step(metric, place)
     return None if (metric, place) == ("psnr", 1) else (round(step - digit, 3), round(step + digit, 3))
@@ -318,11 +320,11 @@ SERVED = tuple(Printed(name, where, None, words, rule, unit) for name, where, wo
 LEDGER: tuple[Printed, ...] = (
     *ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *SERVED, *ABLATION, *ELSEWHERE,
 )  # fmt: skip
-"""In the paper's order. `tests/harness/verdicts/test_paper.py` holds them against the numbers of the paper's text."""
+"""All entries in the paper's order. `tests/harness/verdicts/test_paper.py` compares them with the paper's text."""
 
 
 def printed() -> dict[str, Any]:
-    """All tables and the ledger as plain data, as a run record keeps them."""
+    """Return all tables and the ledger as plain data, as a run record keeps them."""
     return {
         "table1": TABLE1,
         "table2": TABLE2,

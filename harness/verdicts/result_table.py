@@ -1,6 +1,6 @@
 """A file of results (CSV, Parquet, JSON, nerfbaselines' own) → one metric by method, scene and seed.
 
-Whatever makes a table ambiguous is refused in a line.
+An ambiguous table is refused with a one-line message.
 """
 
 import csv
@@ -19,7 +19,7 @@ from harness.verdicts.comparisons import METRICS, PRIMARY
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "total_train_time": "seconds"}
-"""What nerfbaselines and our own summary call the column `seconds`."""
+"""The names that nerfbaselines and our own summary have for the column `seconds`."""
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
     "value}}} or a result file of nerfbaselines"
@@ -28,14 +28,14 @@ FORMS = (
 
 @dataclass(frozen=True)
 class Rows:
-    """One file's results, a list of equal length for each column."""
+    """The rows of one file, a list of equal length for each column."""
 
     source: Path
     columns: dict[str, list[Any]]
     first: int = 1
-    """What the first row is called: line 2 of a file with a head."""
+    """The number of the first row: line 2 of a file with a head."""
     lower: frozenset[str] = field(default_factory=frozenset)
-    """Metrics that the file itself declares to be better when lower."""
+    """The metrics that the file itself declares to be better when lower."""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), []))
@@ -45,7 +45,7 @@ class Rows:
 
 
 def read_rows(path: Path) -> list[Rows]:
-    """The rows of a file, or of all JSON files below a folder; raises `InputError` for what is no table."""
+    """Read the rows of a file, or of all JSON files below a folder; raises `InputError` if there is no table."""
     if path.is_dir():
         files = sorted(path.rglob("*.json"))
         if not files:
@@ -96,7 +96,7 @@ def _from_parquet(path: Path) -> Rows:
 
 
 def _named(path: Path, names: Iterable[Any]) -> list[str]:
-    """Names of columns in lower case, by one name each; raises `InputError` where two are the same."""
+    """Return column names in lower case, by one name each; raises `InputError` if two are the same."""
     known = [str(name).strip().lower() for name in names]
     known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
     twice = next((name for name in known if known.count(name) > 1), None)
@@ -129,7 +129,7 @@ def _is_plain(value: Any) -> bool:
 
 
 def _json_rows(data: Any, path: Path) -> list[Any]:
-    """The rows of each form that is known; none of any other."""
+    """Return the rows of each known form; none of any other."""
     if isinstance(data, list):
         nested = data and all(isinstance(one, dict) and isinstance(one.get("scenes"), dict) for one in data)
         return [row for one in data for row in _of_method(one)] if nested else data
@@ -153,7 +153,7 @@ def _of_method(one: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    """A result file of one method on one scene; older ones name their method by the folder alone."""
+    """Return the row of a result file of one method on one scene; older ones name their method by the folder alone."""
     info: dict[str, Any] = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
     places = [data.get("render_dataset_metadata"), info.get("dataset_metadata")]
     scenes = [place.get("scene") for place in places if isinstance(place, dict)]
@@ -164,23 +164,23 @@ def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 KEYS = ("scene", "method", "seed", "steps", "seconds")
-"""Columns that are no metric."""
+"""The columns that are no metric."""
 LOWER = frozenset(
     ("lpips", "flip", "rmse", "mse", "mae", "delta_e", "depth_rmse", "rmse_linear", "fid", "kid", "dists", "chamfer")
 )
-"""Metrics that are better when lower, also as parts of a name: `lpips_vgg`."""
+"""The metrics that are better when lower, also as parts of a name: `lpips_vgg`."""
 HIGHER = frozenset(("psnr", "ssim", "iou", "msssim", "accuracy", "f1"))
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()} | {"lpips": 0.005}
-"""Smallest effect of interest of each metric that has an agreed one."""
+"""The smallest effect of interest of each metric that has an agreed one."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000
 LARGEST = 1e12
-"""No score is larger, and the squares of all that are smaller are finite."""
+"""The limit of scores: no score is larger, and the squares of all that are smaller are finite."""
 
 
 @dataclass(frozen=True)
 class ResultTable:
-    """One metric of somebody's results."""
+    """One metric of a user's results."""
 
     source: str
     metric: str
@@ -188,18 +188,20 @@ class ResultTable:
     methods: list[str]
     scenes: list[str]
     seeds: list[str]
-    """A single one without a name where the table has no such column."""
+    """The seeds; a single one without a name if the table has no such column."""
     values: np.ndarray
-    """[methods, scenes, seeds], NaN where there is none."""
+    """The scores, [methods, scenes, seeds], NaN where there is none."""
     seconds: list[float | None]
-    """Mean training seconds of each method."""
+    """The mean training seconds of each method."""
     steps: list[float | None]
     notes: list[str]
-    """What a reader must know of how it was read."""
+    """The notes for a reader on how it was read."""
 
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
-    """`metric` is psnr, else the first one, where it is not given; raises `InputError` for what cannot be judged."""
+    """Read a table; `metric` is psnr, else the first one, if it is not given. Raises `InputError` if it cannot be
+    judged.
+    """
     parts = [rows for path in paths for rows in read_rows(path)]
     for rows in parts:
         lacking = [name for name in ("scene", "method") if name not in rows.columns]
@@ -244,7 +246,7 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
 
 
 def _metrics(parts: list[Rows]) -> list[str]:
-    """Columns whose first entry is a number, in their order."""
+    """Return columns whose first entry is a number, in their order."""
     found = []
     for name in dict.fromkeys(chain.from_iterable(rows.columns for rows in parts)):
         if name not in KEYS:
@@ -269,7 +271,7 @@ def _chosen(metrics: list[str], asked: str | None, parts: list[Rows]) -> str:
 
 
 def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
-    """Whether higher is better, and what is said where nobody knows."""
+    """Return whether higher is better, and a note if nobody knows."""
     words = set(metric.replace("-", "_").split("_"))
     if metric in lower or metric in LOWER or words & LOWER:
         return False, []
@@ -293,14 +295,14 @@ def _names(parts: list[Rows], key: str) -> list[str]:
 
 
 def _coded(names: list[str]) -> tuple[np.ndarray, list[str]]:
-    """Each name's place among the distinct ones, in the order of their first appearance."""
+    """Return each name's place among the distinct ones, in the order of their first appearance."""
     places: dict[str, int] = {}
     codes = np.fromiter((places.setdefault(name, len(places)) for name in names), np.int64, len(names))
     return codes, list(places)
 
 
 def _numbers(parts: list[Rows], name: str) -> np.ndarray:
-    """A column as numbers, NaN where it is empty; raises `InputError` at the first entry that is none."""
+    """Return a column as numbers, NaN where it is empty; raises `InputError` at the first entry that is none."""
     return np.concatenate([_column(rows, name) for rows in parts])
 
 
@@ -325,7 +327,7 @@ def _column(rows: Rows, name: str) -> np.ndarray:
 
 
 def _number(value: Any) -> float | None:
-    """`value` as a number of at most `LARGEST`, None where it is none."""
+    """Return `value` as a number of at most `LARGEST`, None if it is none."""
     if isinstance(value, bool):
         return None
     try:

@@ -7,7 +7,7 @@ their intervals are not the same:
     scenes like these   how large is it on scenes of this kind? Each scene's mean is one value, and Student's t is
                         exact for normal ones, however much seeds differ.
 
-Never are pixels or views the units.
+Pixels or views are never the units.
 """
 
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 CONFIDENCE = 0.95
 LEAST_FREEDOM = 1.0
-"""Degrees of freedom of an error of which an interval can be made: with fewer it would reach beyond every scale."""
+"""The least degrees of freedom of an error with an interval: with fewer it would reach beyond every scale."""
 MOST_FREEDOM = 1e6
 POWER = 0.80
 
 NORMAL = np.linspace(-8.0, 8.0, 801)
 WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
-"""A standard normal variable on a grid: the trapezoidal rule is as good as exact where the integrand is smooth."""
+"""The weights of a standard normal variable on a grid: the trapezoidal rule is all but exact for a smooth integrand."""
 
 
 @dataclass(frozen=True)
@@ -40,26 +40,28 @@ class PairedDifference:
 
     mean: float
     interval: tuple[float, float] | None
-    """None with fewer than two units: one difference has no spread."""
+    """The 95 % interval; None with fewer than two units: one difference has no spread."""
     smallest_detectable: float | None
-    """The true difference that samples of this size tell from 0 in 80 % of repetitions, if the true spread is the one
-    measured here."""
+    """The true difference that samples of this size distinguish from 0 in 80 % of repetitions, if the true spread is
+    the one measured here.
+    """
     units: int
     simultaneous: tuple[float, float] | None = None
     """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
     in 95 % of repetitions (Bonferroni). Equal to `interval` for a family of one."""
     error: float | None = None
-    """Standard error of the mean."""
+    """The standard error of the mean."""
     freedom: float | None = None
-    """Degrees of freedom of `error`."""
+    """The degrees of freedom of `error`."""
     family: int = 1
     effect: float | None = None
-    """Standardised: the mean in standard deviations of one of the differences that `error` was made from, of pairs
-    within a scene or of scenes. None where they do not differ."""
+    """The standardised effect: the mean in standard deviations of one of the differences that `error` was made from, of
+    pairs within a scene or of scenes. None if they do not differ.
+    """
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
-    """From independent differences [units]; raises `ValueError` where there is none or one is not finite.
+    """Compare by independent differences [units]; raises `ValueError` if there is none or one is not finite.
 
     `family` is the number of comparisons that are looked at together.
     """
@@ -70,19 +72,19 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
 
 
 def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """Scene → differences [seeds], NaN where a seed has none: the mean over scenes of the means over seeds.
+    """Map scene → differences [seeds], NaN where a seed has none, to the mean over scenes of the means over seeds.
 
-    The scenes are those that are asked about, so that the error comes from seeds alone. Raises `ValueError` where there
-    is no difference at all.
+    The scenes are those that are asked about, so that the error comes from seeds alone. Raises `ValueError` if there is
+    no difference at all.
     """
     values = _rows(table)
     return _difference(nested.on_these_scenes(values), len(values), family)
 
 
 def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> PairedDifference:
-    """One scene of `table`, its variance moderated by those of the others (`harness.verdicts.nested`).
+    """Compare on one scene of `table`, its variance moderated by those of the others (`harness.verdicts.nested`).
 
-    Raises `ValueError` where it has no difference.
+    Raises `ValueError` if it has no difference.
     """
     there = {name: values for name, values in table.items() if name == scene or np.isfinite(values).any()}
     count = int(np.isfinite(table[scene]).sum())
@@ -92,16 +94,16 @@ def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> P
 
 
 def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """As `on_these_scenes`, of scenes that were not tried: Student's t over the means of the scenes.
+    """Compare as `on_these_scenes`, but for scenes that were not tried: Student's t over the means of the scenes.
 
-    Without an interval where there is a single scene.
+    A single scene gives no interval.
     """
     values = _rows(table)
     return _difference(nested.scenes_like_these(values), len(values), family)
 
 
 def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
-    """[scenes that have a difference, seeds]"""
+    """Return [scenes that have a difference, seeds]."""
     there = [values for values in table.values() if np.isfinite(values).any()]
     if not there:
         raise ValueError("no scene has a difference")
@@ -112,7 +114,7 @@ def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _difference(found: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
-    """Of one table: `place` is the scene where each has an estimate of its own."""
+    """Return the difference of one table: `place` is the scene where each has an estimate of its own."""
     parts = (found.mean, found.error, found.freedom, found.spread)
     mean, error, freedom, spread = (float(one if place is None else one[place]) for one in parts)
     if np.isnan(error) or freedom < LEAST_FREEDOM:
@@ -126,21 +128,21 @@ def _difference(found: nested.Estimated, units: int, family: int, place: int | N
 
 
 def rounded_down(freedom: float) -> float:
-    """To a tenth, so that what is computed once for some degrees of freedom serves all comparisons alike; so many that
-    t is normal to six digits are as good as any number of them.
+    """Round down to a tenth, so that one computation serves all comparisons with such degrees of freedom; above a
+    limit, at which t is normal to six digits, all are equal.
     """
     return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
 
 
 def half_widths(found: nested.Estimated) -> np.ndarray:
-    """Of the 95 % intervals of many estimates, as they are printed for one."""
+    """Return half the widths of the 95 % intervals of many estimates, as they are printed for one."""
     values, places = np.unique(found.freedom, return_inverse=True)
     factors = np.array([critical(rounded_down(float(one))) if one > 0 else np.nan for one in values])
     return np.asarray(factors[places.reshape(found.freedom.shape)] * found.error)
 
 
 def critical(freedom: float, family: int = 1) -> float:
-    """Half-width, in standard errors, of one of `family` two-sided intervals that hold together in 95 %."""
+    """Return the half-width, in standard errors, of one of `family` two-sided intervals that hold together in 95 %."""
     return _quantile(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom)
 
 
@@ -150,9 +152,10 @@ def _quantile(share: float, freedom: float) -> float:
 
 
 def detectable(result: PairedDifference, smallest_of_interest: float) -> float | None:
-    """The true difference of which `verdict` would say better or worse in 80 % of repetitions, not only tell from 0.
+    """Return the true difference of which `verdict` would say better or worse in 80 % of repetitions, not only tell
+    from 0.
 
-    Larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
+    It is larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
     interest.
     """
     if result.error is None or result.freedom is None:
@@ -164,11 +167,11 @@ def detectable(result: PairedDifference, smallest_of_interest: float) -> float |
 
 
 def shift_found(threshold: float, freedom: float, of_interest: float = 0.0) -> float:
-    """The true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
+    """Return the true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
 
-    Found is a mean beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of freedom,
-    and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's own
-    uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
+    A mean is found if it lies beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of
+    freedom, and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's
+    own uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
     """
     # equal to all digits that matter, so that a table and the same one shifted find each other
     return _shift_found(*(float(f"{value:.7g}") for value in (threshold, freedom, of_interest)))
@@ -186,7 +189,7 @@ def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
 
 
 def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:
-    """Of repetitions, with a true mean of `shift` standard errors; see `shift_found`.
+    """Return the share of repetitions, with a true mean of `shift` standard errors, that find it; see `shift_found`.
 
     Without `of_interest` it is the noncentral t distribution's upper tail. Given the mean, its estimated error must be
     small enough for 0 to lie outside, and large enough for the smallest effect of interest to lie inside.
@@ -197,16 +200,16 @@ def share_found(shift: float, threshold: float, freedom: float, of_interest: flo
 
 
 def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
-    """Probability that the estimated standard error is below `bound` true ones: χ."""
+    """Return the probability that the estimated standard error is below `bound` true ones: χ."""
     return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
 
 
 def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_better: bool) -> Verdict:
-    """What the simultaneous interval allows to say.
+    """Return the verdict that the simultaneous interval allows.
 
     equivalent    the whole interval lies within ± the smallest effect of interest
     better/worse  the interval does not hold 0
-    inconclusive  anything else, and whatever has no interval
+    inconclusive  anything else, and any estimate without interval
     """
     if result.simultaneous is None:
         return "inconclusive"

@@ -1,4 +1,4 @@
-"""Cells → when each reached a PSNR, and who was sooner: times that are censored, never dropped.
+"""The times at which cells reach a PSNR, and which method was sooner: times are censored, never dropped.
 
 A run that ends below the target was watched until its end: its time is known to be longer (censored). One that
 diverged never gets there, whatever it scored before: that is a result of its method. One that failed (a full disk, a
@@ -31,18 +31,18 @@ from harness.verdicts.statistics import (
 )
 
 PRINTED_TARGET = 30.0
-"""dB, the paper's Table 3."""
+"""The target in dB of the paper's Table 3."""
 SMALLEST_SAVING = 5.0
-"""Per cent of training time that matter to somebody: the paper prints 18 and 19."""
+"""The saving in per cent of training time that matters: the paper prints 18 and 19."""
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
-"""Status → why a run was not seen to get there, whatever it scored before."""
+"""Map status → why a run was not seen to get there, whatever it scored before."""
 AXES: tuple[Axis, ...] = ("steps", "seconds")
 
 Key = tuple[str, str, int]
 
 
 def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
-    """Everything about a PSNR that is chosen from the runs of `nerf` (else the first method) alone.
+    """Return everything about a PSNR that is chosen from the runs of `nerf` (else the first method) alone.
 
     Cells that were not available here are no runs.
     """
@@ -70,9 +70,10 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
 
 
 def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, str]:
-    """The paper's where half of the `runs` reach it, else the largest whole dB that half of them reach; and why.
+    """Return the paper's target if half of the `runs` reach it, else the largest whole dB that half of them reach; and
+    why.
 
-    None where fewer than half of them finished with a score.
+    The target is None if fewer than half of them finished with a score.
     """
     best = sorted((_best(cell) for cell in runs), reverse=True)
     median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
@@ -92,7 +93,9 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
 
 
 def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
-    """When `cell` first reached `target`, between checkpoints on a line over the logarithm of steps or seconds."""
+    """Return when `cell` first reached `target`, between checkpoints on a line over the logarithm of
+    steps or seconds.
+    """
     points = scored(cell, axis)
     if cell.status != "done" or not points:
         watched = points[-1][0] if points else float(cell.steps if axis == "steps" else cell.train_seconds)
@@ -105,7 +108,9 @@ def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
 def first_reached(
     points: list[tuple[float, float]], target: float
 ) -> tuple[float, Literal["reached", "never", "earlier"]]:
-    """From (time, score) in the order of time, at least one: the time, and what is known of it (`Reach.known`)."""
+    """Return the time, and what is known of it (`Reach.known`), from (time, score) in the order of
+    time, at least one.
+    """
     if points[0][1] >= target:
         return points[0][0], "earlier"
     for (before, low), (after, high) in pairwise(points):
@@ -116,11 +121,11 @@ def first_reached(
 
 
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
-    """(times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
+    """Return (times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
     0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk
     until then: to take them out as if they had only been watched for a shorter time would count them as no worse than
-    the others. Runs that failed for reasons of their own were watched until they did.
+    the others. Runs that failed for other reasons were watched until they did.
     """
     end = max(one.time for one in reaches)
     watched = np.array([end if _lost(one) else one.time for one in reaches])
@@ -140,9 +145,9 @@ class _Paired:
     """The runs of two methods, side by side."""
 
     ratios: dict[str, np.ndarray]
-    """Scene → logarithm of the ratio of times [seeds], NaN where a run does not exist."""
+    """Map scene → logarithm of the ratio of times [seeds], NaN where a run does not exist."""
     apart: dict[str, np.ndarray]
-    """Scene → difference of times [seeds]."""
+    """Map scene → difference of times [seeds]."""
     pairs: list[tuple[Reach, Reach]]
     horizons: list[float]
     aside: int
@@ -152,7 +157,9 @@ class _Paired:
         return ours, theirs
 
     def sooner(self, family: int) -> Verdict:
-        """Who was known to be there first in more pairs than chance explains (sign test, exact and two-sided)."""
+        """Return which was known to be there first in more pairs than chance explains (sign test, exact
+        and two-sided).
+        """
         ours, theirs = (sum(pair[side].time < pair[1 - side].time for pair in self.pairs) for side in (0, 1))
         if not ours + theirs or binomtest(ours, ours + theirs).pvalue >= (1.0 - CONFIDENCE) / family:
             return "inconclusive"
@@ -160,23 +167,23 @@ class _Paired:
 
     @property
     def bounded(self) -> int:
-        """Pairs of which a time is a bound alone: how far apart they are, nobody knows."""
+        """Count the pairs of which a time is a bound alone: how far apart they are is unknown."""
         return sum(one.known != "reached" or other.known != "reached" for one, other in self.pairs)
 
     @property
     def silent(self) -> int:
-        """Pairs of which both times are bounds on the same side, so that nobody knows which was sooner."""
+        """Count the pairs of which both times are bounds on the same side, so that it is unknown which was sooner."""
         return sum(ours.known == theirs.known != "reached" for ours, theirs in self.pairs)
 
 
 def compared(
     cells: Iterable[CellRecord], method: str, against: str, axis: Axis, target: float, scene: str
 ) -> TargetComparison:
-    """`method` against `against` on one scene, or on `all` of `cells`.
+    """Compare `method` with `against` on one scene, or on `all` of `cells`.
 
-    What is compared is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a finished
-    run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored; of the
-    time to the target itself it is a bound at most. While some pair's time is a bound alone, nothing is called
+    The compared quantity is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a
+    finished run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored;
+    of the time to the target itself it is a bound at most. While some pair's time is a bound alone, nothing is called
     equivalent.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
@@ -224,7 +231,7 @@ def compared(
 
 
 def _estimate(found: _Paired, result: PairedDifference, settled: bool = True) -> Estimate:
-    """No verdict unless `settled`."""
+    """Return the estimate, without a verdict unless `settled`."""
     of_interest = -math.log1p(-SMALLEST_SAVING / 100)
     said, least = verdict(result, of_interest, higher_is_better=False), detectable(result, of_interest)
     if found.bounded and not _with_width(result.interval):  # times that are bounds alone agree by construction
@@ -240,7 +247,7 @@ def _estimate(found: _Paired, result: PairedDifference, settled: bool = True) ->
 
 
 def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    """None for an interval without any width: equal times say nothing of how much times differ."""
+    """Return None for an interval without any width: equal times say nothing of how much times differ."""
     return interval if interval is not None and interval[1] > interval[0] else None
 
 
@@ -270,7 +277,7 @@ def _paired(
 
 
 def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
-    """(steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
+    """Return (steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
 
     def at(point: Checkpoint) -> float:
         return float(point.step if axis == "steps" else point.seconds)
@@ -291,21 +298,21 @@ def _lost(one: Reach) -> bool:
 
 
 def _horizon(cells: list[CellRecord], axis: Axis) -> float | None:
-    """None where no cell finished with a score."""
+    """Return the horizon; None if no cell finished with a score."""
     return min(
         (points[-1][0] for cell in cells if cell.status == "done" and (points := scored(cell, axis))), default=None
     )
 
 
 def _cut(one: Reach, horizon: float) -> Reach:
-    """What of a time can be said that is watched until `horizon`."""
+    """Return what is known of a time that is watched until `horizon`."""
     if one.known != "never" and one.time <= horizon:
         return one
     return Reach(one.scene, one.method, one.seed, one.axis, horizon, "never", one.why)
 
 
 def _per_cent(log_ratio: float) -> float:
-    """Saved: 0 for a ratio of 1, 50 for one half, −100 for 2."""
+    """Return the saving in per cent: 0 for a ratio of 1, 50 for one half, −100 for 2."""
     return -100.0 * math.expm1(log_ratio)
 
 

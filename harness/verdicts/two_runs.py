@@ -13,47 +13,47 @@ from harness.verdicts.comparisons import compare
 from scenes.files.errors import InputError
 
 OF_THE_MACHINE = ("precision", "device", "threads")
-"""Settings that a plan leaves to the machine."""
+"""The settings that a plan leaves to the machine."""
 PLACE = ("processor", "instruction_set", "threads", "device", "commit")
-"""What of the origin of cells is shown side by side."""
+"""The parts of the origin of cells that are shown side by side."""
 Key = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
 class Apart:
-    """How far cells of the same scene, method and seed differ in test PSNR."""
+    """The differences of test PSNR between cells of the same scene, method and seed."""
 
     where: str
-    """A method, a scene, or `all`."""
+    """The method or scene, or `all`."""
     cells: int
     rms: float
-    """dB: root mean square of the differences."""
+    """The root mean square of the differences, dB."""
     mean: float
-    """dB: second less first."""
+    """The mean of second less first, dB."""
     largest: float
     largest_of: str
 
 
 @dataclass(frozen=True)
 class Changed:
-    """Verdicts of one of the two senses that are not the same in both outputs."""
+    """The verdicts of one of the two senses that are not the same in both outputs."""
 
     sense: str
     compared: int
     verdicts: int
     signs: int
-    """Of these, from better to worse or the other way round."""
+    """The number of these that go from better to worse or the other way round."""
     rows: list[str]
 
 
 @dataclass(frozen=True)
 class TwoRuns:
     origins: dict[str, tuple[list[str], list[str]]]
-    """What of the machines is not the same."""
+    """The differences between the machines."""
     identical: int
-    """Cells of the same scores to the last bit."""
+    """The cells of the same scores to the last bit."""
     lost: list[str]
-    """Cells that have a score in one output alone."""
+    """The cells that have a score in one output alone."""
     by_method: list[Apart]
     by_scene: list[Apart]
     all: Apart | None
@@ -62,7 +62,7 @@ class TwoRuns:
 
 
 def two_runs(first: Path, second: Path) -> TwoRuns:
-    """Raises `InputError` for outputs of different plans, and `DamagedRecord`."""
+    """Compare two outputs; raises `InputError` for outputs of different plans, and `DamagedRecord`."""
     runs, cells = [_run(out) for out in (first, second)], [_cells(out) for out in (first, second)]
     _refuse_other_plans(runs, cells, (first, second))
     pairs = [(cells[0][key], cells[1][key]) for key in sorted(cells[0])]
@@ -159,7 +159,7 @@ def _changed(first: list[Comparison], second: list[Comparison], sense: str) -> C
 
 
 def _headline(first: list[Comparison], second: list[Comparison]) -> Iterable[str]:
-    """PSNR over all scenes at equal steps."""
+    """Return the comparison of PSNR over all scenes at equal steps."""
     for one, other in zip(first, second, strict=True):
         if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps") and None not in (
             one.difference,
@@ -176,7 +176,7 @@ def as_json(found: TwoRuns) -> dict[str, Any]:
 
 
 def lines_of(found: TwoRuns) -> list[str]:
-    """A table for the terminal."""
+    """Return the lines of a table for the terminal."""
     lines = [f"{name}: {', '.join(one)} | {', '.join(other)}" for name, (one, other) in found.origins.items()]
     total = found.all.cells if found.all else 0
     lines += [f"{found.identical} of {total + len(found.lost)} cells are the same to the last bit", *found.lost, ""]
