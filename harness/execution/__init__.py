@@ -1,1 +1,1 @@
-"""Many cells, here or on a Ray cluster; imports `training` and what is below."""
+"""Many cells, here or on a Ray cluster; imports `training` and the rooms below it."""

@@ -1,4 +1,4 @@
-"""What a plan will cost on this machine, as a range; printed before anything is done."""
+"""The estimated cost of a plan on this machine, as a range; printed before anything is done."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,37 +15,39 @@ if TYPE_CHECKING:
     from harness.execution.probe import Pace, Probe
 
 SERVED_VIEWS = 1000
-"""Rendered to measure view cache and attention at the end of a run."""
+"""The views rendered to measure view cache and attention at the end of a run."""
 BESIDE = (1.0, 1.3)
-"""Reading views, batches, writing records and pictures, scores that only the last checkpoint has: on top of all."""
+"""The overhead factor for reading views, batches, writing records and pictures, and scores of the last checkpoint
+alone.
+"""
 HISTOGRAM_POINTS = 32**3
 PROPERTY_POINTS = 48**3
 BUSY = 1.3
-"""Wall seconds a processor second from which the machine is not ours alone."""
+"""The wall seconds per processor second from which the machine is not ours alone."""
 
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How much of a plan is still to be done, and what besides."""
+    """The part of a plan that is still to be done, and what is done besides."""
 
     missing: int
-    """View sets of the catalogue that are not in the cache."""
+    """The number of view sets of the catalogue that are not in the cache."""
     groups: tuple[tuple[str, ...], ...]
     """The methods of each group that lacks a cell."""
     verify: bool
-    """What is left out is tried with and without."""
+    """Whether omissions are tried with and without."""
     serving: bool
-    """View cache and attention are measured at the end."""
+    """Whether view cache and attention are measured at the end."""
 
 
 def estimate_lines(
     plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
 ) -> list[str]:
-    """Estimated wall time in words, by phase; nothing of a cluster, on which nothing was trained yet.
+    """Return the estimated wall time in words, by phase; nothing for a cluster on which nothing was trained yet.
 
-    `view_sets` is the cache of rendered ones, `before` the output folder that is gone on with.
+    `view_sets` is the cache of rendered ones, `before` the output folder that is resumed.
     """
     if machine.executor == "ray":
         return ["estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"]
@@ -62,7 +64,7 @@ def estimate_lines(
 
 
 def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
-    """The methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
+    """Return the methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
 
     def is_there(scene: str, method: str, seed: int) -> bool:
         path = cell_path(before, scene, method, seed) if before is not None else None
@@ -76,7 +78,7 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
 
 
 def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
-    """As `estimate_lines`, from what was measured, on a machine of so many `cores`."""
+    """Return the lines of `estimate_lines` from measurements on a machine of so many `cores`."""
     paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
     groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
     phases = {
@@ -114,7 +116,7 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
 
 
 def training_seconds(plan: Plan, pace: "Pace") -> Range:
-    """Of a cell, on its own clock."""
+    """Return the training seconds of a cell, on its own clock."""
     most = plan.budget.seconds or float("inf")
     if not plan.budget.steps:
         return most, most
@@ -124,7 +126,7 @@ def training_seconds(plan: Plan, pace: "Pace") -> Range:
 
 
 def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
-    """Of a cell: its checkpoints, and what is measured once at its end."""
+    """Return the scoring seconds of a cell: its checkpoints, and the measurements made once at its end."""
     score, views = plan.score, plan.views
     rendered = score.checkpoints * views.test + score.train_views + 2
     points = score.checkpoints * HISTOGRAM_POINTS + PROPERTY_POINTS
@@ -134,7 +136,7 @@ def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
 
 
 def shared(groups: list[list[Range]], machine: Machine) -> Range:
-    """Seconds of groups of cells on the machine's workers, each of which does one group after the other.
+    """Return the seconds of groups of cells on the machine's workers, each of which does one group after the other.
 
     At best they are evenly loaded, and no sooner done than the longest group; at worst the longest one begins when all
     others are done (Graham's bound of list scheduling).
@@ -146,7 +148,9 @@ def shared(groups: list[list[Range]], machine: Machine) -> Range:
 
 
 def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
-    """On all cores, at best so much faster than on those that it was measured on, or slower on fewer."""
+    """Return the rendering seconds on all cores, at best that much faster than on those of the measurement, or slower
+    on fewer.
+    """
     views, scale = plan.views, MEGASAMPLE_CORES / cores
     samples = (views.train + views.val) * views.spp_train + views.test * views.spp_test
     megasamples = missing * samples * views.resolution**2 / 1e6
@@ -154,7 +158,9 @@ def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
 
 
 def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:
-    """After a run of so many seconds, a part of which it may take; nothing is measured where it would take longer."""
+    """Return the seconds of serving after a run of so many seconds, a share of which it may take; 0 if it would take
+    longer.
+    """
     from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 
     rays = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2

@@ -1,4 +1,4 @@
-"""Where cells run: the options, what they make of this machine or a cluster, and who runs the groups."""
+"""The place where cells run: the options, their effect on this machine or a cluster, and the executor of the groups."""
 
 import argparse
 import sys
@@ -20,7 +20,7 @@ MOST_WORKERS = 256
 
 
 def add_executor_options(command: argparse.ArgumentParser) -> None:
-    """Of `run`."""
+    """Add the options of `run`."""
     add = command.add_argument
     add("--workers", type=int, metavar="N", help="processes on this machine (default: one a core, or one a GPU)")
     add("--threads", type=int, metavar="N", help="threads of each cell (default: cores over workers; on Ray 1)")
@@ -36,10 +36,10 @@ def add_executor_options(command: argparse.ArgumentParser) -> None:
 def device_and_bfloat16(
     options: argparse.Namespace, say: Callable[[str], None] = lambda line: None
 ) -> "tuple[torch.device, bool]":
-    """What cells train on, and whether that multiplies bfloat16; `options` of any command that has a `--device`. Of a
-    cluster it is said what it has.
+    """Return the device that cells train on, and whether it multiplies bfloat16; `options` are those of any command
+    with `--device`. The hardware of a cluster is reported.
 
-    Raises `InputError` where it is not there, or there is no cluster.
+    Raises `InputError` if the device is not there, or there is no cluster.
     """
     import torch
 
@@ -69,7 +69,7 @@ def device_and_bfloat16(
 def chosen_machine(
     options: argparse.Namespace, device: "torch.device", groups: int, say: Callable[[str], None]
 ) -> "Machine":
-    """What `options` and this machine, or the cluster, make of `groups`; a word of warning where clocks suffer."""
+    """Return the machine that `options` and this machine, or the cluster, give `groups`; warns if clocks suffer."""
     import torch
 
     from harness.machine.cores import physical_cores
@@ -95,8 +95,9 @@ def chosen_machine(
 
 
 def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
-    """What timed cells would have to share of the physical `cores` and the GPUs, in words: their clocks then measure
-    each other."""
+    """Describe which of the physical `cores` and GPUs timed cells would have to share: their clocks then measure each
+    other.
+    """
     found = []
     if machine.workers * machine.threads > cores:
         found.append(
@@ -111,7 +112,7 @@ def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
 def run_groups(
     machine: "Machine", tasks: "list[GroupTask]", commit: str, locally: "Callable[..., Iterator[Event]]"
 ) -> "Iterator[Event]":
-    """Events of all groups, from where `machine` has them run."""
+    """Yield events of all groups, run where `machine` has them run."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 
@@ -120,14 +121,14 @@ def run_groups(
 
 
 def device_here(machine: "Machine") -> str:
-    """Of what runs on this machine beside the cells: the head of a cluster may lack their GPU."""
+    """Return the device of work on this machine beside the cells: the head of a cluster may lack their GPU."""
     import torch
 
     return machine.device if machine.device != "cuda" or torch.cuda.is_available() else "cpu"
 
 
 def leave() -> None:
-    """Away from a cluster that was joined; a Ray that was started for this command ends."""
+    """Leave a cluster that was joined; a Ray that was started for this command ends."""
     if "ray" in sys.modules:
         from harness.execution.cluster.connection import disconnect
 

@@ -36,21 +36,22 @@ class RenderProgress:
     total: int
     path: Path | None = None
     note: str = ""
-    """What a user should know before anything is rendered."""
+    """A note for the user before anything is rendered."""
     doing: str = ""
-    """What the renderer is at."""
+    """The current work of the renderer."""
     kept: int = 0
-    """Of what is done, views that were there before."""
+    """The finished views that were there before."""
     share: float = 0.0
-    """Done, of the samples that were to be taken."""
+    """The finished share of the samples that were to be taken."""
 
 
 def read_views(
     folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test"
 ) -> "ViewSet":
-    """What a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a folder on a disk.
+    """Read the views that a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a
+    folder on a disk.
 
-    Raises `InputError` for whatever is wrong with the folder.
+    Raises `InputError` for any fault of the folder.
     """
     from harness.plan.needed import with_needs
     from scenes.view_sets.view_set import read_view_set
@@ -75,13 +76,13 @@ def render_view_sets(
     scene_file: str | None = None,
     limit: float | None = None,
 ) -> Iterator[RenderProgress]:
-    """Yields progress, and a `path` for each scene. Raises `InputError` with what the renderer said.
+    """Yield progress, and a `path` for each scene. Raises `InputError` with the renderer's message.
 
-    With `scene_file`, that one is rendered, and what takes its process down is an `InputError` that names it. So is a
+    With `scene_file`, that one is rendered, and a crash of its process is an `InputError` that names it. So is a
     view, or loading the scene, that takes longer than `limit` seconds (`usual_limit`, if not given): its process is
-    ended, finished views are kept. Without `scene_file` and `limit` there is none.
+    ended, finished views are kept. Without `scene_file` and `limit` there is no limit.
 
-    Where Dr.Jit takes its process down in the middle, the scenes that are missing are rendered with `scalar_rgb`.
+    If Dr.Jit crashes its process in the middle, the missing scenes are rendered with `scalar_rgb`.
     """
     missing = list(scenes)
     if scene_file is not None and limit is None:
@@ -101,7 +102,9 @@ def render_view_sets(
 
 
 def is_cached(scene: str, views: ViewSettings, cache: Path) -> bool:
-    """Whether a scene of the catalogue need not be rendered, if what bears its name is whole."""
+    """Return whether a scene of the catalogue need not be rendered, provided that the folder of its
+    name is complete.
+    """
     from scenes.rendering.store import is_stored
 
     counts = {"train": views.train, "val": views.val, "test": views.test}
@@ -116,21 +119,21 @@ def _forced_integrator(views: ViewSettings) -> str | None:
 
 
 MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), 2
-"""Seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
+"""The seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
 
 
 def usual_limit(views: ViewSettings) -> float:
-    """Seconds that a view may take, four times what the slower variant takes of most where views are large."""
+    """Return the seconds that a view may take: four times those of the slower variant for most large views."""
     megasamples = views.resolution**2 * max(views.spp_train, views.spp_test) / 1e6
     return max(RENDER_LIMIT, 4 * MEGASAMPLE[1] * megasamples)
 
 
 BEAT_SECONDS = 15.0
-"""Between two signs of life while nothing is finished."""
+"""The seconds between two signs of life while nothing is finished."""
 
 
 class _Aborted(RuntimeError):
-    """The renderer's process was ended by a signal."""
+    """A signal ended the renderer's process."""
 
 
 def _render(
@@ -194,9 +197,9 @@ def _render(
 
 
 def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[str, Any] | None]:
-    """What the renderer says, until it says no more, and None whenever that takes `beat` seconds.
+    """Yield the renderer's messages until they end, and None whenever one takes `beat` seconds.
 
-    Where it has ended, what it started may hold its pipe open: then it says no more once nothing came for two beats.
+    If it has ended, a process that it started may hold its pipe open: messages then end once none came for two beats.
     """
     found: queue.Queue[dict[str, Any] | None] = queue.Queue()
     said = process.stdout
@@ -238,7 +241,7 @@ def _event(message: dict[str, Any]) -> RenderProgress:
 
 
 def _message(line: str) -> dict[str, Any] | None:
-    """None for what is none: a scene of somebody's own may print."""
+    """Return the message, or None for other lines: a user's own scene may print."""
     try:
         message = json.loads(line)
     except (ValueError, RecursionError):

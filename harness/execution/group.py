@@ -1,4 +1,4 @@
-"""One group of cells, (scene, seed), from its view set to its records: what a worker process does."""
+"""One group of cells, (scene, seed), from its view set to its records: the work of a worker process."""
 
 import traceback
 from collections.abc import Callable
@@ -30,7 +30,7 @@ class GroupTask:
     threads: int
     out: Path
     keep_every: float = KEPT_EVERY
-    """Seconds between two times that the cells are kept in the middle of their training."""
+    """The seconds between two times that the cells are kept in the middle of their training."""
 
 
 def run_group(
@@ -42,8 +42,8 @@ def run_group(
 ) -> None:
     """Train, score and write every method of the group; an error of ours ends in records of status `error`.
 
-    `placed` is what the executor knows of the place, for the cells' provenance: `own_cores`, `cores`, `node`, …
-    Raises `OSError` where nothing can be written: a record could not be either.
+    `placed` holds the executor's facts about the place, for the cells' provenance: `own_cores`, `cores`, `node`, …
+    Raises `OSError` if nothing can be written: a record could not be either.
     """
     import torch
 

@@ -1,4 +1,4 @@
-"""Groups of cells on this machine: one worker process a core, each with its own threads."""
+"""Groups of cells on this machine: one worker process per core, each with its own threads."""
 
 import multiprocessing
 import os
@@ -19,7 +19,7 @@ from harness.records.cells import CellRecord
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a group: training went on, a cell ended, or a reader should know."""
+    """An event of a group: training advanced, a cell ended, or there is a note for the reader."""
 
     task: GroupTask
     share: float | None = None
@@ -51,7 +51,7 @@ class _Driver:
 
 @dataclass(frozen=True)
 class _Refusal:
-    """To train anything at all."""
+    """A refusal to train anything at all."""
 
     reason: str
 
@@ -60,10 +60,10 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
     """Run all tasks, at most `workers` at a time, each on cores and a GPU of its own as far as there are as many.
 
     A worker that dies costs its group, which is recorded as an error. One that finds other sources than this process
-    was started with trains nothing: its group is another's, or recorded as an error where none is left.
+    was started with trains nothing: its group goes to another, or is recorded as an error if none is left.
 
     Raises the `OSError` of a worker that cannot write its records: no other could. Closing the generator (Ctrl-C)
-    ends the workers at once; what they had finished is on disk.
+    ends the workers at once; cells that they had finished are on disk.
     """
     context = multiprocessing.get_context("spawn")
     waiting = list(tasks)
@@ -151,7 +151,7 @@ def _ending(exit_code: int | None) -> str:
 
 
 def _work(connection: Connection, gpu: dict[str, str], threads: int, driver: _Driver) -> None:
-    """On cores and a GPU of its own; in and out as in `_serve`."""
+    """Work on cores and a GPU of its own; input and output are those of `_serve`."""
     end_with_parent()
     os.environ.update(gpu)
     if wrong := _other_code(driver.versions):
@@ -171,7 +171,7 @@ def _work(connection: Connection, gpu: dict[str, str], threads: int, driver: _Dr
 
 
 def _other_code(versions: dict[str, str]) -> str:
-    """How what this worker trains by differs from the driver's `versions`, in words; empty where it does not."""
+    """Describe how the code that this worker trains with differs from the driver's `versions`; empty if it does not."""
     if wrong := changed_since(versions):
         return wrong
     from harness.training import lockstep  # noqa: F401 -- all that trains, which may change while it is imported
@@ -180,7 +180,9 @@ def _other_code(versions: dict[str, str]) -> str:
 
 
 def _serve(connection: Connection, placed: dict[str, Any]) -> None:
-    """Tasks in; progress (float), finished cells, notices (str), None (task ended) and `OSError` (cannot write) out."""
+    """Take tasks; send progress (float), finished cells, notices (str), None (task ended) and `OSError`
+    (cannot write).
+    """
     while (task := connection.recv()) is not None:
         last = 0.0
 

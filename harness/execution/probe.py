@@ -1,7 +1,7 @@
-"""What training and scoring take on this machine, from a few steps and views of each method on random colours.
+"""The cost of training and scoring on this machine, from a few steps and views of each method on random colours.
 
 Rays are those of a scene's own cameras, so that as many as usual miss the box; the occupancy grid is filled at random
-as it is once it has settled, which a few steps cannot bring about.
+to its settled share, which a few steps cannot reach.
 """
 
 import time
@@ -28,48 +28,49 @@ from scenes.files.errors import InputError
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 OCCUPIED = (0.25, 0.6)
-"""Share of the points inside the box that are evaluated once the grid has settled: the mean over the methods is within
-this on each of the eight scenes (`docs/reduced/summary.json`)."""
+"""The share of the points inside the box that are evaluated once the grid has settled: the mean over the methods is
+within this on each of the eight scenes (`docs/reduced/summary.json`).
+"""
 SEEN = 0.7
-"""Of these, in rendering: behind a surface nothing is evaluated."""
+"""The share of these that rendering evaluates: behind a surface nothing is evaluated."""
 FEW = 64
-"""Rays of a first try."""
+"""The rays of a first try."""
 LONGEST = 1.5
-"""Seconds that a measurement may take: what takes longer is put together from fewer rays."""
+"""The longest seconds of a measurement: a longer one is extrapolated from fewer rays."""
 REPEATS = 3
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Seconds, least and most, of one method."""
+    """The seconds, least and most, of one method."""
 
     first_step: float
-    """Before empty space is left out."""
+    """The seconds of a step before empty space is skipped."""
     step: tuple[float, float]
-    """Afterwards, the grid's refreshes included."""
+    """The seconds of a step afterwards, the grid's refreshes included."""
     ray: tuple[float, float]
-    """Rendered."""
+    """The seconds per rendered ray."""
     point: float
-    """Density of it, without a gradient."""
+    """The seconds per point for density without a gradient."""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """What a plan was tried with."""
+    """The measurements for a plan."""
 
     paces: dict[str, Pace]
     untried: dict[str, str]
-    """Method → why it could not be."""
+    """Map method → why it could not be tried."""
     start: float
-    """Seconds until a process is ready for its first step."""
+    """The seconds until a process is ready for its first step."""
     compared: float
-    """Seconds of a view's scores."""
+    """The seconds of a view's scores."""
     delayed: float
-    """Wall seconds a second of the processor, while steps and views were timed: 1 where nothing else runs here."""
+    """The wall seconds per processor second, while steps and views were timed: 1 if nothing else runs here."""
 
 
 def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
-    """Tries every method of `plan`; processor seconds where one thread of one works, else wall seconds.
+    """Try every method of `plan`; measures processor seconds if one thread of one works, else wall seconds.
 
     Methods that differ in their unit of density alone have the same pace.
     """
@@ -102,7 +103,7 @@ def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
 
 
 def _work_of(method: str) -> Any:
-    """Equal for methods whose steps are the same work."""
+    """Return a key that is equal for methods whose steps are the same work."""
     parts = CATALOG[method].parts if method in CATALOG else None
     return replace(parts, density_scale=DENSITY_SCALE, density_per="box") if parts is not None else method
 
@@ -114,7 +115,7 @@ def _learner(plan: Plan, method: str, device: torch.device) -> Learner:
 
 
 def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
-    """Rays of random pixels of the training cameras, as batches have them, and colours."""
+    """Return rays of random pixels of the training cameras, as batches have them, and colours."""
     generator = generator_for("cost", count)
     poses, width = camera_to_world("train"), plan.views.resolution
     focal = 0.5 * width / np.tan(0.5 * FOV_X_RADIANS)
@@ -165,7 +166,9 @@ def _random_mask(share: float, like: torch.Tensor) -> torch.Tensor:
 
 
 def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
-    """Of `work` on `rays` rays, the median of a few; where that would take long, from fewer rays in proportion."""
+    """Return the median seconds of `work` on `rays` rays over a few runs; if that would take long, extrapolated from
+    fewer.
+    """
 
     def once(count: int) -> float:
         began = clock()
@@ -182,7 +185,7 @@ def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock
 
 
 def _compared_seconds(width: int, clock: Callable[[], float]) -> float:
-    """Of the scores of one view that every checkpoint has."""
+    """Return the seconds of the scores of one view that every checkpoint has."""
     image, truth = np.random.default_rng(0).random((2, width, width, 3), dtype=np.float32)
     for _ in range(2):  # the first call imports
         began = clock()

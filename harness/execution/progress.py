@@ -1,6 +1,6 @@
-"""What a user sees while a run goes on: bars on a terminal, plain lines elsewhere, nothing with --quiet.
+"""The display of a running command: bars on a terminal, plain lines elsewhere, nothing with --quiet.
 
-How long it will still take is said from what is finished; nothing is said before anything is.
+The remaining time is estimated from finished work; there is no estimate before anything is finished.
 """
 
 import heapq
@@ -20,29 +20,31 @@ if TYPE_CHECKING:
 
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
-"""Share of a piece of work after which its pace says something of the rest."""
+"""The share of a piece of work after which its pace allows an estimate of the rest."""
 SPREAD = (0.7, 1.4)
-"""The rest takes as many times as long as at the pace of what was done: of a group of cells, whose first steps leave no
-empty space out, and of scenes, which differ by so much (`docs/reduced/summary.json`)."""
+"""The factors of the rest at the pace so far: for a group of cells, whose first steps skip no empty space, and for
+scenes, which differ by so much (`docs/reduced/summary.json`).
+"""
 
 
 def span(low: float, high: float) -> str:
-    """Seconds in words, no more exact than they are known: `40 to 70 s`, `13 to 24 min`, `about 3 h`."""
+    """Return seconds in words, no more exact than they are known: `40 to 70 s`, `13 to 24 min`, `about 3 h`."""
     size, unit = next((one for one in UNITS if high >= 1.5 * one[0]), UNITS[-1])
     ends = [_rounded(value / size) for value in (low, high)]
     return f"about {ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
 
 
 def _rounded(value: float) -> str:
-    """Halves below 4.5, whole numbers below 20, else multiples of five."""
+    """Round to halves below 4.5, integers below 20, else multiples of five."""
     if value < 4.5:
         return f"{round(2 * value) / 2:g}"
     return f"{value:.0f}" if value < 20 else f"{5 * round(value / 5)}"
 
 
 def in_turn(rests: list[float], workers: int, waiting: int, each: float) -> float:
-    """Seconds until `workers` have ended what they are at, of which `rests` are left, and after that `waiting` pieces
-    of `each`; no piece is divided, so that in the end some have nothing to do."""
+    """Return the seconds until `workers` have ended their current pieces, of which `rests` are left, and after that
+    `waiting` pieces of `each`; no piece is divided, so that in the end some are idle.
+    """
     ends = sorted([*rests, *[0.0] * (workers - len(rests))])
     for _ in range(waiting):
         heapq.heapreplace(ends, ends[0] + each)
@@ -50,13 +52,14 @@ def in_turn(rests: list[float], workers: int, waiting: int, each: float) -> floa
 
 
 class TimeLeft:
-    """At the pace since the first report, which comes after processes have started and data are read."""
+    """An estimate at the pace since the first report, which comes after processes have started and data are read."""
 
     def __init__(self) -> None:
         self._first: tuple[float, float] | None = None
 
     def words(self, done: float, enough: bool, kept: float | None = None, at_least: float = 0.0) -> str:
-        """`done` of the whole, 0 to 1; empty where that is not `enough` to tell the rest by, or nothing is left.
+        """Return the time left when `done`, 0 to 1, is done; empty if that is not `enough` to estimate, or nothing is
+        left.
 
         `kept` of it took none of this time (what was done at the first report, if not given); at its pace the rest
         takes `at_least` so many seconds.
@@ -73,7 +76,7 @@ class TimeLeft:
 
 @runtime_checkable
 class Progress(Protocol):
-    """Told of everything that happens."""
+    """The receiver of all events."""
 
     def line(self, text: str) -> None: ...
 
@@ -86,14 +89,14 @@ class Progress(Protocol):
     def cell(self, cell: CellRecord) -> None: ...
 
     def part(self, what: str, done: int, total: int) -> None:
-        """Of anything else that has parts: how many of them are done, and what is being done."""
+        """Report on anything else that has parts: how many of them are done, and which is being done."""
         ...
 
     def close(self) -> None: ...
 
 
 class Quiet:
-    """Says nothing."""
+    """A display that shows nothing."""
 
     def line(self, text: str) -> None: ...
 
@@ -111,7 +114,7 @@ class Quiet:
 
 
 class Lines(Quiet):
-    """Plain lines, one every few seconds at most, and one for each scene rendered and each cell ended."""
+    """Plain lines, at most one every few seconds, and one for each scene rendered and each cell ended."""
 
     def __init__(self, every_seconds: float = 15.0) -> None:
         self._every = every_seconds
@@ -220,14 +223,15 @@ class Bars(Quiet):
 
 
 class _Parts:
-    """Pieces of work that are done part by part."""
+    """A piece of work that is done part by part."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[float, TimeLeft]] = {}
 
     def left(self, name: str, share: float) -> str:
-        """Of this piece, `share` of which is done, in words; empty where nothing can be said yet. One with less done
-        than before is another."""
+        """Return the time left for this piece, `share` of which is done, in words; empty if it is not known yet. A
+        smaller share than before starts another piece.
+        """
         before, clock = self._known.get(name, (0.0, TimeLeft()))
         if share < before:
             clock = TimeLeft()
@@ -237,33 +241,33 @@ class _Parts:
 
 @dataclass
 class _Group:
-    """Of cells, from its first report on. One that was interrupted has come some way before that."""
+    """A group of cells, from its first report on. An interrupted one has already done a part before that."""
 
     cells: int
     share_before: float
     done_before: float
     began: float
     share: float = 0.0
-    """Trained."""
+    """The trained share."""
     done: float = 0.0
-    """Cells' worth of work."""
+    """The finished work, counted in cells."""
     latest: float = 0.0
-    """Clock at the last report."""
+    """The clock at the last report."""
 
 
 class _Tally:
-    """How much of all missing cells is trained, and what the rest takes."""
+    """The share of all missing cells that is trained, and the time of the rest."""
 
     def __init__(self, expected: int = 0) -> None:
         self._expected = expected
         self._groups: dict[tuple[str, int], _Group] = {}
         self._at_once = 1
-        """Groups, at most so far: as many workers are there."""
+        """The most groups at a time so far: there are as many workers."""
         self._clock = TimeLeft()
         self._enough = False
 
     def left(self, task: "GroupTask", share: float) -> str:
-        """In words; empty until a group has come far enough since its first report."""
+        """Return the time left in words; empty until a group has advanced far enough since its first report."""
         now, done = time.monotonic(), _work(task, share) * len(task.methods)
         group = self._groups.setdefault((task.scene, task.seed), _Group(len(task.methods), share, done, now))
         group.share, group.done, group.latest = share, done, now
@@ -279,7 +283,7 @@ class _Tally:
         return [one for one in self._groups.values() if one.share < 1.0]
 
     def _at_least(self) -> float:
-        """Seconds: a group is one worker's, however many have nothing to do."""
+        """Return the least seconds: a group is one worker's, however many are idle."""
         groups = self._groups.values()
         gained = sum(one.done - one.done_before for one in groups)
         if gained <= 0:
@@ -293,7 +297,7 @@ class _Tally:
 
 
 def _work(task: "GroupTask", share: float) -> float:
-    """Share of a group's work, scoring included, once it has trained `share` of its steps."""
+    """Return the share of a group's work, scoring included, once it has trained `share` of its steps."""
     if not task.budget.steps:
         return share
     trained = TRAINED_RAY * task.budget.steps * task.train.rays
@@ -305,7 +309,7 @@ def _work(task: "GroupTask", share: float) -> float:
 
 TRAINED_RAY = 3.0
 SCORED_RAY = 2.0
-"""What a ray costs in training, and rendered and held against the truth, in the rendering of one."""
+"""The cost of a ray in training, and of one rendered and compared with the truth, in units of rendering one."""
 
 
 def _joined(text: str, left: str) -> str:
@@ -313,7 +317,7 @@ def _joined(text: str, left: str) -> str:
 
 
 def cell_line(cell: CellRecord) -> str:
-    """One line of a finished cell."""
+    """Return one line on a finished cell."""
     name = f"{cell.scene} {cell.method} seed {cell.seed}"
     if cell.status != "done":
         return f"{name}: {cell.status.upper()}, {cell.reason}"
@@ -323,7 +327,7 @@ def cell_line(cell: CellRecord) -> str:
 
 
 def chosen_progress(quiet: bool) -> Progress:
-    """Bars on a terminal, lines elsewhere."""
+    """Return bars on a terminal, lines elsewhere."""
     if quiet:
         return Quiet()
     return Bars() if sys.stdout.isatty() else Lines()

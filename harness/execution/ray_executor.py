@@ -1,4 +1,4 @@
-"""Groups of cells on a Ray cluster: placed by what they need, tried again where a node dies, written here alone."""
+"""Groups of cells on a Ray cluster: placed by their needs, retried if a node dies, written here alone."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -32,11 +32,13 @@ from harness.records.snapshot import drop_ended, unfinished_path
 from scenes.files.errors import InputError
 
 MOST_ATTEMPTS = 6
-"""At one group, counting those that a dying node or worker ended; then its missing cells are recorded as errors."""
+"""The most attempts at one group, counting those ended by a dying node or worker; then its cells are recorded as
+errors.
+"""
 POLL_SECONDS = 0.2
 
 Look = tuple[list[dict[str, Any]], dict[str, float]]
-"""At the cluster: its nodes, and what of all their resources is free."""
+"""A view of the cluster: its nodes, and the free part of all their resources."""
 
 
 @dataclass
@@ -44,23 +46,23 @@ class _Running:
     """An attempt at a group."""
 
     task: GroupTask
-    """As it was given, with all methods that were missing at first."""
+    """The task as it was given, with all methods that were missing at first."""
     attempt: int
     node: str | None = None
-    """Where it is in training; None until it is."""
+    """The node where it is in training; None until it is."""
     missing: int = 0
-    """Methods of this attempt."""
+    """The number of methods of this attempt."""
 
 
 def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
     """Run all tasks on the cluster that `harness.execution.cluster.connection.connect` has joined, as many as it has
     room for.
 
-    A group takes `threads` cores, and one GPU where it trains on one. One whose node or process dies is tried again
-    elsewhere without the methods that had ended, to the same bits; an error of ours is recorded and not tried again.
-    Raises the `OSError` of a disk that takes nothing, here or on a node, and `InputError` where a node has other
-    packages, where none is left that is large enough, and where the cluster as a whole is lost. Closing the generator
-    (Ctrl-C) cancels what runs; what had ended is on disk.
+    A group takes `threads` cores, and one GPU if it trains on one. If its node or process dies, it is retried elsewhere
+    without the methods that had ended, to the same bits; an error of ours is recorded and not retried. Raises the
+    `OSError` of a disk that accepts nothing, here or on a node, and `InputError` if a node has other packages, if none
+    is left that is large enough, and if the cluster as a whole is lost. Closing the generator (Ctrl-C) cancels running
+    groups; ended cells are on disk.
     """
     import ray
 
@@ -85,7 +87,7 @@ def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
 
 
 def _lost_clusters() -> tuple[type[Exception], ...]:
-    """What Ray raises where there is nobody left to talk to."""
+    """Return the errors that Ray raises if there is nobody left to talk to."""
     from ray import exceptions
 
     return exceptions.RaySystemError, exceptions.RpcError, exceptions.LocalRayletDiedError, exceptions.ActorDiedError
@@ -151,7 +153,7 @@ def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Even
 
 
 def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
-    """Mailbox and files as actors of the node that this process is on."""
+    """Return mailbox and files as actors of the node that this process is on."""
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -162,7 +164,7 @@ def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
 
 
 def _resources(task: GroupTask) -> dict[str, Any]:
-    """What Ray sets aside; it shows a process the GPU that it has, of either vendor. Retries are ours."""
+    """Return what Ray reserves; it shows a process the GPU that it has, of either vendor. Retries are ours."""
     needs = needs_of(task.threads, task.device)
     return {
         "num_cpus": needs["CPU"],
@@ -177,7 +179,7 @@ def _missing(task: GroupTask) -> tuple[str, ...]:
 
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:
-    """What is kept of its cells, path inside the output folder → content."""
+    """Return the snapshots of its cells, path inside the output folder → content."""
     return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in _kept_files(task)}
 
 
@@ -187,7 +189,7 @@ def _kept_files(task: GroupTask) -> list[Path]:
 
 
 def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Event]:
-    """Writes what was delivered, record last, and says what else happened; a lost attempt's late words are left."""
+    """Write delivered cells, record last, and yield the other events; late messages of a lost attempt are dropped."""
     by_group: dict[Key, _Running] = {(one.task.scene, one.task.seed): one for one in running.values()}
     for message in messages:
         one = by_group.get(message.group)
@@ -220,7 +222,7 @@ def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Eve
 
 
 def _lost(reference: Any) -> str | None:
-    """Why an attempt ended without an end of its own; None where it had one. Raises what ends the run."""
+    """Return why an attempt ended without an end of its own; None if it had one. Raises errors that end the run."""
     import ray
     from ray import exceptions as crashed
 

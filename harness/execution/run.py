@@ -36,9 +36,11 @@ from harness.verdicts.survival import targets
 Verify = Callable[
     [Plan, list[CellRecord], list[SceneRecord], dict[str, Path], Machine, Path, Progress], list[SceneRecord]
 ]
-"""`harness.studies.choices.verification.verify_run`: the scenes' records, with what leaving out saved and changed."""
+"""The function `harness.studies.choices.verification.verify_run`: returns the scenes' records, with the savings and
+costs of omissions.
+"""
 Serve = Callable[[Path, str, Path, Progress], None]
-"""`harness.studies.serving.serving_run.after_run`: output folder, device, cache of view sets."""
+"""The function `harness.studies.serving.serving_run.after_run` of output folder, device, cache of view sets."""
 
 
 def run(
@@ -51,12 +53,11 @@ def run(
     verify: Verify | None = None,
     serve: Serve | None = None,
 ) -> int:
-    """Do what the plan says into `out`, which is ours already (`harness.run_folder.output_folder`), leaving out
-    finished cells.
+    """Execute the plan into `out`, which is ours already (`harness.run_folder.output_folder`), without finished cells.
 
     `verify` then tries what each scene does not need with and without; `serve` measures view cache and attention last,
-    which changes nothing of the run. Exit code 0, or 3 where a cell diverged or failed or something that was left out
-    costs more than its bound. Raises `InputError` before any training where input is wrong.
+    which changes nothing of the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission costs more
+    than its bound. Raises `InputError` before any training for wrong input.
     """
     import torch
 
@@ -110,7 +111,7 @@ def run(
 def _train(
     plan: Plan, folders: dict[str, Path], machine: Machine, out: Path, origin: dict[str, Any], show: Progress
 ) -> None:
-    """The cells that are missing; what the executor has to say is noted in `origin`."""
+    """Train the missing cells; the executor's notes are stored in `origin`."""
     tasks = _tasks(plan, folders, machine, out)
     kept = list(read_cells_of(out, sorted(plan.cells())))
     elsewhere = made_elsewhere(kept, origin, out)
@@ -132,7 +133,7 @@ def _train(
 
 
 def _compared(out: Path, plan: Plan) -> list[CellRecord]:
-    """Comparisons and targets of the groups that are whole, written, so that a stopped run has some; all its cells."""
+    """Write comparisons and targets of the complete groups, so that a stopped run has some; returns all its cells."""
     cells = list(read_cells_of(out, sorted(plan.cells())))
     ended = Counter((cell.scene, cell.seed) for cell in cells)
     whole = [cell for cell in cells if ended[cell.scene, cell.seed] == len(plan.methods_of(cell.scene, cell.seed))]
@@ -144,14 +145,14 @@ def _compared(out: Path, plan: Plan) -> list[CellRecord]:
 
 
 def _kept(out: Path, plan: Plan) -> str:
-    """What to do after a run was stopped."""
+    """Return what to do after a run was stopped."""
     found = sum(1 for key in plan.cells() if cell_path(out, *key).exists())
     report = f"`python -m reports {out} --partial` reports them; " if found else ""
     return f"{found} of {len(plan.cells())} cells are kept; {report}go on with --resume --out {out}"
 
 
 def plan_lines(plan: Plan, machine: Machine) -> list[str]:
-    """The plan in words, for the terminal."""
+    """Return the plan in words, for the terminal."""
     budget = " or ".join(
         text
         for text in (
@@ -178,7 +179,7 @@ def plan_lines(plan: Plan, machine: Machine) -> list[str]:
 
 
 def _seeds(extra: Extra) -> str:
-    """`seeds 0 1 2`"""
+    """Return the seeds in words: `seeds 0 1 2`."""
     return f"seed{'s' if len(extra.seeds) > 1 else ''} {' '.join(map(str, extra.seeds))}"
 
 
@@ -189,7 +190,7 @@ def _at_once(machine: Machine) -> str:
 
 
 def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
-    """Scene → its view set: the user's own, or rendered, or from the cache."""
+    """Map scene → its view set: the user's own, or rendered, or from the cache."""
     if plan.view_set:
         from scenes.view_sets.foreign import source_of
 
@@ -210,7 +211,7 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
 
 
 def _tasks(plan: Plan, folders: dict[str, Path], machine: Machine, out: Path) -> list[GroupTask]:
-    """The groups that still lack a cell, with the methods that they lack. A cell without its chance is tried again."""
+    """Return the groups that still lack a cell, with those methods. A cell that was not available is tried again."""
     for cell in list(read_cells_of(out, plan.cells())):
         if cell.status in ("error", "not_available"):
             cell_path(out, cell.scene, cell.method, cell.seed).unlink()
@@ -263,7 +264,7 @@ def _run_record(
 
 
 def _measured_beside() -> dict[str, Any]:
-    """What stands beside the paper's printed numbers and needs no training."""
+    """Return the measurements beside the paper's printed numbers that need no training."""
     from harness.execution.run_record import parameters_at_paper_size
 
     lines = core_module_lines()
@@ -275,6 +276,6 @@ def _measured_beside() -> dict[str, Any]:
 
 
 def outcome(out: Path) -> str:
-    """One line: how many cells ended how."""
+    """Return one line: how many cells ended how."""
     counts = Counter(cell.status for cell in read_cells(out))
     return ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))

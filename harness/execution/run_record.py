@@ -1,4 +1,4 @@
-"""What a run's record says of a scene's view set, and what stands beside the paper's numbers without training."""
+"""The run record's facts about a scene's view set, and those beside the paper's numbers that need no training."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,9 @@ from harness.records.json_record import finite_or_none
 
 
 def parameters_at_paper_size(method: str) -> dict[str, int]:
-    """Weights by component of a method at 8 × 256, L = 10/4. Raises `ValueError` for one that is no network."""
+    """Count weights by component of a method at 8 × 256, L = 10/4. Raises `ValueError` for a method
+    without a network.
+    """
     parts = CATALOG[method].parts
     if parts is None:
         raise ValueError(f"{method} is no network: Table 1 says nothing of it")
@@ -24,7 +26,7 @@ def parameters_at_paper_size(method: str) -> dict[str, int]:
 
 
 def scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord:
-    """Reads the view set once, so that whatever is wrong with it is said before any training."""
+    """Read the view set once, so that any fault of it is reported before any training."""
     import numpy as np
 
     from harness.training.cell_training import finished_on
@@ -58,6 +60,6 @@ def scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord:
 
 
 def _left_out(row: dict[str, Any]) -> LeftOut:
-    """What a manifest says, as far as it says it: an older one knows no bounds."""
+    """Return the manifest's omissions, as far as it has them: an older one knows no bounds."""
     known = ("name", "concerns", "bound", "unit")
     return LeftOut(row["what"], row["reason"], **{key: row[key] for key in known if key in row})

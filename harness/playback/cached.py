@@ -14,15 +14,15 @@ from harness.training.evaluate import View, render_view
 from harness.training.learner import Learner
 
 CHANNELS = 5
-"""Red, green, blue; opacity; depth."""
+"""The number of channels: red, green, blue; opacity; depth."""
 
 
 class CachedMethod:
-    """Renders views, or gives back what it rendered before: the same bits, as arrays that cannot be written, also where
-    they were rendered just now; `torch.from_numpy` warns of them, `torch.tensor` copies.
+    """A method that renders views, or returns those rendered before: the same bits, as arrays that cannot be written,
+    also if they were rendered just now; `torch.from_numpy` warns of them, `torch.tensor` copies.
 
     Weights are part of the key, and hashed at every call. With `frozen` the caller promises that nobody trains the
-    method: they are then hashed once, and again where a step, a weight that was replaced or written through torch's or
+    method: they are then hashed once, and again if a step, a weight that was replaced or written through torch's or
     Dr.Jit's operations, or another switch of torch shows that it was changed all the same. A write through `.data`, or
     through a NumPy array that shares memory, does not show; neither does one by a fused optimiser, but for its step.
     """
@@ -40,7 +40,7 @@ class CachedMethod:
         self._known: tuple[_Fingerprint, bytes] | None = None
 
     def render(self, camera: Camera, use_cache: bool = True) -> View:
-        """The view; rendered, and kept, where it is not in the store or shall not be taken from there.
+        """Return the view; rendered, and kept, if it is not in the store or shall not be taken from there.
 
         Raises `harness.training.trainer.Diverged` on a pixel that is not finite.
         """
@@ -53,17 +53,19 @@ class CachedMethod:
         return view_of(picture)
 
     def key(self, camera: Camera, calls: str | None = None) -> str:
-        """Of a view with rays put into calls as `calls` says; as plain rendering does where that is None."""
+        """Return the key of a view with rays put into chunks as `calls` describes; None means those of
+        plain rendering.
+        """
         return camera_key(self._method_digest(), camera, calls or self._plain)
 
     def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, int] | None:
-        """The view and the level at which it was found; nothing is rendered."""
+        """Return the view and the level at which it was found; nothing is rendered."""
         return self._found(self.key(camera, calls), camera)
 
     def keep(self, camera: Camera, view: View, calls: str | None = None) -> None:
-        """Stores a view that the caller has rendered with the method as it is now.
+        """Store a view that the caller has rendered with the method as it is now.
 
-        Raises `TypeError` and `ValueError` where it is no whole view of this camera.
+        Raises `TypeError` and `ValueError` if it is no complete view of this camera.
         """
         picture = picture_of(view)
         if picture.shape[:2] != (camera.height, camera.width):
@@ -96,8 +98,8 @@ def _modules_of(learner: Learner) -> list[nn.Module]:
 
 
 class _Fingerprint:
-    """What shows within microseconds that a method may have changed: attributes of the learner that are other objects,
-    tensors that are other ones or lie elsewhere, versions that torch counts, and variables of Dr.Jit.
+    """A fingerprint that shows within microseconds that a method may have changed: attributes of the learner that are
+    other objects, tensors that are other ones or lie elsewhere, versions that torch counts, and variables of Dr.Jit.
     """
 
     __slots__ = ("held", "kept", "numbers", "values")
@@ -109,9 +111,9 @@ class _Fingerprint:
         if learner.grid is not None:
             tensors.append(learner.grid.occupied)
         self.values: list[Any] = list(getattr(learner.field, "values", {}).values())
-        """Dr.Jit's arrays of a field of voxels."""
+        """The Dr.Jit arrays of a field of voxels."""
         self.held: list[Any] = [*tensors, *self.values, *vars(learner).values()]
-        """Objects, so that none of them can go and leave its address to another."""
+        """The objects, held so that none of them can be freed and leave its address to another."""
         self.kept: list[Any] = []
         self.numbers = (
             [(one._version, one.data_ptr()) for one in tensors if one is not None],
@@ -121,8 +123,8 @@ class _Fingerprint:
         )
 
     def keep_values(self) -> None:
-        """Second names for the variables of Dr.Jit: as long as there are any, whatever is written becomes another
-        variable, and no other one is given the number of this.
+        """Keep second names for the variables of Dr.Jit: as long as there are any, every write makes another variable,
+        and no other one is given the number of this.
         """
         self.kept = [type(one)(one) for one in self.values]
 
@@ -135,8 +137,8 @@ class _Fingerprint:
 
 
 def picture_of(view: View) -> np.ndarray:
-    """Colour, opacity and depth as one read-only float32 [height, width, 5]; raises `TypeError` for another type, as
-    its bits would not come back, and `ValueError` where shapes do not belong together or a value is not finite.
+    """Return colour, opacity and depth as one read-only float32 [height, width, 5]; raises `TypeError` for another
+    type, whose bits would not come back, and `ValueError` if shapes do not belong together or a value is not finite.
     """
     parts = view.colour, view.opacity[..., None], view.depth[..., None]
     if any(part.dtype != np.float32 for part in parts):
@@ -151,5 +153,5 @@ def picture_of(view: View) -> np.ndarray:
 
 
 def view_of(picture: np.ndarray) -> View:
-    """Looks into a picture of `picture_of`, nothing is copied."""
+    """Return views into a picture of `picture_of`; nothing is copied."""
     return View(picture[..., :3], picture[..., 3], picture[..., 4])

@@ -1,4 +1,4 @@
-"""Where a camera goes, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
+"""Camera paths, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
 
 Every path stands on a sphere about its target and looks at it, as the cameras of a view set do; angles in radians.
 Each raises `InputError` for a number of frames below 1 and for lengths and angles that are not finite.
@@ -15,17 +15,17 @@ from scenes.view_sets.viewpoints import RADIUS, TILT, VIEW_COUNTS, check_poses, 
 ORIGIN = (0.0, 0.0, 0.0)
 ELEVATION = math.radians(30.0)
 QUARTER = 0.5 * math.pi
-"""Azimuth of the first test view."""
+"""The azimuth of the first test view."""
 TURN_STEPS = 60
-"""Of a walk, once round."""
+"""The steps of a walk, once round."""
 UPRIGHT = 1e-9
-"""A camera's right whose z is below it is level."""
+"""The z of a camera's right below which it counts as level."""
 
 Point = tuple[float, float, float] | np.ndarray
 
 
 def look_at(eye: Point, target: Point = ORIGIN) -> np.ndarray:
-    """The camera [4, 4] that stands at `eye` [3], in scene units, and looks at `target` [3].
+    """Return the camera [4, 4] that stands at `eye` [3], in scene units, and looks at `target` [3].
 
     Right above or below the target, where every direction is as upright as another, it is turned as if it stood at
     azimuth 0. Raises `InputError` for points that are not finite, and for an eye on its target.
@@ -53,19 +53,19 @@ def orbit(
     target: Point = ORIGIN,
     azimuth: float = QUARTER,
 ) -> np.ndarray:
-    """Once round at one height, in equal steps from `azimuth` counterclockwise seen from above.
+    """Go once round at one height, in equal steps from `azimuth` counterclockwise seen from above.
 
-    Closed: one frame more would be the first again, so that it can be shown in a loop.
+    The path is closed: one frame more would be the first again, so that it can be shown in a loop.
     """
     turns = azimuth + 2.0 * math.pi * np.arange(_checked(frames)) / frames
     return _on_sphere(turns, np.full(frames, float(elevation)), radius, target)
 
 
 def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS, target: Point = ORIGIN) -> np.ndarray:
-    """The test spiral of the NeRF synthetic set: twice round while the camera goes down and up again.
+    """Follow the test spiral of the NeRF synthetic set: twice round while the camera goes down and up again.
 
-    With 200 frames the very test views of `scenes.view_sets.viewpoints`; with others the same curve in as many equal
-    steps.
+    With 200 frames it has the very test views of `scenes.view_sets.viewpoints`; with others the same curve in as many
+    equal steps.
     """
     count = VIEW_COUNTS["test"]
     k = np.arange(_checked(frames)) * (count / frames)
@@ -75,11 +75,11 @@ def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS, target: Po
 
 
 def walk(frames: int, seed: int = 0, radius: float = RADIUS, target: Point = ORIGIN, keep: float = 0.75) -> np.ndarray:
-    """Someone who looks around: one step a frame to the left, right, up or down, with probability `keep` the same way
-    as before.
+    """Walk like someone who looks around: one step per frame to the left, right, up or down, with probability `keep`
+    the same way as before.
 
-    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a place that is come
-    back to is the same pose to the last bit.
+    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place is
+    the same pose to the last bit.
     """
     if not 0.0 <= keep <= 1.0:
         raise InputError(f"walk: keep {keep}: a probability lies between 0 and 1")
@@ -101,11 +101,12 @@ def walk(frames: int, seed: int = 0, radius: float = RADIUS, target: Point = ORI
 
 
 def through(poses: np.ndarray, frames: int) -> np.ndarray:
-    """From the first of given poses [n, 4, 4] by way of all others to the last, in the same time from each to the next.
+    """Move from the first of given poses [n, 4, 4] through all others to the last, in the same time from each to the
+    next.
 
     Orientations go the shortest way (spherical linear interpolation); the origin's place in the camera's own frame
-    changes linearly, so that a camera that circles the origin keeps its distance and does not cut across. Where all
-    given poses are level, so is every frame. As many frames as poses give the poses. Raises `InputError` for no pose
+    changes linearly, so that a camera that circles the origin keeps its distance and does not cut across. If all
+    given poses are level, so is every frame. As many frames as poses return the poses. Raises `InputError` for no pose
     and for poses that are not rigid.
     """
     from scipy.spatial.transform import Rotation, Slerp
@@ -132,16 +133,16 @@ def through(poses: np.ndarray, frames: int) -> np.ndarray:
 
 
 def mean_distance(poses: np.ndarray) -> float:
-    """Of cameras [n, 4, 4] from the origin, in scene units."""
+    """Return the mean distance of cameras [n, 4, 4] from the origin, in scene units."""
     return float(np.linalg.norm(poses[:, :3, 3], axis=-1).mean())
 
 
 PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral, "walk": walk}
-"""Called as `PATHS[name](frames, radius=…, target=…)`."""
+"""The paths, called as `PATHS[name](frames, radius=…, target=…)`."""
 
 
 def _levelled(rotations: np.ndarray) -> np.ndarray:
-    """[n, 3, 3] looking the same way without roll; straight up or down they are left as they are."""
+    """Level orientations [n, 3, 3]: the same view without roll; straight up or down they are left as they are."""
     backward = rotations[:, :, 2]
     flat = np.linalg.norm(backward[:, :2], axis=-1)
     some = flat > UPRIGHT

@@ -1,6 +1,6 @@
 """Pictures on disk, level 2: content-addressed float EXR files, bounded in bytes, checked whenever they are read.
 
-Who may change the folder, and the bytes in it, its users tell each other in a file.
+A ledger file tells the users of the folder who may change it, and how many bytes are in it.
 """
 
 import errno
@@ -34,13 +34,13 @@ from harness.playback.names import (
 from scenes.files.errors import InputError
 
 LOCK_SECONDS = 5.0
-"""After which a write gives up; the lock is held for milliseconds."""
+"""The seconds after which a write gives up; the lock is held for milliseconds."""
 
 
 @contextmanager
 def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
-    """The ledger of a folder, open and ours alone; raises `OSError` where somebody else does not let go of it within
-    `seconds`, `LOCK_SECONDS` where that is None.
+    """Open the ledger of a folder, locked for us alone; raises `OSError` if somebody else does not release it within
+    `seconds`, `LOCK_SECONDS` if that is None.
     """
     patience = LOCK_SECONDS if seconds is None else seconds
     handle = _opened(folder / "ledger")
@@ -60,7 +60,7 @@ def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
 
 
 def _opened(ledger: Path) -> int:
-    """Made where it is not there. Raises `OSError`, of a link in words that a user can follow."""
+    """Open the ledger, made if necessary. Raises `OSError`, for a link in words that a user can follow."""
     try:
         return os.open(ledger, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
     except OSError as error:
@@ -70,7 +70,7 @@ def _opened(ledger: Path) -> int:
 
 
 def read_ledger(ledger: int) -> int | None:
-    """None where the last one was killed, or nobody has counted yet."""
+    """Read the ledger; None if its last user was killed, or nobody has counted yet."""
     line = os.pread(ledger, 32, 0)
     return int(line) if re.fullmatch(rb"[0-9]{1,30}\n", line) else None
 
@@ -82,7 +82,7 @@ def write_ledger(ledger: int, held: int) -> None:
 
 
 def is_abandoned(part: str) -> bool:
-    """Whether the process that was writing it is no more."""
+    """Return whether the process that was writing it is gone."""
     handle = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -94,34 +94,36 @@ def is_abandoned(part: str) -> bool:
 
 
 def let_go(handle: int) -> None:
-    """Unlocked by name: a process that was forked meanwhile has the handle, too, and would keep the lock."""
+    """Unlock explicitly: a process that was forked meanwhile has the handle, too, and would keep the lock."""
     with suppress(OSError):
         fcntl.flock(handle, fcntl.LOCK_UN)
     os.close(handle)
 
 
 FILLED_AGAIN = 0.9
-"""Share of the bound down to which pictures go once it is reached: not every write has to look at every file."""
+"""The share of the bound down to which pictures are evicted once it is reached: not every write has to look at every
+file.
+"""
 
 
 @dataclass
 class DiskCounts:
-    """What happened to files since the folder was opened here."""
+    """Counts of events in the folder since it was opened here."""
 
     evicted: int = 0
-    """Pictures that made room."""
+    """The pictures that made room."""
     damaged: int = 0
-    """Pictures and keys that were not what had been written; each was dropped."""
+    """The pictures and keys with other bytes than those written; each was dropped."""
     dangling: int = 0
-    """Keys whose picture was gone; each was dropped."""
+    """The keys whose picture was gone; each was dropped."""
     leftovers: int = 0
-    """Files of writers that were killed, and pictures that no key names any more; each was removed."""
+    """The files of writers that were killed, and pictures that no key names any more; each was removed."""
     unreadable: int = 0
-    """Reads that the system refused, or of what is not whole and could not be dropped."""
+    """The reads that the system refused, or of damaged files that could not be dropped."""
     failed: int = 0
-    """Writes, and drops of what is no longer the value, that did not come to their end."""
+    """The writes, and drops of outdated values, that failed."""
     reason: str | None = None
-    """Of the last of them."""
+    """The reason of the last of them."""
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def add(self, what: str) -> None:
@@ -136,12 +138,12 @@ class DiskCounts:
 
 @dataclass(frozen=True)
 class _Found:
-    """All that is in the folder."""
+    """The contents of the folder."""
 
     pictures: dict[str, tuple[int, int]]
-    """Digest → last use in nanoseconds, bytes."""
+    """Map digest → last use in nanoseconds, bytes."""
     keys: dict[str, list[Path]]
-    """Digest → files of the keys that name it."""
+    """Map digest → files of the keys that name it."""
 
     @property
     def bytes(self) -> int:
@@ -149,9 +151,9 @@ class _Found:
 
 
 class DiskPictures:
-    """A folder of at most `bound` bytes, besides what is being written at the moment.
+    """A folder of at most `bound` bytes, besides files that are being written at the moment.
 
-    Raises `InputError`, naming the folder, where nothing can be put there.
+    Raises `InputError`, naming the folder, if nothing can be put there.
     """
 
     def __init__(self, folder: Path, bound: int) -> None:
@@ -159,7 +161,7 @@ class DiskPictures:
         self.bound = bound
         self.counts = DiskCounts()
         self._overruled: set[str] = set()
-        """Names whose file says another value than was stored last, and could not be dropped."""
+        """The names whose file has another value than was stored last, and could not be dropped."""
         self._objects, self._keys, self._parts = (folder / name for name in ("objects", "keys", "parts"))
         try:
             self._make_folders()
@@ -173,8 +175,8 @@ class DiskPictures:
             ) from error
 
     def put(self, key: str, picture: np.ndarray) -> bool:
-        """Keeps a picture (of `pictures.frozen`). False where that failed, which is counted and not raised; nothing
-        else is then under the key.
+        """Store a picture (of `pictures.frozen`). Returns False if that failed, which is counted and not raised;
+        nothing else is then under the key.
         """
         digest, name = digest_of(picture), name_of(key)
         try:
@@ -191,8 +193,8 @@ class DiskPictures:
         return True
 
     def drop_others(self, key: str, picture: np.ndarray) -> None:
-        """Leaves nothing under a key but, where it is there, this picture. Where the system refuses that it is counted
-        as a write that failed, and the key is a miss here until something is put under it.
+        """Drop everything under a key except, if it is there, this picture. If the system refuses that it is counted as
+        a failed write, and the key is a miss here until a value is stored under it.
         """
         name = name_of(key)
         try:
@@ -206,8 +208,8 @@ class DiskPictures:
             self.counts.fail(error.strerror or str(error))
 
     def get(self, key: str, use: bool = True) -> np.ndarray | None:
-        """The picture, read-only and checked; None where there is none, or none that is whole, and what is not whole is
-        dropped. Not raised either is what the system refuses. `use` makes it the most recently used.
+        """Return the picture, read-only and checked; None if there is none or it is damaged, and a damaged one is
+        dropped. Refusals by the system are not raised either. `use` makes it the most recently used.
         """
         name = name_of(key)
         if name in self._overruled:
@@ -231,12 +233,12 @@ class DiskPictures:
         return picture
 
     def bytes(self) -> int:
-        """Of the pictures and keys that are there now."""
+        """Return the bytes of the pictures and keys that are there now."""
         folders = (self._objects, OBJECT), (self._keys, KEY)
         return sum(size_of(Path(entry.path)) for folder, name in folders for entry in entries(folder, name))
 
     def _read(self, name: str) -> tuple[str, np.ndarray] | None:
-        """Digest and picture; None where there is no such key. Raises `Damaged`, `_Dangling` and `OSError`."""
+        """Return digest and picture; None if there is no such key. Raises `Damaged`, `_Dangling` and `OSError`."""
         digest = digest_named(self._key(name))
         if digest is None:
             return None
@@ -251,7 +253,7 @@ class DiskPictures:
         return digest, picture
 
     def _read_or_drop(self, name: str) -> tuple[str, np.ndarray] | None:
-        """Under the lock: somebody may have put it right since it was found not to be whole."""
+        """Read under the lock, as somebody may have repaired it since it was found damaged, or drop it."""
         try:
             return self._read(name)
         except _Dangling:
@@ -264,7 +266,7 @@ class DiskPictures:
         return None
 
     def _drop_unless(self, name: str, digest: str) -> None:
-        """Of a key that leads to another picture; raises `OSError`."""
+        """Drop a key that leads to another picture; raises `OSError`."""
         key_file = self._key(name)
         if leads_to(key_file, digest):
             return
@@ -275,7 +277,7 @@ class DiskPictures:
                     raise OSError(errno.EACCES, "an older picture cannot be removed", str(key_file))
 
     def _put(self, name: str, digest: str, picture: np.ndarray) -> None:
-        """Raises `OSError`; no name is then taken by anything that is not whole."""
+        """Store a picture; raises `OSError`, and no name then leads to an incomplete file."""
         with self._part() as new_picture, self._part() as new_key:
             write_exr(new_picture, picture)
             new_key.write_bytes(f"{name} {digest}\n".encode())
@@ -294,7 +296,7 @@ class DiskPictures:
                 write_ledger(ledger, held + added)
 
     def _made_room(self, added: int) -> int:
-        """Bytes held once as many pictures have gone as `added` more bytes need; under the lock."""
+        """Evict as many pictures as `added` more bytes need; returns the bytes held. Needs the lock."""
         found = self._swept()
         held = found.bytes
         if held + added <= self.bound:
@@ -310,7 +312,7 @@ class DiskPictures:
         return held
 
     def _swept(self) -> _Found:
-        """What is there, once all that no key leads to and all that leads nowhere is gone; under the lock."""
+        """Remove all pictures that no key leads to and all keys that lead nowhere; returns the rest. Needs the lock."""
         for entry in entries(self._parts):
             with suppress(OSError):
                 if is_abandoned(entry.path):
@@ -355,7 +357,7 @@ class DiskPictures:
 
     @contextmanager
     def _part(self) -> Iterator[Path]:
-        """A new empty file, ours for as long as we live, gone at the end unless it was renamed."""
+        """Make an empty file, ours for as long as we live, removed at the end unless it was renamed."""
         path = self._parts / f"{secrets.token_hex(16)}.exr"
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         try:
@@ -368,7 +370,7 @@ class DiskPictures:
 
 
 class _DamagedPicture(Damaged):
-    """The file of the picture that a key names is not whole."""
+    """The file of the picture that a key names is damaged."""
 
     def __init__(self, digest: str) -> None:
         super().__init__(digest)

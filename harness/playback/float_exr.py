@@ -1,6 +1,6 @@
-"""What the view cache holds, and as one EXR file: finite float32 pictures, bit for bit, through OpenImageIO.
+"""Pictures of the view cache, each one EXR file: finite float32, bit for bit, through OpenImageIO.
 
-`scenes.view_sets.images` reads any image and compresses what it writes; here a picture has to be back within a fraction
+`scenes.view_sets.images` reads any image and compresses its output; here a picture has to be read within a fraction
 of a millisecond. Inflating takes as long as everything else together.
 """
 
@@ -15,14 +15,14 @@ from types import ModuleType
 import numpy as np
 
 LARGEST_PIXELS = 64 * 1024 * 1024
-"""8192 × 8192, as everywhere (`scenes.view_sets.images`)."""
+"""The largest picture, 8192 × 8192, as everywhere (`scenes.view_sets.images`)."""
 MOST_CHANNELS = 64
 
 
 def frozen(value: np.ndarray) -> np.ndarray:
-    """A copy of a picture, over memory that cannot be made writable again.
+    """Return a copy of a picture, over memory that cannot be made writable again.
 
-    Raises `TypeError` for what is no float32 array and `ValueError` for another shape than [height, width, channels],
+    Raises `TypeError` unless it is a float32 array and `ValueError` for another shape than [height, width, channels],
     for an empty or absurdly large one, and for NaN or infinities: a picture that is not finite is no picture.
     """
     if not isinstance(value, np.ndarray) or value.dtype != np.float32:
@@ -36,17 +36,17 @@ def frozen(value: np.ndarray) -> np.ndarray:
 
 
 def possible(shape: tuple[int, ...]) -> bool:
-    """Whether a picture may have this shape."""
+    """Return whether a picture may have this shape."""
     return len(shape) == 3 and min(shape) > 0 and shape[0] * shape[1] <= LARGEST_PIXELS and shape[2] <= MOST_CHANNELS
 
 
 def over_bytes(data: bytes, shape: tuple[int, ...]) -> np.ndarray:
-    """The bytes as a picture: unlike an array's own memory, they stay read-only whatever flag is set."""
+    """Return the bytes as a picture: unlike an array's own memory, they stay read-only whatever flag is set."""
     return np.frombuffer(data, dtype=np.float32).reshape(shape)
 
 
 def digest_of(picture: np.ndarray) -> str:
-    """64 hexadecimal digits of shape and bits of a contiguous picture. −0.0 and 0.0 differ."""
+    """Return 64 hexadecimal digits of shape and bits of a contiguous picture. −0.0 and 0.0 differ."""
     found = hashlib.sha256(f"float32 {picture.shape}\n".encode())
     found.update(picture.data)
     return found.hexdigest()
@@ -56,18 +56,20 @@ TILE = 512
 
 
 class Damaged(ValueError):
-    """Not a file that `write_exr` left, or no longer."""
+    """The file is not, or no longer, one that `write_exr` left."""
 
 
 def channel_names(channels: int) -> tuple[str, ...]:
-    """In an order that an EXR file keeps; five are colour, opacity and depth, as image viewers know them."""
+    """Return names in an order that an EXR file keeps; five are colour, opacity and depth, as image
+    viewers know them.
+    """
     known = {1: "Y", 3: "RGB", 4: "RGBA", 5: "RGBAZ"}
     return tuple(known.get(channels) or (f"c{index:02d}" for index in range(channels)))
 
 
 def write_exr(file: Path, picture: np.ndarray) -> None:
-    """Raises `OSError` where it cannot be written whole; what was written is read back, as OpenImageIO does not notice
-    every disk that is full.
+    """Write atomically; raises `OSError` if that fails. The file is read back, as OpenImageIO does not notice every
+    full disk.
     """
     oiio = _openimageio()
     height, width, channels = picture.shape
@@ -91,9 +93,9 @@ def write_exr(file: Path, picture: np.ndarray) -> None:
 
 
 def read_exr(file: Path) -> np.ndarray:
-    """What `write_exr` wrote, read-only. Whether its pixels are the right ones is for the caller to check.
+    """Read a file of `write_exr`, read-only. The caller has to check that its pixels are the right ones.
 
-    Raises `Damaged`, and `OSError` where the system does not give the file.
+    Raises `Damaged`, and `OSError` if the system cannot read the file.
     """
     found = file.lstat()
     if not stat.S_ISREG(found.st_mode):  # a pipe would keep us waiting for ever
@@ -137,7 +139,7 @@ def _reason(said: str) -> str:
 
 
 def _openimageio() -> ModuleType:
-    """Imported where it is used: a cache in memory alone must not pay for it."""
+    """Import OpenImageIO where it is used: a cache in memory alone must not pay for it."""
     import OpenImageIO
 
     return OpenImageIO

@@ -1,6 +1,6 @@
-"""What a picture depends on, as one digest.
+"""Everything that a picture depends on, as one digest.
 
-The paper's key is a hash of the pose alone (Listing 5): after more training, or with another lens, it would give back a
+The paper's key is a hash of the pose alone (Listing 5): after more training, or with another lens, it would return a
 picture of something else. Poses that are nearly equal are never taken for the same.
 """
 
@@ -32,31 +32,31 @@ RENDERING = (
     "harness/playback/cached.py",
     "harness/training/voxel_trainer.py",
 )
-"""Sources that a picture comes from: another version of them may give another one. Those of attention put rays into
-calls, and `cached` says which channel is what.
+"""The sources that a picture comes from: another version of them may give another one. Those of attention put rays into
+chunks, and `cached` defines the channels.
 """
 
 
 def plain_calls(chunk: int) -> str:
-    """How `harness.training.evaluate.render_view` puts rays into calls."""
+    """Describe how `harness.training.evaluate.render_view` puts rays into chunks."""
     return f"pixels in the fixed random order, {chunk} rays a call"
 
 
 def view_key(learner: Learner, camera: Camera, calls: str, weights: str) -> str:
-    """64 hexadecimal digits of everything that the picture depends on; `weights` is
-    `harness.training.checkpoints.weights_digest`, and `calls` says how rays are put into calls.
+    """Return 64 hexadecimal digits of everything that the picture depends on; `weights` is
+    `harness.training.checkpoints.weights_digest`, and `calls` describes how rays are put into chunks.
     """
     return camera_key(method_digest(learner, weights), camera, calls)
 
 
 def method_digest(learner: Learner, weights: str) -> bytes:
-    """Of all but camera and calls."""
+    """Return the digest of everything except camera and chunks."""
     facts = {"learner": learner.rendered_by(), "weights": weights, "code": code_digest(), "machine": machine(learner)}
     return hashlib.sha256(json.dumps(facts, sort_keys=True, allow_nan=False).encode()).digest()
 
 
 def camera_key(method: bytes, camera: Camera, calls: str) -> str:
-    """The key of a view by a method (`method_digest`); the pose counts with all its bits."""
+    """Return the key of a view by a method (`method_digest`); the pose counts with all its bits."""
     found = hashlib.sha256(method)
     found.update(camera.camera_to_world.tobytes())
     found.update(_INTRINSICS.pack(camera.width, camera.height, camera.focal, camera.near, camera.far))
@@ -65,9 +65,10 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
 
 
 def machine(learner: Learner) -> dict[str, Any]:
-    """Whose arithmetic it is: libraries choose their sums by processor, threads and precision of products.
+    """Return the facts that determine arithmetic: libraries choose their sums by processor, threads and matmul
+    precision.
 
-    Libraries look at the model of the processor themselves: torch's word for what it can is not all that they see.
+    Libraries look at the model of the processor themselves: torch's word for its capability is not all that they see.
     """
     on_gpu = learner.device.type == "cuda"
     return {
@@ -80,10 +81,11 @@ def machine(learner: Learner) -> dict[str, Any]:
 
 
 def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
-    """What the process, or for autocast the thread, can change about it at any time; read within microseconds.
+    """Return the settings that the process, or for autocast the thread, can change at any time; read within
+    microseconds.
 
-    Precisions are those of each library, which there always are: torch's word for all of them together raises an error
-    once one of them was set by itself.
+    Precisions are those of each library, which always exist: torch's common setting raises an error once one of them
+    was set by itself.
     """
     libraries: Any = torch.backends
     kind = "cuda" if on_gpu else "cpu"
@@ -108,7 +110,7 @@ def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
 
 @cache
 def _drjit() -> list[Any]:
-    """Dr.Jit, and the compiler of its kernels on a processor."""
+    """Return the versions of Dr.Jit and of the compiler of its kernels on a processor."""
     import drjit
 
     return [version("drjit"), list(drjit.detail.llvm_version())]
@@ -116,7 +118,7 @@ def _drjit() -> list[Any]:
 
 @cache
 def code_digest() -> str:
-    """64 hexadecimal digits of the sources that render, as they are when first asked for."""
+    """Return 64 hexadecimal digits of the sources that render, as they are at the first call."""
     found = hashlib.sha256()
     for file in sorted(file for pattern in RENDERING for file in ROOT.glob(pattern)):
         content = file.read_bytes()

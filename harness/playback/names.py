@@ -1,4 +1,4 @@
-"""Names in the folder of the view cache: what they say, and how they are taken and given up."""
+"""Names in the folder of the view cache: their meaning, and how they are taken and released."""
 
 import hashlib
 import os
@@ -18,12 +18,12 @@ KEY_BYTES = 130
 
 
 def name_of(key: str) -> str:
-    """64 hexadecimal digits, whatever the key: it may hold what no file name can."""
+    """Return 64 hexadecimal digits, whatever the key: it may hold characters that no file name can."""
     return hashlib.sha256(key.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def digest_named(key_file: Path) -> str | None:
-    """Digest of the picture of a key; None where there is no such key. Raises `Damaged`, and `OSError`."""
+    """Return the digest of the picture of a key; None if there is no such key. Raises `Damaged`, and `OSError`."""
     try:
         if not stat.S_ISREG(key_file.lstat().st_mode):
             raise Damaged("not a file")
@@ -40,7 +40,7 @@ def digest_named(key_file: Path) -> str | None:
 
 
 def leads_to(key_file: Path, digest: str) -> bool:
-    """Whether a key's file names this picture."""
+    """Return whether a key's file names this picture."""
     try:
         return digest_named(key_file) == digest
     except Damaged:
@@ -48,7 +48,9 @@ def leads_to(key_file: Path, digest: str) -> bool:
 
 
 def entries(folder: Path, wanted: re.Pattern[str] | None = None) -> Iterator[os.DirEntry[str]]:
-    """Files of a folder; with a pattern, those of its folders of two digits whose name begins with these and fits."""
+    """Yield files of a folder; with a pattern, those of its folders of two digits whose name begins with these and
+    fits.
+    """
     try:
         found = list(os.scandir(folder))
     except (FileNotFoundError, NotADirectoryError):
@@ -71,19 +73,19 @@ def rename(part: Path, file: Path) -> None:
 
 
 def drop_link(folder: Path) -> None:
-    """A link in the place of a folder of ours goes: what it leads to is not ours to change."""
+    """Remove a link in the place of a folder of ours: its target is not ours to change."""
     if folder.is_symlink():
         folder.unlink()
 
 
 def touch(file: Path) -> None:
-    """By our clock: the system's own stamps are as coarse as its timer."""
+    """Set the time by our clock: the system's own stamps are as coarse as its timer."""
     now = time.time_ns()
     os.utime(file, ns=(now, now))
 
 
 def remove(file: Path) -> None:
-    """Whatever it is; what cannot be removed stays, and is found out again."""
+    """Remove an entry of any kind; one that cannot be removed stays, and is found again later."""
     try:
         drop_link(file.parent)
         file.unlink(missing_ok=True)

@@ -1,4 +1,6 @@
-"""A view in parts: coarse at once, then region after region in some order, or with its samples where attention is."""
+"""A view in parts: coarse at once, then region after region in some order, or with its samples allotted
+by attention.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -23,8 +25,9 @@ ORDERS: dict[str, str] = {
     "spread": "pixels of all regions at once in a fixed random order, in as many parts as there are regions",
 }
 RAYS_A_CALL = 1024
-"""Small regions are put into calls of at least so many rays: what a call costs by itself made 100 rays a call six times
-as slow as 2048 on one thread of a processor (reduced profile, 100 × 100 pixels), and 1024 rays 1.3 times."""
+"""The least rays per chunk for small regions: the overhead made chunks of 100 rays six times as slow as 2048 on one
+thread of a processor (reduced profile, 100 × 100 pixels), and those of 1024 rays 1.3 times.
+"""
 NOT_BY_REGIONS = (
     "its density depends on which points share a call (a mean over them), so that rendering region after region would "
     "change the picture: it is rendered plainly, in calls of pixels from all over the view"
@@ -33,26 +36,26 @@ NOT_BY_REGIONS = (
 
 @dataclass(frozen=True)
 class Done:
-    """Pixels that are final."""
+    """A batch of pixels that are final."""
 
     region: int | None
-    """None where they are not those of one region."""
+    """The region, or None if they are not those of one region."""
     pixels: np.ndarray
-    """[pixels]: flat indices, row by row."""
+    """The flat indices [pixels], row by row."""
     colour: np.ndarray
-    """float32 [pixels, 3], display colour."""
+    """The display colour, float32 [pixels, 3]."""
     opacity: np.ndarray
-    """float32 [pixels]."""
+    """The opacity, float32 [pixels]."""
     depth: np.ndarray
-    """float32 [pixels], scene units."""
+    """The depth in scene units, float32 [pixels]."""
     share: float
-    """Of the picture's rays that are done, with these."""
+    """The share of the picture's rays that are done, including these."""
     network_evaluations: int
-    """For these pixels; of a call that holds several regions, those of the call, given with its first."""
+    """The evaluations for these pixels; those of a chunk that holds several regions are given with its first."""
 
 
 class Canvas:
-    """A picture that is being filled in. Starts as `View` or as background that nothing is seen of."""
+    """A picture that is being filled in. Starts as `View` or as empty background."""
 
     def __init__(self, height: int, width: int, start: View | None = None) -> None:
         shape = (height, width)
@@ -61,7 +64,7 @@ class Canvas:
             opacity=np.zeros(shape, np.float32) if start is None else start.opacity.copy(),
             depth=np.zeros(shape, np.float32) if start is None else start.depth.copy(),
         )
-        """What is there so far; changes with `put`."""
+        """The pixels so far; changes with `put`."""
 
     def put(self, done: Done) -> None:
         self.view.colour.reshape(-1, 3)[done.pixels] = done.colour
@@ -70,12 +73,12 @@ class Canvas:
 
 
 def why_plain(learner: Learner) -> str | None:
-    """Why this method is rendered plainly whatever is attended; None where it is not."""
+    """Return why this method is rendered plainly whatever is attended; None if it is not."""
     return None if learner.field.pointwise else NOT_BY_REGIONS
 
 
 class CoarseFrame(NamedTuple):
-    """A view of few rays, and what they cost."""
+    """A view of few rays, and their cost."""
 
     view: View
     rays: int
@@ -83,12 +86,12 @@ class CoarseFrame(NamedTuple):
 
 
 def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> CoarseFrame:
-    """The view by the middle pixel of each square of `stride`, spread over the square.
+    """Render the view by the middle pixel of each square of `stride`, spread over the square.
 
     These are pixels of the full resolution, at their own centres: with a pointwise method they are already final, to
-    float32 rounding. They come from all over the view, as those of a plain call do, so a method that is not pointwise
-    is asked for what it was trained on; its picture is another one all the same, as with any other chunk.
-    `bins` a ray instead of the learner's. Raises `ValueError` for a stride below 1.
+    float32 rounding. They come from all over the view, as those of a plain chunk do, so a method that is not pointwise
+    sees chunks like those of its training; its picture is another one all the same, as with any other chunk.
+    `bins` per ray replaces the learner's. Raises `ValueError` for a stride below 1.
     """
     pixels = coarse_pixels(camera, stride).reshape(-1)
     mixed = pixel_order(len(pixels))
@@ -102,14 +105,14 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
 
 
 def over_squares(camera: Camera, stride: int, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> View:
-    """What was rendered of `coarse_pixels`, in their order, each spread over its square."""
+    """Spread the renders of `coarse_pixels`, in their order, each over its square."""
     row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
     of_pixel = row[:, None] * math.ceil(camera.width / stride) + column[None, :]
     return View(colour[of_pixel], opacity[of_pixel], depth[of_pixel])
 
 
 def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
-    """Flat indices [rows, columns] of the middle pixels of the squares."""
+    """Return flat indices [rows, columns] of the middle pixels of the squares."""
     if stride < 1:
         raise ValueError(f"stride {stride}: must be at least 1")
     return _middles(camera.height, stride)[:, None] * camera.width + _middles(camera.width, stride)[None, :]
@@ -117,19 +120,19 @@ def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Where a view is not yet integrated well, and what it cost to find out."""
+    """An estimate of where a view is not yet integrated well, and its cost."""
 
     error: np.ndarray
-    """float64 [height, width]: root mean square over the channels of the difference of two coarse frames."""
+    """The root mean square over the channels of the difference of two coarse frames, float64 [height, width]."""
     rays: int
-    """Rendered to find out, beside the frame that was there."""
+    """The rays rendered for it, beside the existing frame."""
     network_evaluations: int
-    """Spent on them."""
+    """The evaluations spent on them."""
 
 
 def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
-    """The difference that half of `bins` a ray make to `fine`, the coarse frame with `bins` at the same stride: an
-    estimate of the error of the quadrature.
+    """Return the difference that half of `bins` per ray makes to `fine`, the coarse frame with `bins` at the same
+    stride: an estimate of the error of the quadrature.
     """
     rough = coarse(learner, camera, stride, chunk, max(1, bins // 2))
     difference = fine.colour.astype(np.float64) - rough.view.colour.astype(np.float64)
@@ -145,13 +148,13 @@ def refine(
     order: Order = "attention",
     rays_a_call: int = RAYS_A_CALL,
 ) -> Iterator[Done]:
-    """Every pixel of the view once, in `order` (`ORDERS`; `attention` is looked at by the first alone: the others are
-    what it is compared with, and stay what they are under equal attention).
+    """Yield every pixel of the view once, in `order` (`ORDERS`; only the first uses `attention`: the others are its
+    reference, and stay what they are under equal attention).
 
-    One `Done` a region, several of them after each call where regions are small. Two cases are plain rendering, to the
-    bit, with one `Done` a call of `chunk` rays from all over the view: equal attention in the order by attention, and
-    a method that is not pointwise, in whatever order (`why_plain`). Otherwise the picture is that of plain rendering to
-    float32 rounding.
+    There is one `Done` per region, several of them after each chunk if regions are small. Two cases are plain
+    rendering, to the bit, with one `Done` per chunk of `chunk` rays from all over the view: equal attention in the
+    order by attention, and a method that is not pointwise, in whatever order (`why_plain`). Otherwise the picture is
+    that of plain rendering to float32 rounding.
 
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """
@@ -179,7 +182,7 @@ def render_attended(
     order: Order = "attention",
     on_region: Callable[[Done], None] | None = None,
 ) -> View:
-    """The whole of `refine`; `on_region` is called with each part as soon as it is there."""
+    """Run `refine` to its end; `on_region` is called with each part as soon as it is there."""
     return _filled(camera, refine(learner, camera, regions, attention, chunk, order), on_region)
 
 
@@ -191,9 +194,9 @@ def render_allocated(
     chunk: int,
     on_part: Callable[[Done], None] | None = None,
 ) -> View:
-    """A view with its own number of bins in each region (`allocated_bins`); those with as many share calls.
+    """Render a view with its own number of bins in each region (`allocated_bins`); equal numbers share chunks.
 
-    A call has no more samples than `chunk` rays with the mean number of bins. Where all have the same number, it is
+    A chunk has no more samples than `chunk` rays with the mean number of bins. If all have the same number, it is
     plain rendering with so many, to the bit. A method that is not pointwise is rendered plainly with the mean number,
     rounded down.
     """
@@ -208,9 +211,9 @@ def render_allocated(
 
 
 def changed_by_regions(learner: Learner, camera: Camera, regions: Regions, chunk: int) -> float:
-    """What rendering region after region, a call each, changes of a view: the root mean square of display colour
-    between it and plain rendering. Float32 rounding for a pointwise method; for another one the reason why it is not
-    rendered so.
+    """Return how rendering region after region, a chunk each, changes a view: the root mean square of display colour
+    between it and plain rendering. It is float32 rounding for a pointwise method; for another one it is the reason not
+    to render it so.
     """
     plain = _filled(camera, _plain(learner, camera, chunk), None)
     parts: list[Part] = [(region, regions.pixels(region)) for region in range(regions.count)]
@@ -224,7 +227,7 @@ Part = tuple[int | None, np.ndarray]
 
 
 def _plain(learner: Learner, camera: Camera, chunk: int, bins: int | None = None) -> Iterator[Done]:
-    """The calls of `harness.training.evaluate.render_view`."""
+    """Yield the chunks of `harness.training.evaluate.render_view`."""
     order = pixel_order(camera.width * camera.height).numpy()
     calls: list[Part] = [(None, order[start : start + chunk]) for start in range(0, len(order), chunk)]
     return _by_parts(learner, camera, calls, 1, chunk, bins)
@@ -239,7 +242,7 @@ def _by_parts(
     bins: int | None = None,
     done: int = 0,
 ) -> Iterator[Done]:
-    """Parts one after the other, `at_least` so many rays together where as many are left, after `done` pixels."""
+    """Yield parts one after the other, at least `at_least` rays together if as many are left, after `done` pixels."""
     rays, total = _rays(learner, camera), camera.width * camera.height
     for together in _calls(parts, at_least):
         pixels = np.concatenate([pixels for _, pixels in together])
@@ -298,7 +301,7 @@ def _array(values: torch.Tensor) -> np.ndarray:
 
 
 def _middles(size: int, stride: int) -> np.ndarray:
-    """The middle pixel of each run of `stride`, the last one inside."""
+    """Return the middle pixel of each run of `stride`, the last one inside."""
     return np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1)
 
 
@@ -312,11 +315,11 @@ def _require_regions(camera: Camera, regions: Regions) -> None:
 @dataclass(frozen=True)
 class RegionCost:
     by_region: np.ndarray
-    """int [count], at least 1: evaluations of the network for all rays of each region, estimated, at `bins` a ray."""
+    """The estimated network evaluations for all rays of each region, int [count], at least 1, at `bins` per ray."""
     rays: int
-    """Rendered to find out."""
+    """The rays rendered for the estimate."""
     network_evaluations: int
-    """Spent to find out."""
+    """The evaluations spent on the estimate."""
     view: View
     """The coarse frame that they are the pixels of."""
 
@@ -324,9 +327,9 @@ class RegionCost:
 def evaluations_by_region(
     learner: Learner, camera: Camera, regions: Regions, stride: int, chunk: int, bins: int
 ) -> RegionCost:
-    """By the coarse pixels of each region, a call for each: dear on a small machine, cheap in evaluations.
+    """Estimate by the coarse pixels of each region, a chunk for each: slow on a small machine, cheap in evaluations.
 
-    A region without a coarse pixel is taken to cost as much a ray as the mean.
+    A region without a coarse pixel is assumed to cost as much per ray as the mean.
     """
     rays = camera.rays(learner.device)
     pixels = coarse_pixels(camera, stride).reshape(-1)

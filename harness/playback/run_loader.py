@@ -1,4 +1,4 @@
-"""A finished run as something to look at: its methods, with the weights that training left, ready to render."""
+"""The loader of a finished run: its methods, with the weights that training left, ready to render."""
 
 import types
 import typing
@@ -41,7 +41,7 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS
 
 VIEW_SETS = Path("out/view_sets")
-"""Where view sets are cached if nothing else is said."""
+"""The default cache of view sets."""
 
 One = TypeVar("One")
 
@@ -56,25 +56,25 @@ class TrainedCell:
 
     @property
     def chunk(self) -> int:
-        """Rays a call with which it was scored: part of the picture where a density depends on the call."""
+        """The rays per chunk with which it was scored: part of the picture if a density depends on the chunk."""
         return int(self.cell.settings["score"]["chunk"])
 
     def camera(self, camera_to_world: np.ndarray) -> Camera:
-        """The lens of the scene's views at a pose."""
+        """Return the lens of the scene's views at a pose."""
         one, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
         return Camera(camera_to_world, one.width, one.height, focal, one.near, one.far)
 
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """What an output folder holds."""
+    """The contents of an output folder."""
 
     out: Path
     run: RunRecord
 
     @staticmethod
     def of(out: Path) -> "FinishedRun":
-        """Raises `InputError` where there is no run, and `DamagedRecord` where it cannot be read."""
+        """Load a run; raises `InputError` if there is none, and `DamagedRecord` if it cannot be read."""
         if not (records_folder(out) / "run.json").is_file():
             raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
         run = read_run(out)
@@ -85,20 +85,24 @@ class FinishedRun:
         return FinishedRun(out, run)
 
     def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
-        """Those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not have."""
+        """Return those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not
+        have.
+        """
         known = {scene.name: scene for scene in self.run.scenes}
         return [known[name] for name in known_names(option, asked or list(known), list(known))]
 
     def methods(self, asked: list[str] | None) -> list[str]:
-        """Those of `asked`, or all that every scene has; raises `InputError` for a name that the run does not have."""
+        """Return those of `asked`, or all that every scene has; raises `InputError` for a name that the run does not
+        have.
+        """
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
-        """Whether its weights are there."""
+        """Return whether its weights are there."""
         return checkpoint_path(self.out, scene, method, seed).is_file()
 
     def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:
-        """Raises `InputError` for a cell that was not trained to its end, or whose checkpoint is not whole, and
+        """Load a trained cell; raises `InputError` if it was not trained to its end, or its checkpoint is damaged, and
         `NotAvailable` for a method that this machine cannot render.
         """
         name = f"{scene.name}, {method}, seed {seed}"
@@ -136,8 +140,8 @@ class FinishedRun:
         return found
 
     def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
-        """The folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was given
-        with `--view-set` is where it was. Raises `InputError` where it is not there any more.
+        """Return the folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was
+        given with `--view-set` is where it was. Raises `InputError` if it is not there any more.
         """
         given = self.run.settings.get("view_set")
         if isinstance(given, list):  # of each scene, where there are several
@@ -159,12 +163,11 @@ class FinishedRun:
         geometry: bool = True,
         scratch: Path | None = None,
     ) -> ViewSet:
-        """The test views that the run was scored on, at `width` pixels or the run's own, and `train` of the training
-        views, evenly spread; with what the run's settings force in or out, and without depth and normals where no
-        `geometry` is asked for. Decoded images go to `scratch`, a folder on a disk.
+        """Read the test views that the run was scored on, at `width` pixels or the run's own, and `train` of the
+        training views, evenly spread; with parts forced in or out as in the run's settings, and without depth and
+        normals unless `geometry` is asked for. Decoded images go to `scratch`, a folder on a disk.
 
-        Raises `InputError` for whatever is wrong with the view set, and for another rendering than the methods were
-        trained on.
+        Raises `InputError` for any fault of the view set, and for another rendering than the methods were trained on.
         """
         if missing := sorted({"train", "test"} - set(scene.views)):
             path = records_folder(self.out) / "run.json"
@@ -194,7 +197,7 @@ class FinishedRun:
             raise DamagedRecord(f"{records_folder(self.out) / 'run.json'}: {scene.name}: {error}; run again") from error
 
     def _needs_asked(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of parts that its settings force in and out."""
+        """Return names of parts that its settings force in and out."""
         views = self.run.settings.get("views", {})
         found = [views.get(name, []) for name in ("need", "no_need")] if isinstance(views, dict) else [None]
         if not all(isinstance(one, list) and all(isinstance(name, str) for name in one) for one in found):
@@ -203,8 +206,8 @@ class FinishedRun:
         return tuple(found[0] or []), tuple(found[1] or [])
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
-        """How far from the origin its cameras stand, in scene units: known of our own scenes, of others the mean over
-        the training cameras. Raises `InputError` where those are not there any more.
+        """Return the distance of its cameras from the origin, in scene units: known for our own scenes, for others the
+        mean over the training cameras. Raises `InputError` if those are not there any more.
         """
         if scene.rendered:
             return RADIUS
@@ -213,8 +216,9 @@ class FinishedRun:
 
 
 def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, ours: bool) -> None:
-    """Raises `InputError` for sizes that no run has, before memory is taken for them; `ours` are networks made of
-    our parts."""
+    """Raise `InputError` for sizes that no run has, before memory is allocated; `ours` are networks
+    made of our parts.
+    """
     network = settings.network
     sizes = {
         "depth": (network.depth, 64),
@@ -243,8 +247,8 @@ def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, our
 
 
 def from_plain(kind: type[One], data: Any, path: Path) -> One:
-    """A frozen dataclass from what `asdict` and JSON made of it; raises `InputError` naming the file where a key is
-    missing or unknown: settings that are silently other ones would render another picture.
+    """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` naming the file if a key is missing or
+    unknown: settings that silently differ would render another picture.
     """
     try:
         found = _from_plain(kind, data)

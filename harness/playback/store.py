@@ -13,27 +13,27 @@ from harness.playback.disk import DiskPictures
 from harness.playback.float_exr import frozen
 
 PROTECTED = 0.75
-"""Share of the bytes that level 0 may take; level 1 has all that it leaves."""
+"""The share of the bytes that level 0 may take; level 1 has the rest."""
 
 
 class SegmentedMemory:
-    """At most `bound` bytes of pictures in both levels together, at most `PROTECTED` of them in level 0.
+    """A memory of at most `bound` bytes of pictures in both levels together, at most `PROTECTED` of them in level 0.
 
     Safe to use from several threads. Bytes are those of the pixels.
     """
 
     def __init__(self, bound: int) -> None:
         self.bounds = (int(bound * PROTECTED), bound)
-        """Of level 0, and of both together."""
+        """The bounds of level 0, and of both together."""
         self.evicted = 0
-        """Pictures that fell out of memory."""
+        """The number of pictures that were evicted from memory."""
         self._levels: tuple[OrderedDict[str, np.ndarray], OrderedDict[str, np.ndarray]] = (OrderedDict(), OrderedDict())
         self._bytes = [0, 0]
         self._lock = threading.Lock()
 
     def put(self, key: str, picture: np.ndarray, level: int) -> bool:
-        """As the most recently used of `level`; in level 1 where it is too large for level 0. False where it is too
-        large for both: then nothing is kept under `key`.
+        """Store as the most recently used of `level`; in level 1 if it is too large for level 0. Returns False if it is
+        too large for both: then nothing is kept under `key`.
         """
         with self._lock:
             self._take(key)
@@ -47,7 +47,7 @@ class SegmentedMemory:
             self._take(key)
 
     def get(self, key: str) -> tuple[np.ndarray, int] | None:
-        """The picture and the level in which it was found; it is then the most recently used of level 0."""
+        """Return the picture and the level in which it was found; it is then the most recently used of level 0."""
         with self._lock:
             first, second = self._levels
             if (picture := first.get(key)) is not None:
@@ -60,12 +60,12 @@ class SegmentedMemory:
             return picture, 1
 
     def where(self, key: str) -> int | None:
-        """The level, without using the picture."""
+        """Return the level, without using the picture."""
         with self._lock:
             return next((level for level in (0, 1) if key in self._levels[level]), None)
 
     def keys(self, level: int) -> list[str]:
-        """The least recently used first."""
+        """Return the keys, the least recently used first."""
         with self._lock:
             return list(self._levels[level])
 
@@ -106,30 +106,30 @@ DISK_BYTES = 2 * 1024 * 1024 * 1024
 
 @dataclass(frozen=True)
 class StoreStatistics:
-    """What happened in a store since it was opened, and what it holds now."""
+    """Counts of events in a store since it was opened, and its current contents."""
 
     hits: dict[int, int]
-    """Level → pictures that were found there."""
+    """Map level → pictures that were found there."""
     misses: int
     stored: dict[int, int]
-    """Level → pictures that were put there; promotion does not count."""
+    """Map level → pictures that were put there; promotion does not count."""
     evicted: dict[int, int]
-    """Level → pictures that made room for others: 1 for those that left memory, 2 for those that left the disk."""
+    """Map level → pictures that made room for others: 1 for those that left memory, 2 for those that left the disk."""
     bytes: dict[int, int]
-    """Level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
+    """Map level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
     too_large: int
-    """Pictures that memory could not hold."""
+    """The pictures that memory could not hold."""
     damaged: int
-    """Files that were not what had been written: dropped, and a miss."""
+    """The files with other bytes than those written: dropped, and a miss."""
     dangling: int
-    """Keys on disk whose picture was gone."""
+    """The keys on disk whose picture was gone."""
     leftovers: int
-    """Files of killed writers that were swept."""
+    """The files of killed writers that were removed."""
     unreadable: int
-    """Reads that the system refused: a miss."""
+    """The reads that the system refused: a miss."""
     failed_writes: int
     last_failure: str | None
-    """Why the last of them failed."""
+    """The reason why the last of them failed."""
 
     @property
     def hit_rate(self) -> float:
@@ -138,14 +138,14 @@ class StoreStatistics:
 
 
 class ViewStore:
-    """Pictures (finite float32 [height, width, channels]) under arbitrary keys, given back bit for bit and read-only.
+    """Pictures (finite float32 [height, width, channels]) under arbitrary keys, returned bit for bit and read-only.
 
-    Level 0 holds in memory what was used again, level 1 in memory what was seen once, level 2 on disk what shall
-    outlive the process. A hit in 1 goes up to 0; what falls out of 0 goes down to 1, and out of that from memory; a hit
-    in 2 is put into 1 as well. What is stored under a key is its value from then on, at whatever levels: no other is
-    left on disk or in the memory of this store. What another process has in memory it keeps. `memory_bytes` bounds both
-    levels in memory together, `disk_bytes` the folder. Safe to use from several threads, and the folder from several
-    processes. Raises `InputError` where `disk` cannot be used.
+    Level 0 holds reused pictures in memory, level 1 those seen once in memory, level 2 on disk those that shall outlive
+    the process. A hit in 1 moves up to 0; pictures evicted from 0 move down to 1, and from there out of memory; a hit
+    in 2 is put into 1 as well. A stored picture is the value of its key from then on, at whatever levels: no other is
+    left on disk or in the memory of this store. Another process keeps the pictures in its memory. `memory_bytes` bounds
+    both levels in memory together, `disk_bytes` the folder. Safe to use from several threads, and the folder from
+    several processes. Raises `InputError` where `disk` cannot be used.
     """
 
     def __init__(
@@ -156,10 +156,10 @@ class ViewStore:
         self._memory = SegmentedMemory(memory_bytes)
         self._disk = None if disk is None else DiskPictures(disk, disk_bytes)
         self._storing = threading.Lock()
-        """One after the other, so that all levels have the value of the same one."""
+        """The lock that orders stores, so that all levels have the value of the same one."""
         self._lock = threading.Lock()
         self._changes = 0
-        """Values stored so far: what is read from disk meanwhile may no longer be the value."""
+        """The number of values stored so far: a value read from disk meanwhile may be outdated."""
         self._hits = dict.fromkeys(LEVELS, 0)
         self._stored = dict.fromkeys(LEVELS, 0)
         self._misses = self._too_large = 0
@@ -168,10 +168,10 @@ class ViewStore:
         return self.where(key) is not None
 
     def where(self, key: str) -> int | None:
-        """The level at which `get` would find it now; this uses nothing, but what is damaged on disk is dropped.
+        """Return the level at which `get` would find it now; this uses nothing, but damaged files on disk are dropped.
 
-        On disk the whole picture is read and checked for that, as `get` does. What makes room for others may be gone
-        before it is asked for: `get` can be None where `in` was true.
+        On disk the complete picture is read and checked for that, as `get` does. An evicted picture may be gone before
+        it is asked for: `get` can return None although `in` was true.
         """
         level = self._memory.where(_checked(key))
         if level is None and self._disk is not None and self._disk.get(key, use=False) is not None:
@@ -183,7 +183,7 @@ class ViewStore:
         return None if found is None else found[0]
 
     def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
-        """The picture, and the level at which it was found."""
+        """Return the picture, and the level at which it was found."""
         changes = self._changes
         found = self._memory.get(_checked(key))
         if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
@@ -199,8 +199,8 @@ class ViewStore:
         return found
 
     def store(self, key: str, value: np.ndarray, level: int | tuple[int, ...] = 1) -> None:
-        """Makes a copy of `value` what is under `key`, at a level or at several; what the disk does not take, or where
-        there is none, goes to level 1. Of 0 and 1 the first has it.
+        """Make a copy of `value` the picture under `key`, at a level or at several; a picture that the disk refuses, or
+        without a disk, goes to level 1. Of 0 and 1 the first has it.
 
         Raises `TypeError` and `ValueError` for a value that is no picture (`pictures.frozen`) and another level.
         """
@@ -229,7 +229,7 @@ class ViewStore:
 
     @property
     def statistics(self) -> StoreStatistics:
-        """Now; looks at every file on disk."""
+        """Return the statistics now; looks at every file on disk."""
         first, second = self._memory.bytes()
         disk = self._disk
         counts = None if disk is None else disk.counts

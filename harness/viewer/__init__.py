@@ -1,1 +1,1 @@
-"""A finished run in the browser; imports `playback` and what is below."""
+"""A finished run in the browser; imports `playback` and the rooms below it."""

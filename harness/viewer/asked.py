@@ -1,6 +1,6 @@
-"""What a page may ask for, checked, and the camera that it means: one that circles a point, z up.
+"""The requests of a page, checked, and the camera that they describe: one that circles a point, z up.
 
-A request that is not just so is refused with a sentence. Angles in radians, lengths in scene units.
+A malformed request is refused with a sentence. Angles in radians, lengths in scene units.
 """
 
 import json
@@ -15,21 +15,21 @@ from harness.viewer.attended import Attention
 from scenes.view_sets.viewpoints import poses_on_sphere
 
 STEEPEST = math.radians(89.9)
-"""Right above its target a camera has no upright."""
+"""The steepest elevation: right above its target a camera has no upright."""
 MARGIN = 1e-3
-"""Of the box's half diagonal, kept free before and behind it."""
+"""The share of the box's half diagonal that is kept free before and behind it."""
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """Where a camera stands that looks at `target`, without roll.
+    """The place of a camera that looks at `target`, without roll.
 
     Raises `ValueError` for a number that is not finite, and for a distance that is not positive.
     """
 
     target: tuple[float, float, float]
     azimuth: float
-    """Counterclockwise from x, seen from above."""
+    """The angle counterclockwise from x, seen from above."""
     elevation: float
     distance: float
 
@@ -40,7 +40,7 @@ class Orbit:
             raise ValueError(f"distance {self.distance}: a camera stands away from what it looks at")
 
     def pose(self) -> np.ndarray:
-        """Camera to world [4, 4], OpenGL axes; elevations beyond the poles are taken to be just below them."""
+        """Return camera to world [4, 4], OpenGL axes; elevations beyond the poles are taken to be just below them."""
         elevation = min(max(self.elevation, -STEEPEST), STEEPEST)
         pose = poses_on_sphere(np.array([self.azimuth]), np.array([elevation]), self.distance)[0]
         pose[:3, 3] += self.target
@@ -48,7 +48,8 @@ class Orbit:
 
 
 def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
-    """The orbit that goes on from a pose without a jump: about the point of its optical axis next to `centre` [3].
+    """Return the orbit that continues from a pose without a jump: about the point of its optical axis next to `centre`
+    [3].
 
     Roll is not part of an orbit. A camera that looks away from `centre` gets a target as far before it.
     """
@@ -62,7 +63,7 @@ def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
 
 
 def covering(camera: Camera, bounds: np.ndarray) -> Camera:
-    """The same camera with near and far moved apart, where they must be, until they hold the whole box [2, 3]."""
+    """Return the same camera with near and far moved apart, as necessary, until they hold the complete box [2, 3]."""
     lower, upper = np.asarray(bounds, dtype=np.float64)
     radius = (1.0 + MARGIN) * 0.5 * float(np.linalg.norm(upper - lower))
     distance = float(np.linalg.norm(camera.camera_to_world[:3, 3] - 0.5 * (lower + upper)))
@@ -73,39 +74,39 @@ def covering(camera: Camera, bounds: np.ndarray) -> Camera:
 
 
 LARGEST_BODY = 4096
-"""Bytes."""
+"""The largest body in bytes."""
 LARGEST_WIDTH = 1024
-"""Pixels."""
+"""The largest width in pixels."""
 FARTHEST = 1000.0
-"""Scene units of any coordinate and distance."""
+"""The largest coordinate and distance in scene units."""
 NEAREST = 1e-3
 MOST_METHODS = 8
 LARGEST_NUMBER = 2**53
-"""Up to which a page counts exactly."""
+"""The number up to which a page counts exactly."""
 
 
 class BadRequest(ValueError):
-    """What is asked for is not what a page would ask; the message says what to send instead."""
+    """A request that a page would not send; the message says what to send instead."""
 
 
 @dataclass(frozen=True)
 class ViewRequest:
-    """A view of methods of a scene."""
+    """A request for a view of methods of a scene."""
 
     client: str
-    """Of one page; its newest request is the only one that is still rendered."""
+    """The page; its newest request is the only one that is still rendered."""
     generation: int
     scene: str
     methods: tuple[str, ...]
     place: int | Orbit
-    """A test view's number, or where the camera stands."""
+    """A test view's number, or the camera's place."""
     attention: Attention
     width: int | None
-    """Pixels; None for the views' own."""
+    """The width in pixels; None for the views' own."""
 
 
 def parsed(body: bytes) -> ViewRequest:
-    """Raises `BadRequest` for anything that is not a request in every detail; names are not looked up here."""
+    """Parse a request; raises `BadRequest` unless it is valid in every detail; names are not looked up here."""
     needed = {"client", "generation", "scene", "methods", "place", "attention"}
     data = _only(_json(body), "the request", needed, {"width"})
     methods = data["methods"]
@@ -135,7 +136,7 @@ def parsed(body: bytes) -> ViewRequest:
 
 
 def view_number(text: str | None) -> int:
-    """Of a test view, from the address; raises `BadRequest`."""
+    """Return the number of a test view, from the address; raises `BadRequest`."""
     if text is None or not text.isascii() or not text.isdigit() or len(text) > 6:
         raise BadRequest("view: give the number of a test view")
     return int(text)

@@ -1,4 +1,4 @@
-"""What a viewer attends to, as attention of every region."""
+"""The attention of every region, from what a viewer attends to."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scenes.view_sets.images import read_image
 from scenes.view_sets.pixels import area_weights
 
 RADIUS = 0.2
-"""Of the disc about a point, of the picture's longer side."""
+"""The radius of the disc about a point, as a share of the picture's longer side."""
 
 ATTENTIONS: dict[str, str] = {
     "foveal": "fovea at the point of interest",
@@ -23,23 +23,23 @@ ATTENTIONS: dict[str, str] = {
     "mask": "bright pixels of the mask",
     "none": "none (plain)",
 }
-"""Map of `baselines.numerics.attention.maps.MAPS` → what a reader is shown."""
+"""Map of `baselines.numerics.attention.maps.MAPS` → the label for a reader."""
 LARGEST_MASK = 1024
-"""Pixels a side that are kept of one."""
+"""The most pixels per side that are kept of a mask."""
 
 
 @dataclass(frozen=True)
 class Attention:
-    """What is attended: `foveal` and `point` about a point, `gradients` and `error` where the coarse frame has them,
-    `mask` where a user marked it, or nothing.
+    """The object of attention: `foveal` and `point` about a point, `gradients` and `error` of the coarse frame, `mask`
+    as marked by a user, or nothing.
 
     Raises `ValueError` for another kind, and for a point that is not in the picture.
     """
 
     kind: str = "foveal"
-    """Of `ATTENTIONS`."""
+    """The kind, a key of `ATTENTIONS`."""
     row: float = 0.5
-    """0 … 1 from top to bottom."""
+    """The place from 0 at the top to 1 at the bottom."""
     column: float = 0.5
 
     def __post_init__(self) -> None:
@@ -58,8 +58,8 @@ def attention_map(
     error: Callable[[], np.ndarray],
     mask: np.ndarray | None,
 ) -> np.ndarray:
-    """float64 [regions]; `image` [h, w, 3] is the coarse frame, `error` makes an estimate of its error [h, w], `mask`
-    is of any size, `focal` in pixels.
+    """Return float64 [regions]; `image` [h, w, 3] is the coarse frame, `error` returns an estimate of its error [h, w],
+    `mask` is of any size, `focal` in pixels.
     """
     row, column = attention.row * regions.height, attention.column * regions.width
     if attention.kind == "none" or (attention.kind == "mask" and mask is None):
@@ -72,9 +72,9 @@ def attention_map(
 
 
 def read_mask(file: Path) -> np.ndarray:
-    """float64 [h, w], 0 … 1: how bright an image is, over black where it is transparent.
+    """Read float64 [h, w], 0 … 1: the brightness of an image, over black where it is transparent.
 
-    Raises `InputError` for what is no image, and for one that marks nothing.
+    Raises `InputError` for a file that is no image, and for one that marks nothing.
     """
     try:
         image = read_image(file).astype(np.float64)
@@ -92,7 +92,7 @@ def read_mask(file: Path) -> np.ndarray:
 
 
 def spread(mask: np.ndarray, height: int, width: int) -> np.ndarray:
-    """A mask [h, w] stretched over a picture: each pixel is the mean of what it covers."""
+    """Stretch a mask [h, w] over a picture: each pixel is the mean of its area."""
     rows = area_weights(mask.shape[0], height, mask.shape[0] / height)
     columns = area_weights(mask.shape[1], width, mask.shape[1] / width)
     return np.asarray(rows @ mask @ columns.T)

@@ -1,8 +1,8 @@
-"""One view of several trained methods, made to be looked at while it is made: coarse at once, then refined in order of
-attention, method after method in turn; out of the view cache where it was seen before.
+"""One view of several trained methods, shown while it is rendered: coarse at once, then refined in order of
+attention, method after method in turn; from the view cache if it was seen before.
 
-Nothing here knows of HTTP: a camera, methods and an attention go in, frames come out, and whoever takes no more of
-them has stopped the rendering.
+Nothing here knows of HTTP: a camera, methods and an attention go in, frames come out, and a caller that takes no more
+of them has stopped the rendering.
 """
 
 import math
@@ -28,43 +28,43 @@ from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention, attention_map
 
 COARSE_SECONDS = 0.1
-"""What a coarse frame of one method may take."""
+"""The seconds that a coarse frame of one method may take."""
 FINEST_STRIDE, COARSEST_STRIDE = 2, 16
 REGION = 16
-"""Least side of a region in pixels: smaller calls cost more than they bring."""
+"""The least side of a region in pixels: smaller chunks cost more than they bring."""
 REGIONS_A_SIDE = 12
 NOT_BY_REGIONS = "Refined plainly: its density depends on which points share a call."
-"""What a reader is told of `harness.playback.progressive.why_plain`."""
+"""The reader's version of `harness.playback.progressive.why_plain`."""
 
 State = Literal["coarse", "refining", "whole", "failed"]
 
 
 @dataclass
 class RenderRate:
-    """Rays a second of one method, learnt from what was rendered."""
+    """The rays per second of one method, learnt from past rendering."""
 
     rays_per_second: float = 20_000.0
 
     def learn(self, rays: int, seconds: float) -> None:
-        """Weighs what was just seen as much as all before it."""
+        """Update, weighing the last measurement as much as all before it."""
         if rays > 0 and seconds > 0.0:
             self.rays_per_second = math.sqrt(self.rays_per_second * rays / seconds)
 
     def stride(self, pixels: int) -> int:
-        """Of a coarse frame that takes about `COARSE_SECONDS`."""
+        """Return the stride of a coarse frame that takes about `COARSE_SECONDS`."""
         affordable = max(self.rays_per_second * COARSE_SECONDS, 1.0)
         return min(max(math.ceil(math.sqrt(pixels / affordable)), FINEST_STRIDE), COARSEST_STRIDE)
 
 
 @dataclass
 class MethodView:
-    """A method that is looked at."""
+    """A method in view."""
 
     name: str
     learner: Learner
     cached: CachedMethod
     chunk: int
-    """Rays a call."""
+    """The rays per chunk."""
     pace: RenderRate = field(default_factory=RenderRate)
 
     @staticmethod
@@ -79,43 +79,43 @@ class MethodView:
 
     @property
     def bins(self) -> int:
-        """Samples a ray."""
+        """Return the samples per ray."""
         how = self.learner.rendered_by()
         return int(how.get("sampling", how)["bins"])
 
 
 @dataclass(frozen=True)
 class FreshPixels:
-    """Pixels of one method that have just come to be known."""
+    """Newly rendered pixels of one method."""
 
     method: str
     state: State
     pixels: np.ndarray
-    """int64 [n]: numbered row by row."""
+    """The indices int64 [n], numbered row by row."""
     colour: np.ndarray
-    """float32 [n, 3]."""
+    """The colour, float32 [n, 3]."""
     opacity: np.ndarray
-    """float32 [n]."""
+    """The opacity, float32 [n]."""
     depth: np.ndarray
-    """float32 [n]: distance along the ray, scene units."""
+    """The distance along the ray in scene units, float32 [n]."""
     share: float
-    """Of the picture's rays at full resolution that are done."""
+    """The share of the picture's rays at full resolution that are done."""
     seconds: float
-    """Since the view was asked for; methods take turns."""
+    """The seconds since the view was asked for; methods take turns."""
     work: float
-    """Of these, spent on this method."""
+    """The part of these spent on this method."""
     rays: int = 0
-    """Rendered so far, with those of the coarse frame and of an estimate of its error."""
+    """The rays rendered so far, with those of the coarse frame and of an estimate of its error."""
     evaluations: int = 0
-    """Of the network so far, without those of the coarse frame, with those of an estimate of its error."""
+    """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
-    """Of a coarse frame."""
+    """The stride of a coarse frame."""
     level: int | None = None
-    """Of the view cache that a whole picture came from; None where it was rendered."""
+    """The level of the view cache that a complete picture came from; None if it was rendered."""
     psnr: float | None = None
-    """dB against the ground truth, where there is one for exactly this view; not while refining."""
+    """The dB against the ground truth, if there is one for exactly this view; not while refining."""
     note: str = ""
-    """What a reader should know, in one sentence."""
+    """A note for the reader, in one sentence."""
 
 
 def regions_of(camera: Camera) -> Regions:
@@ -132,13 +132,13 @@ def frames(
     asked_at: float | None = None,
     mask: np.ndarray | None = None,
 ) -> Iterator[FreshPixels]:
-    """Of each method either one whole picture out of the cache, or a coarse one, the refined parts of it, and a last
-    frame that holds the whole picture.
+    """Yield for each method either one complete picture out of the cache, or a coarse one, its refined parts, and a
+    last frame that holds the complete picture.
 
-    `truth` [h, w, 3] is compared with. `asked_at`: of `time.perf_counter`. `mask` [h, w], of any size, is what such an
-    attention is on. What comes from the cache comes first. Then it is the turn of the method that has had the least
-    time, for one call of rays. Rendering goes on only when the next frame is asked for. A method whose picture is not
-    finite ends with the state `failed`.
+    `truth` [h, w, 3] is the reference. `asked_at` is a time of `time.perf_counter`. `mask` [h, w], of any size, is the
+    object of an attention of that kind. Pictures from the cache come first. Then it is the turn of the method that has
+    had the least time, for one chunk of rays. Rendering continues only when the next frame is asked for. A method whose
+    picture is not finite ends with the state `failed`.
     """
     start = time.perf_counter() if asked_at is None else asked_at
     waiting = []
@@ -160,7 +160,7 @@ def frames(
 
 @dataclass
 class _Turn:
-    """One method at work on one view."""
+    """A method at work on one view."""
 
     seat: MethodView
     camera: Camera
@@ -176,7 +176,9 @@ class _Turn:
         self.regions = regions_of(self.camera)
 
     def from_cache(self) -> FreshPixels | None:
-        """The picture that rendering now would give, or the plain one, which differs from it by rounding alone."""
+        """Return the picture that rendering now would give, or the plain one, which differs from it by
+        rounding alone.
+        """
         if not self.use_cache:
             return None
         began = time.perf_counter()
@@ -239,7 +241,7 @@ class _Turn:
                 seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
 
     def _attended(self, first: View, error: Callable[[], np.ndarray]) -> np.ndarray:
-        """Nothing is spent on it where it changes nothing."""
+        """Return the attention; nothing is spent on it if it changes nothing."""
         if not self._by_regions():
             return np.ones(self.regions.count)
         return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error, self.mask)
@@ -251,7 +253,9 @@ class _Turn:
         return self.seat.pointwise and self.attention.kind != "none"
 
     def _calls(self, by_regions: bool) -> str:
-        """A picture by regions is the same for all attention, to float32 rounding: their order is not part of it."""
+        """Describe the chunks. A picture by regions is the same for all attention, to float32 rounding: the order is no
+        part of it.
+        """
         plain = plain_calls(self.seat.chunk)
         return f"regions of {self.regions.tile} pixels, each {plain}" if by_regions else plain
 
@@ -270,7 +274,7 @@ class _Turn:
 
 
 def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """pixels, colour, opacity and depth of a whole picture."""
+    """Return pixels, colour, opacity and depth of a complete picture."""
     size = view.opacity.size
     return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)
 
@@ -278,8 +282,8 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 def first_frame(
     cells: Sequence[TrainedCell], camera: Camera, attention: Attention | None = None, warm_up: bool = True
 ) -> list[FreshPixels]:
-    """All frames of a view with nothing in the cache (`seconds_of` them). `warm_up` renders a coarse frame first, as
-    the viewer does when it loads a method.
+    """Return all frames of a view with nothing in the cache (`seconds_of` them). `warm_up` renders a coarse frame
+    first, as the viewer does when it loads a method.
     """
     seats = [MethodView.of(cell, ViewStore(0, None, 0)) for cell in cells]
     if warm_up:
@@ -289,9 +293,9 @@ def first_frame(
 
 
 def seconds_of(shown: Iterable[FreshPixels], methods: int) -> tuple[float, float]:
-    """When there was something of all methods, and when everything was whole, seconds since the view was asked for.
+    """Return the seconds from the request until all methods showed something, and until all were complete.
 
-    Raises `harness.training.trainer.Diverged` where a picture is not finite: that is no time.
+    Raises `harness.training.trainer.Diverged` if a picture is not finite: that is no time.
     """
     seen: dict[str, float] = {}
     last = 0.0
@@ -306,7 +310,7 @@ def seconds_of(shown: Iterable[FreshPixels], methods: int) -> tuple[float, float
 
 
 def warmed(seat: MethodView, camera: Camera) -> None:
-    """Lets a method allocate what it needs, and learns its pace."""
+    """Let a method allocate its memory, and measure its pace."""
     for _ in range(2):
         began = time.perf_counter()
         _, rays, _ = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)

@@ -1,4 +1,4 @@
-"""The page over HTTP: who may ask, what is answered, and how a render is streamed and given up."""
+"""The page over HTTP: access, answers, and how a render is streamed and given up."""
 
 import asyncio
 import socket
@@ -38,7 +38,7 @@ FILES = {
     "/stream.js": ("stream.js", "text/javascript"),
     "/icon.svg": ("icon.svg", "image/svg+xml"),
 }
-"""Path → file and type: nothing else is read from the disk for a request."""
+"""Map path → file and type: nothing else is read from the disk for a request."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -49,33 +49,33 @@ HEADERS = {
     "cache-control": "no-store",
 }
 MOST_CLIENTS = 64
-"""Pages whose newest request is remembered."""
+"""The number of pages whose newest request is remembered."""
 MOST_STREAMS = 8
-"""Views in the making: each holds its pictures in memory."""
+"""The most views being rendered: each holds its pictures in memory."""
 BODY_SECONDS = 10.0
-"""In which a request has to be here."""
+"""The seconds within which a request has to arrive."""
 
 Made = TypeVar("Made")
 
 
 @dataclass
 class Desk:
-    """Takes requests and has them done by one thread, a piece of work at a time."""
+    """A desk that takes requests and has them done by one thread, a piece of work at a time."""
 
     shown: ShownRun
     worker: ThreadPoolExecutor
     newest: OrderedDict[str, int] = field(default_factory=OrderedDict)
-    """Page → the generation of its newest request."""
+    """Map page → the generation of its newest request."""
     streams: int = 0
-    """That are open."""
+    """The number of open streams."""
 
     async def done(self, work: Callable[..., Made], *arguments: Any) -> Made:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
     def enter(self, asked: ViewRequest) -> None:
-        """Whatever the page asked for before is given up after the call of rays that it is at.
+        """Register a request; the page's earlier one is given up after its current chunk of rays.
 
-        Raises `Refused` for what is not newer than that.
+        Raises `Refused` for a request that is not newer than that.
         """
         known = self.newest.get(asked.client, -1)
         if asked.generation <= known:
@@ -105,7 +105,7 @@ class Desk:
 
 
 class Refused(Exception):
-    """A request that is not done: the status and why, in a sentence."""
+    """A refusal: the status and the reason, in a sentence."""
 
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
@@ -113,7 +113,7 @@ class Refused(Exception):
 
 
 class Streamed(StreamingResponse):
-    """Leaves its place to another one however it ends, even if nobody has taken the first piece."""
+    """A stream that leaves its place to another one however it ends, even if nobody has taken the first piece."""
 
     def __init__(self, desk: Desk, pieces: AsyncIterator[bytes]) -> None:
         super().__init__(pieces, media_type="application/octet-stream")
@@ -127,7 +127,7 @@ class Streamed(StreamingResponse):
 
 
 class Announced(uvicorn.Server):
-    """Tells when it answers, and an interrupt ends it in order."""
+    """A server that reports when it answers, and that an interrupt ends in order."""
 
     def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)
@@ -147,7 +147,9 @@ def _next_piece(messages: Iterator[bytes]) -> bytes | None:
 
 
 def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -> Starlette:
-    """`hosts`: the names under which the page may be asked for; any other `Host` header is refused."""
+    """Return the application. `hosts` are the names under which the page may be asked for; any other `Host` header is
+    refused.
+    """
     desk = Desk(shown, worker)
 
     async def run(request: Request) -> Response:
@@ -207,7 +209,7 @@ async def _broken(request: Request, error: Exception) -> Response:
 
 
 async def _body(request: Request) -> bytes:
-    """No more than is allowed is ever kept, nor waited for longer."""
+    """Read the body; no more than the limit is ever kept, nor waited for longer."""
     found = b""
     try:
         async with asyncio.timeout(BODY_SECONDS):
@@ -230,7 +232,9 @@ def _file(name: str, kind: str) -> Callable[[Request], Any]:
 
 
 class OwnPagesAlone:
-    """Refuses what a browser says that another site's page asks for: looking at its own pages costs work here too."""
+    """A filter that refuses requests of another site's page, by the browser's own headers: rendering for them costs
+    work.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -245,7 +249,7 @@ class OwnPagesAlone:
 
 
 class SafeHeaders:
-    """Puts `HEADERS` on every answer, refusals as well."""
+    """A filter that puts `HEADERS` on every answer, refusals as well."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

@@ -1,4 +1,4 @@
-"""A finished run as a page shows it: what there is, and methods and views loaded when they are first asked for."""
+"""A finished run as a page shows it: its listing, and methods and views loaded when they are first asked for."""
 
 import math
 import time
@@ -27,11 +27,11 @@ from scenes.view_sets.view_set import Split
 
 @dataclass(frozen=True)
 class TrueViews:
-    """The test views of one scene at one size; without any, `missing` says why."""
+    """The test views of one scene at one size; without any, `missing` has the reason."""
 
     names: tuple[str, ...]
     poses: np.ndarray
-    """float64 [views, 4, 4], OpenGL axes."""
+    """The poses, float64 [views, 4, 4], OpenGL axes."""
     split: Split | None
     missing: str = ""
 
@@ -39,17 +39,17 @@ class TrueViews:
         return len(self.names)
 
     def colour(self, view: int) -> np.ndarray:
-        """float32 [h, w, 3], display colour over white."""
+        """Return float32 [h, w, 3], display colour over white."""
         assert self.split is not None
         return over_white(self.split.rgba[view])
 
     def opacity(self, view: int) -> np.ndarray:
-        """float32 [h, w]."""
+        """Return float32 [h, w]."""
         assert self.split is not None
         return self.split.rgba[view][..., 3]
 
     def depth(self, view: int) -> np.ndarray | None:
-        """float32 [h, w], 0 where nothing was hit; None for a view set that has no depth."""
+        """Return float32 [h, w], 0 where nothing was hit; None for a view set that has no depth."""
         assert self.split is not None
         return None if self.split.depth is None else self.split.depth[view]
 
@@ -59,8 +59,8 @@ def no_truth(why: str) -> TrueViews:
 
 
 def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int, scratch: Path | None) -> TrueViews:
-    """Of a finished run's scene, at `width` pixels or the views' own width where that is smaller; decoded images go to
-    `scratch`. Never raises for what is wrong with the view set.
+    """Read the truth of a finished run's scene, at `width` pixels or the views' own width if that is smaller; decoded
+    images go to `scratch`. Never raises for faults of the view set.
     """
     try:
         found = run.views(scene, view_sets, min(width, scene.width), scratch=scratch)
@@ -72,17 +72,17 @@ def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int
 MEMORY_BYTES = 256 << 20
 DISK_BYTES = 2 << 30
 ELEVATION = math.radians(30.0)
-"""Of the first view where there is no test view to begin with."""
+"""The elevation of the first view if there is no test view to begin with."""
 DEFAULT_METHODS = ("nerf", "qnerf")
 TRUTHS = 2
-"""Scenes whose decoded test views are kept."""
+"""The number of scenes whose decoded test views are kept."""
 COUNTED_FOR = 5.0
-"""Seconds after which the files of the cache are looked at again."""
+"""The seconds after which the files of the cache are looked at again."""
 
 
 @dataclass
 class ShownRun:
-    """Everything but the two listings is called in the one thread that renders; nothing here is locked."""
+    """A shown run. All but the two listings is called in the one thread that renders; nothing here is locked."""
 
     run: FinishedRun
     view_sets: Path
@@ -92,20 +92,20 @@ class ShownRun:
     device: torch.device
     store: ViewStore
     memory_alone: str = ""
-    """Why nothing is kept on disk; empty where it is."""
+    """The reason why nothing is kept on disk; empty if it is."""
     width: int | None = None
-    """Pixels; None: each scene's own."""
+    """The width in pixels; None: each scene's own."""
     mask: np.ndarray | None = None
-    """[h, w] of a user, of any size."""
+    """The mask of a user, [h, w] of any size."""
     seats: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
-    """Of the views of each scene, somewhere."""
+    """Map scene → a camera with the lens of its views."""
     truths: OrderedDict[str, TrueViews] = field(default_factory=OrderedDict)
-    """Of the scenes looked at last."""
+    """The views of the scenes looked at last."""
     sources: Counter[str] = field(default_factory=Counter)
-    """Where whole pictures came from: `level 0` … `level 2` of the cache, or `rendered`."""
+    """The origins of complete pictures: `level 0` … `level 2` of the cache, or `rendered`."""
     counted: tuple[float, StoreStatistics] | None = None
-    """What the cache held, and when."""
+    """The time and the statistics of the last look at the cache."""
 
     @staticmethod
     def of(
@@ -118,7 +118,7 @@ class ShownRun:
         device: torch.device,
         mask: np.ndarray | None = None,
     ) -> "ShownRun":
-        """Raises `InputError` for names that the run does not have, and where it left nothing to show."""
+        """Load a run; raises `InputError` for names that it does not have, and if it left nothing to show."""
         run = FinishedRun.of(out)
         scenes = [one.name for one in run.scenes([scene] if scene else None, "--scene")]
         asked = run.methods(list(methods) if methods else None)
@@ -136,7 +136,7 @@ class ShownRun:
         return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width, mask)
 
     def listing(self) -> dict[str, Any]:
-        """What can be chosen."""
+        """List what can be chosen."""
         return {
             "run": self.run.out.resolve().name,
             "profile": self.run.run.profile,
@@ -149,7 +149,7 @@ class ShownRun:
         }
 
     def scene_listing(self, name: str) -> dict[str, Any]:
-        """Of one scene: its pictures' size, where the camera begins and stands at each test view, and its cells."""
+        """List one scene: its pictures' size, where the camera begins and stands at each test view, and its cells."""
         scene = self.scene(name)
         truth = self.truth(scene)
         centre = np.mean(scene.bounds, axis=0)
@@ -206,7 +206,7 @@ class ShownRun:
         return kind != "mask" or self.mask is not None
 
     def seat(self, scene: SceneRecord, method: str) -> engine.MethodView:
-        """Raises `InputError` where the cell cannot be shown."""
+        """Load a cell; raises `InputError` if it cannot be shown."""
         if (scene.name, method) not in self.seats:
             cell = self.run.trained(scene, method, self.seed, self.device)
             seat = engine.MethodView.of(cell, self.store)
@@ -216,7 +216,7 @@ class ShownRun:
         return self.seats[scene.name, method]
 
     def checked(self, asked: ViewRequest) -> None:
-        """Raises `BadRequest` for names and views that are not there."""
+        """Check a request; raises `BadRequest` for names and views that are not there."""
         scene = self.scene(asked.scene)
         unknown = [name for name in asked.methods if name not in self.run.run.methods]
         if unknown:
@@ -236,7 +236,7 @@ class ShownRun:
         return picture_message("truth", colour, opacity, depth, **facts)
 
     def messages(self, asked: ViewRequest) -> Generator[bytes, None, None]:
-        """All that a page is sent for what it asked, one piece of work after another; `checked` before."""
+        """Yield all messages for a page's request, one piece of work after another; it has been `checked` before."""
         scene = self.scene(asked.scene)
         truth = self.truth(scene)
         exact = asked.place if isinstance(asked.place, int) else None
@@ -278,20 +278,22 @@ class ShownRun:
         }
 
     def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:
-        """At the size that is shown; a free one sees the whole box, an exact one is the view's own to the last bit."""
+        """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own to the
+        last bit.
+        """
         found = covering(camera, np.asarray(scene.bounds)) if free else camera
         wanted = width or self.width or scene.width
         return found if wanted == found.width else found.resized(wanted)
 
 
 def _start(scene: SceneRecord) -> Orbit:
-    """Where the camera stands as long as nobody has moved it, and there is no test view to begin with."""
+    """Return the camera's place until somebody moves it, if there is no test view to begin with."""
     x, y, z = np.mean(scene.bounds, axis=0).tolist()
     return Orbit((x, y, z), 0.5 * math.pi, ELEVATION, 0.5 * (scene.near + scene.far))
 
 
 def _store(folder: Path) -> tuple[ViewStore, str]:
-    """With level 2 where the folder can be written; else why not."""
+    """Return the store with level 2 if the folder can be written; else the reason."""
     try:
         return ViewStore(MEMORY_BYTES, folder, DISK_BYTES), ""
     except InputError as reason:

@@ -19,16 +19,16 @@ from harness.viewer.engine import FreshPixels
 
 ARRAYS = ("pixels", "colour", "opacity", "depth")
 HIT = 0.5
-"""Opacity from which a pixel has a depth that is shown."""
+"""The opacity from which the depth of a pixel is shown."""
 
 
 def message(kind: str, **header: Any) -> bytes:
-    """One without pixels."""
+    """Return a message without pixels."""
     return _packed({"kind": kind, **header, "pixels": 0}, b"")
 
 
 def frame_message(frame: FreshPixels) -> bytes:
-    """A last frame whose parts were all sent before holds none of them again."""
+    """Return the message of a frame; a last one whose parts were all sent before holds none of them again."""
     header = {one.name: getattr(frame, one.name) for one in fields(frame) if one.name not in ARRAYS}
     if frame.state == "whole" and frame.level is None:
         return message("frame", **header)
@@ -38,7 +38,7 @@ def frame_message(frame: FreshPixels) -> bytes:
 def picture_message(
     kind: str, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray | None, **header: Any
 ) -> bytes:
-    """A whole picture: [h, w, 3], [h, w] and [h, w] or, where depth is unknown, None."""
+    """Return the message of a complete picture: [h, w, 3], [h, w] and [h, w] or, if depth is unknown, None."""
     size = opacity.size
     far = np.zeros(size, np.float32) if depth is None else depth.reshape(size)
     return _with_pixels(kind, header, np.arange(size), colour.reshape(size, 3), opacity.reshape(size), far)

@@ -1,4 +1,4 @@
-"""To a Ray cluster and away from it, and what its nodes are."""
+"""The connection to a Ray cluster, its end, and the hardware of the nodes."""
 
 import contextlib
 import io
@@ -26,37 +26,37 @@ HOW_TO_INSTALL = (
     "puts it into this environment, and every node of a cluster needs the same version"
 )
 CHECK_SECONDS = 300.0
-"""For a first process on every node, which imports torch, perhaps from a slow disk."""
+"""The seconds for a first process on every node, which imports torch, perhaps from a slow disk."""
 ANSWER_SECONDS = 10.0
-"""For a head to take a connection; Ray itself would go on trying for a minute, and log it."""
+"""The seconds for a head to accept a connection; Ray itself would retry for a minute, and log it."""
 _given_up = False
 
 
 @dataclass(frozen=True)
 class Hardware:
-    """Of the cluster as a whole, as far as a plan depends on it."""
+    """The hardware of the cluster as a whole, as far as a plan depends on it."""
 
     gpus: int
     cores: int
-    """Schedulable: what the nodes offer to Ray."""
+    """The schedulable cores: those that the nodes offer to Ray."""
     bfloat16: bool
-    """Every node that would run a cell multiplies bfloat16."""
+    """Whether every node that would run a cell multiplies bfloat16."""
     nodes: int
     processors: tuple[str, ...]
-    """Kinds."""
+    """The kinds of processors."""
     crowded: tuple[str, ...]
-    """Of machines that offer more cores than they have, in words: cells that share one slow each other's clocks."""
+    """A description of machines that offer more cores than they have: cells that share one slow each other's clocks."""
 
     def line(self) -> str:
-        """For a reader."""
+        """Return a line for a reader."""
         gpus = f", {self.gpus} GPUs" if self.gpus else ""
         return f"Ray cluster: {self.nodes} nodes, {self.cores} cores{gpus} ({'; '.join(self.processors)})"
 
 
 def connect(address: str | None) -> None:
-    """Join the cluster at `address`; None: `RAY_ADDRESS`, else a Ray of one node on this machine, ended with us.
+    """Join the cluster at `address`; None means `RAY_ADDRESS`, else a Ray of one node on this machine, ended with us.
 
-    Raises `InputError` without Ray, and where there is no cluster.
+    Raises `InputError` without Ray, and if there is no cluster.
     """
     try:
         import ray
@@ -119,14 +119,16 @@ def _empty_folder() -> str:
 
 
 def _check_head(wanted: str | None) -> None:
-    """Raises `OSError` where nothing takes connections at an address of host and port; of others Ray knows more."""
+    """Raise `OSError` if nothing accepts connections at an address of host and port; Ray knows more about other
+    addresses.
+    """
     host, _, port = (wanted or "").rpartition(":")
     if host and port.isdecimal() and int(port) < 1 << 16:
         socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_SECONDS).close()
 
 
 def disconnect() -> None:
-    """Ends what `connect` began; nothing where nothing was, or where the cluster was given up."""
+    """End what `connect` began; does nothing if nothing was begun, or if the cluster was given up."""
     import sys
 
     if not _given_up and (ray := sys.modules.get("ray")) is not None:
@@ -134,13 +136,13 @@ def disconnect() -> None:
 
 
 def give_up() -> None:
-    """Of a cluster without a head, which nobody can leave: Ray would wait for it, and end this process."""
+    """Give up a cluster without a head, which nobody can leave: Ray would wait for it, and end this process."""
     global _given_up
     _given_up = True
 
 
 def hardware(threads: int) -> Hardware:
-    """Asks every node; raises `InputError` that names a node whose packages are not ours, or that nothing can run.
+    """Ask every node; raises `InputError` that names a node whose packages are not ours, or that nothing can run.
 
     `threads` are those of a group, which has to fit on one node.
     """
@@ -179,8 +181,9 @@ def hardware(threads: int) -> Hardware:
 
 
 def crowded(offered: Mapping[str, float], answers: list[dict[str, Any]]) -> tuple[str, ...]:
-    """Of machines whose nodes offer more cores to Ray (`offered`) than they answered to have; nodes of one machine may
-    be containers with cores of their own."""
+    """Describe machines whose nodes offer more cores to Ray (`offered`) than they reported; nodes of one machine may be
+    containers with cores of their own.
+    """
     own: dict[str, set[tuple[int, ...]]] = defaultdict(set)
     for answer in answers:
         own[answer["machine"]] |= set(answer["cores"])
@@ -193,7 +196,7 @@ def crowded(offered: Mapping[str, float], answers: list[dict[str, Any]]) -> tupl
 
 
 def gpus_multiply_bfloat16() -> bool:
-    """Asks one GPU of the cluster; raises `InputError` where the node that offers it has none for torch."""
+    """Ask one GPU of the cluster; raises `InputError` if the node that offers it has none for torch."""
     import ray
 
     reference = ray.remote(num_gpus=1, num_cpus=0, max_retries=0)(_gpu_multiplies_bfloat16).remote()
@@ -204,7 +207,7 @@ def gpus_multiply_bfloat16() -> bool:
 
 
 def _answered(reference: Any, otherwise: str) -> Any:
-    """What a node was asked for; raises `InputError` where it does not come."""
+    """Return a node's answer; raises `InputError` if it does not arrive."""
     import ray
 
     try:
@@ -232,7 +235,7 @@ def _this_node() -> dict[str, Any]:
 
 
 def _machine() -> str:
-    """The same for all containers on one."""
+    """Return the machine, which is the same for all containers on one."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     return boot.read_text(encoding="utf-8").strip() if boot.exists() else platform.node()
 
@@ -251,7 +254,7 @@ def _gpu_multiplies_bfloat16() -> bool | str:
 
 @contextmanager
 def _our_signals() -> Iterator[None]:
-    """Ray takes SIGTERM for itself; what a run does on it (`scenes.files.stopping`) is put back."""
+    """Restore what a run does on SIGTERM (`scenes.files.stopping`), which Ray takes for itself."""
     before = signal.getsignal(signal.SIGTERM)
     yield
     if before is not None and threading.current_thread() is threading.main_thread():
@@ -260,6 +263,6 @@ def _our_signals() -> Iterator[None]:
 
 @contextmanager
 def _without_chatter() -> Iterator[None]:
-    """Ray greets on standard error; what it has to complain about it raises."""
+    """Silence Ray's greeting on standard error; its errors it raises."""
     with contextlib.redirect_stderr(io.StringIO()):
         yield

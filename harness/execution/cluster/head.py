@@ -1,4 +1,6 @@
-"""The head of the cluster, asked from time to time: without it Ray ends this process after a minute, without a word."""
+"""The head of the cluster, asked from time to time: without it Ray ends this process after a minute, without any
+message.
+"""
 
 import threading
 import time
@@ -11,14 +13,15 @@ from scenes.files.errors import InputError
 LOOK_SECONDS = 2.0
 SILENCE_SAID_SECONDS = 15.0
 LONGEST_SILENCE_SECONDS = 45.0
-"""Less than Ray's own patience (`gcs_rpc_server_reconnect_timeout_s`, 60): a head that is started again is waited for,
-and what is finished is told of."""
+"""The longest silence, less than Ray's own patience (`gcs_rpc_server_reconnect_timeout_s`, 60): a head that is
+restarted is waited for, and finished cells are reported.
+"""
 
 T = TypeVar("T")
 
 
 class Head(Generic[T]):
-    """As a context: a thread asks `ask`, because whoever asks a head that is gone is stuck."""
+    """A context in which a thread calls `ask`, because a thread that asks a vanished head is stuck."""
 
     def __init__(self, ask: Callable[[], T], clock: Callable[[], float] = time.monotonic) -> None:
         self._ask = ask
@@ -28,7 +31,7 @@ class Head(Generic[T]):
         self._left = threading.Event()
         self.is_lost = False
         self.answer: T | None = None
-        """The last one."""
+        """The last answer."""
 
     def __enter__(self) -> "Head[T]":
         threading.Thread(target=self._go_on, daemon=True).start()
@@ -40,7 +43,9 @@ class Head(Generic[T]):
         self._left.set()
 
     def listen(self) -> str | None:
-        """A line for a reader where it has become silent; raises `InputError` where it is for too long."""
+        """Return a line for a reader if it has become silent; raises `InputError` if it has been silent
+        for too long.
+        """
         silent = self._clock() - self._answered
         if silent > LONGEST_SILENCE_SECONDS:
             self.is_lost = True

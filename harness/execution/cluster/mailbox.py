@@ -1,4 +1,4 @@
-"""Where nodes leave what they have to tell, on the driver's own node: it outlives every other node."""
+"""The mailbox where nodes leave messages, on the driver's own node: it outlives every other node."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from harness.execution.cluster.view_set_files import Listing, piece
 from harness.records.cells import CellRecord
 
 Key = tuple[str, int]
-"""(scene, seed) of a group."""
+"""The (scene, seed) of a group."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Began:
 
 @dataclass(frozen=True)
 class TrainedShare:
-    """So much of what this attempt at a group has to do is trained."""
+    """The share of the work of this attempt at a group that is trained."""
 
     group: Key
     attempt: int
@@ -37,22 +37,22 @@ class Delivered:
     attempt: int
     cell: CellRecord
     files: dict[str, bytes] = field(repr=False)
-    """Path inside the output folder → content: checkpoint and pictures."""
+    """Map path inside the output folder → content: checkpoint and pictures."""
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Cells in the middle of their training, as they stood."""
+    """Snapshots of cells in the middle of their training."""
 
     group: Key
     attempt: int
     files: dict[str, bytes] = field(repr=False)
-    """As in `Delivered`; each takes the place of the one before."""
+    """The files as in `Delivered`; each replaces the one before."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """Something that a reader of the run should know."""
+    """A note that a reader of the run should know."""
 
     group: Key
     attempt: int
@@ -69,7 +69,7 @@ class Mailbox:
         self._waiting: deque[Message] = deque()
 
     def put(self, message: Message) -> bool:
-        """True, so that a sender can wait until it has arrived."""
+        """Add a message; returns True, so that a sender can wait until it has arrived."""
         self._waiting.append(message)
         return True
 
@@ -80,7 +80,7 @@ class Mailbox:
 
 
 class Files:
-    """Gives the pieces of listed view sets to nodes that do not share the driver's disk."""
+    """An actor that returns the pieces of listed view sets to nodes that do not share the driver's disk."""
 
     def __init__(self, listings: dict[str, Listing]) -> None:
         self._listings = listings
@@ -90,4 +90,4 @@ class Files:
 
 
 Handle = Any
-"""Of an actor: Ray gives it no type."""
+"""The handle of an actor: Ray gives it no type."""

@@ -1,4 +1,4 @@
-"""What a node does with a group: check that it may, fetch the view set, train, and send every cell back at once."""
+"""The work of a node for a group: check that it may, fetch the view set, train, and send every cell back at once."""
 
 import shutil
 import tempfile
@@ -17,30 +17,30 @@ from harness.records.snapshot import FOLDER as UNFINISHED
 from scenes.files.errors import InputError
 
 SENT = ("checkpoints", "records")
-"""Folders of a node's output whose files the driver gets; records of cells travel as what they are."""
+"""The folders of a node's output whose files the driver gets; records of cells travel as objects."""
 LEAST_SECONDS_BETWEEN = 0.5
-"""Reports of progress."""
+"""The least seconds between reports of progress."""
 
 
 @dataclass(frozen=True)
 class GroupOrder:
-    """A group, as it travels."""
+    """A group, in the form in which it is sent."""
 
     task: GroupTask
     attempt: int
     view_set: Listing
     versions: dict[str, str]
-    """The driver's."""
+    """The driver's versions."""
     commit: str
-    """The driver's: sources that were sent know none."""
+    """The driver's commit: sources that were sent have none."""
     unfinished: dict[str, bytes] = field(default_factory=dict, repr=False)
-    """What is kept of its cells, path inside the output folder → content."""
+    """The snapshots of its cells, path inside the output folder → content."""
 
 
 def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | None:
-    """Train the group of `order` here; the driver's refusal in words where this node may not, else None.
+    """Train the group of `order` here; returns the driver's refusal in words if this node may not, else None.
 
-    Raises `OSError` where this node's disk takes nothing.
+    Raises `OSError` if this node's disk accepts nothing.
     """
     import ray
 
@@ -98,8 +98,9 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
 
 
 def awaited(reference: Any) -> Any:
-    """What `reference` becomes, waited for in another thread: while a task's main thread waits, Ray gives the task's
-    cores to the next group, and two clocks would run on one core."""
+    """Return the value of `reference`, waited for in another thread: while a task's main thread waits, Ray gives the
+    task's cores to the next group, and two clocks would run on one core.
+    """
     import ray
 
     with ThreadPoolExecutor(1) as waiting:
@@ -107,7 +108,7 @@ def awaited(reference: Any) -> Any:
 
 
 def wrong_node(node: str, wrong: str) -> str:
-    """The refusal of a node whose packages are not the driver's."""
+    """Return the refusal of a node whose packages are not the driver's."""
     return (
         f"--executor ray: node {node} has {wrong}; install the same versions on every node (the same container image "
         "or environment), and start Ray there outside of any checkout of this program"
@@ -115,7 +116,7 @@ def wrong_node(node: str, wrong: str) -> str:
 
 
 def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
-    """Cells in training that were kept since `times`, which is brought up to date."""
+    """Return the cells in training that were kept since `times`, which is brought up to date."""
     found = {}
     for file in (scratch / UNFINISHED).glob("*.safetensors"):
         if times.get(file) != (now := file.stat().st_mtime_ns):
@@ -125,7 +126,9 @@ def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
 
 
 def _new_files(scratch: Path, sent: set[Path]) -> dict[str, bytes]:
-    """Whole files that were not sent before, without records of cells and without files that are being written."""
+    """Return complete files that were not sent before, without records of cells and without files that are being
+    written.
+    """
     found = {}
     for folder in SENT:
         for file in sorted((scratch / folder).rglob("*")):

@@ -1,4 +1,4 @@
-"""Whether a cluster has room for a group: what lacks for good is said at once, and is not waited for for ever."""
+"""Room on a cluster for a group: a permanent lack is reported at once, and the wait for it is limited."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -7,23 +7,25 @@ from typing import Any
 from scenes.files.errors import InputError
 
 LONGEST_WAIT_SECONDS = 300.0
-"""For a node to join that is large enough, where none is left: a cluster that grows by itself takes minutes."""
+"""The longest wait for a large enough node to join if none is left: a cluster that grows by itself takes minutes."""
 IDLE_SECONDS = 60.0
-"""Without any group in training, until it is said why; a node's first process imports torch meanwhile."""
+"""The seconds without any group in training before the reason is reported; a node's first process imports torch
+meanwhile.
+"""
 
 
 def needs_of(threads: int, device: str) -> dict[str, int]:
-    """What Ray sets aside for a group: processor cores, and the GPU that it trains on, of either vendor."""
+    """Return what Ray reserves for a group: processor cores, and the GPU that it trains on, of either vendor."""
     return {"CPU": threads, "GPU": 1} if device == "cuda" else {"CPU": threads}
 
 
 def fits(needs: Mapping[str, int], node: Mapping[str, Any]) -> bool:
-    """Whether `node`, as `ray.nodes()` tells it, is alive and could hold `needs` if it were idle."""
+    """Return whether `node`, as in `ray.nodes()`, is alive and could hold `needs` if it were idle."""
     return node["Alive"] and all(node["Resources"].get(name, 0) >= least for name, least in needs.items())
 
 
 def lack(needs: Mapping[str, int], nodes: list[dict[str, Any]]) -> str:
-    """Why no node holds `needs`, in words: the most that a living one offers."""
+    """Return why no node holds `needs`, in words: the most that a living one offers."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
     most = {name: max((one.get(name, 0) for one in alive), default=0) for name in needs}
     return (
@@ -33,7 +35,7 @@ def lack(needs: Mapping[str, int], nodes: list[dict[str, Any]]) -> str:
 
 
 class Room:
-    """Looks at the cluster from time to time, and says what a waiting reader should know."""
+    """A watch of the cluster, which reports what a waiting reader should know."""
 
     def __init__(self, needs: Mapping[str, int], clock: Callable[[], float] = time.monotonic) -> None:
         self._needs = needs
@@ -43,8 +45,9 @@ class Room:
         self._idle_said = False
 
     def look(self, nodes: list[dict[str, Any]], free: Mapping[str, float], in_training: int) -> str | None:
-        """A line, where there is something new to say: of `nodes` and what is `free` of their sum, and how many of our
-        groups are in training. Raises `InputError` where no node was large enough for too long."""
+        """Return a line if there is news on `nodes`, on the `free` part of their sum, and on how many of our groups are
+        in training. Raises `InputError` if no node was large enough for too long.
+        """
         now = self._clock()
         if not any(fits(self._needs, node) for node in nodes):
             if self._lacking_since is None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from scenes.files.errors import InputError
 
 PIECE_BYTES = 32 << 20
-"""A file travels in pieces of at most this, so that nothing large is in memory."""
+"""The largest piece in which a file travels, so that nothing large is in memory."""
 
 
 @dataclass(frozen=True)
@@ -21,15 +21,15 @@ class Listing:
     """The files of a view set."""
 
     folder: Path
-    """Where the driver has it; a node with a shared disk has it there too."""
+    """The driver's folder; a node with a shared disk has the same."""
     files: dict[str, int]
-    """Path inside the folder → bytes."""
+    """Map path inside the folder → bytes."""
     digest: str
-    """Of every path and content."""
+    """The digest of every path and content."""
 
 
 def listed(folder: Path) -> Listing:
-    """Raises `InputError` for a folder that cannot be read."""
+    """List a folder; raises `InputError` if it cannot be read."""
     found = hashlib.sha256()
     files = {}
     try:
@@ -46,7 +46,7 @@ def listed(folder: Path) -> Listing:
 
 
 def piece(listing: Listing, relative: str, offset: int) -> bytes:
-    """Up to `PIECE_BYTES` of a listed file; raises `KeyError` for any other."""
+    """Return up to `PIECE_BYTES` of a listed file; raises `KeyError` for any other."""
     if relative not in listing.files:
         raise KeyError(relative)
     with (listing.folder / relative).open("rb") as handle:
@@ -55,10 +55,11 @@ def piece(listing: Listing, relative: str, offset: int) -> bytes:
 
 
 def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
-    """The folder of the view set on this node: the driver's own where it is shared, else a copy, made once a node.
+    """Return the folder of the view set on this node: the driver's own if it is shared, else a copy, made once per
+    node.
 
-    `fetch` gives a piece of a file from an offset on. Raises `OSError` where the copy cannot be written, and
-    `InputError` where what arrives is not what was listed.
+    `fetch` returns a piece of a file from an offset on. Raises `OSError` if the copy cannot be written, and
+    `InputError` if other bytes arrive than those listed.
     """
     if _same(listing.folder, listing):
         return listing.folder
@@ -86,9 +87,9 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
 
 
 def node_folder() -> Path:
-    """Where a node keeps what it was sent: of this user alone, in the node's temporary folder (`TMPDIR`).
+    """Return this user's own folder for files sent to a node, in the node's temporary folder (`TMPDIR`).
 
-    Raises `InputError` where somebody else made it, or could change what is in it: code is run from there.
+    Raises `InputError` if somebody else made it, or could change its contents: code is run from there.
     """
     user = os.getuid() if hasattr(os, "getuid") else None
     folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
@@ -102,7 +103,7 @@ def node_folder() -> Path:
 
 
 def _same(folder: Path, listing: Listing) -> bool:
-    """Sizes first, so that a large set that is not there costs nothing."""
+    """Compare sizes first, so that a large set that is not there costs nothing."""
     try:
         if any((folder / relative).stat().st_size != size for relative, size in listing.files.items()):
             return False

@@ -1,1 +1,1 @@
-"""A camera path through a finished run, as a film; imports `playback` and what is below."""
+"""A camera path through a finished run, as a film; imports `playback` and the rooms below it."""

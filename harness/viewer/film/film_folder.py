@@ -1,6 +1,6 @@
-"""The folder of a film: a fresh one, or one of the same film that is gone on with; never one that is in use.
+"""The folder of a film: a fresh one, or one of the same film that is resumed; never one that is in use.
 
-DIR/film.json                     what is filmed, so that another film is not mixed into it
+DIR/film.json                     the film's settings, so that another film is not mixed into it
 DIR/<scene>/<method>/0000.png …   frames (`harness.viewer.film.frames`)
 DIR/<scene>/side_by_side/0000.png …
 DIR/<scene>/<path>.webp           the animation
@@ -26,10 +26,10 @@ SIDE_BY_SIDE = "side_by_side"
 
 
 def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None]) -> None:
-    """Makes the folder this film's, of which this process has the lock. Scenes and methods may come later; everything
-    else must be as it was. Where the record is lost, `say` is told: frames know for themselves what they show.
+    """Make the folder this film's, locked by this process. Scenes and methods may come later; everything else must be
+    as it was. If the record is lost, `say` is called: frames know for themselves what they show.
 
-    Raises `InputError` for a folder that is something else's, holds another film, or cannot be written.
+    Raises `InputError` for a folder with other contents, one with another film, or one that cannot be written.
     """
     # relative to the folder: a run may be moved with its films
     now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}

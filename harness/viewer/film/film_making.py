@@ -1,4 +1,4 @@
-"""Makes the frames that are missing, and of all frames pictures side by side and an animation."""
+"""Rendering of the missing frames, and pictures side by side and an animation of all frames."""
 
 import time
 from collections.abc import Iterator
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
 PLACES = {0: "memory", 1: "memory", 2: "disk"}
-"""Level of the view cache → where that is."""
+"""Map level of the view cache → its place."""
 
 
 @dataclass
 class Tally:
-    """How the frames of one method came about."""
+    """The origins of the frames of one method."""
 
     there: int = 0
     rendered: int = 0
     rendering_seconds: float = 0.0
     found: dict[str, int] = field(default_factory=dict)
-    """Place of the view cache → frames."""
+    """Map place of the view cache → frames."""
     finding_seconds: float = 0.0
 
     def line(self, method: str, use_cache: bool) -> str:
@@ -48,7 +48,7 @@ class Tally:
 
 
 def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
-    """Scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
+    """Film scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
     tallies = {part.method: Tally() for part in plan.parts}
     total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan says what is there
     for name in dict.fromkeys(part.take.scene.name for part in plan.parts):
@@ -68,7 +68,7 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
 
 
 def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
-    """Yields the number of each missing frame as soon as its files are there."""
+    """Yield the number of each missing frame as soon as its files are there."""
     tally.there += len(part.keys) - len(part.missing)
     if not part.missing:
         return
@@ -94,7 +94,7 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
 
 
 def _sheet(folder: Path, parts: list[Part], number: int) -> np.ndarray:
-    """All methods' pictures of one frame, and the truth where it is known, written and given back."""
+    """Write and return all methods' pictures of one frame, and the truth if it is known."""
     pictures = {part.method: part.frames.picture(number) for part in parts}
     sheet = side_by_side({**pictures, **parts[0].take.truth_levels(number)})
     folder.mkdir(parents=True, exist_ok=True)

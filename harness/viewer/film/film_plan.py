@@ -1,4 +1,4 @@
-"""What there is to film, how much of it is there already, and what the rest will cost."""
+"""The frames to film, those already there, and the estimated cost of the rest."""
 
 import time
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from scenes.files.errors import InputError
 
 SHOWN = ("nerf", "qnerf")
 MEMORY_BYTES = 128 << 20
-"""Of the view cache: a path may come to the same place twice."""
+"""The bytes of the view cache: a path may come to the same place twice."""
 BYTES_A_PIXEL = 23
-"""Of a frame at most: 3 in its PNG and 20 in its EXR."""
+"""The most bytes per pixel of a frame: 3 in its PNG and 20 in its EXR."""
 WARM_UP_PIXELS = 4
-"""Across, of the picture that pays for what is done once."""
+"""The width of the picture that pays for what is done once."""
 
 
 @dataclass
@@ -35,12 +35,12 @@ class Part:
     keys: list[str]
     missing: list[int]
     cached: int
-    """Of the missing ones, in the view cache."""
+    """The number of missing ones that are in the view cache."""
 
 
 @dataclass
 class FilmPlan:
-    """What there is to do."""
+    """The work to do."""
 
     run: FinishedRun
     wish: FilmSpec
@@ -50,7 +50,7 @@ class FilmPlan:
     use_cache: bool
     parts: list[Part]
     seconds: dict[str, float]
-    """Method → what rendering a frame takes, measured on one where any is to be rendered."""
+    """Map method → the seconds of rendering a frame, measured on one if any is to be rendered."""
 
     def lines(self) -> list[str]:
         lens = self.parts[0].take.cameras[0]
@@ -87,7 +87,7 @@ def planned(
     disk: Path | None,
     device: torch.device,
 ) -> FilmPlan:
-    """Looks at every cell that is filmed, so that whatever is wrong is said before the first frame, as `InputError`.
+    """Look at every cell that is filmed, so that any fault is reported before the first frame, as `InputError`.
 
     `disk` is the view cache's folder; without one nothing is taken from a cache. Writes nothing but that folder.
     """
@@ -116,7 +116,7 @@ def planned(
 
 
 def rendered(cell: TrainedCell, camera: Camera) -> View:
-    """One view, plainly; raises `InputError` where a pixel is not finite."""
+    """Render one view, plainly; raises `InputError` if a pixel is not finite."""
     try:
         return render_view(cell.learner, camera.cameras(cell.learner.device), 0, cell.chunk)
     except Diverged as error:

@@ -1,4 +1,4 @@
-"""One frame as files, and a folder of them that knows which are whole.
+"""One frame as files, and a folder of them that knows which are complete.
 
 FOLDER/0000.png      display colour over white, 8 bit, as the report's pictures
 FOLDER/0000.exr      float R G B A, linear and premultiplied, and Z
@@ -20,10 +20,10 @@ LISTING = "frames.json"
 
 
 def exr_channels(view: View) -> dict[str, np.ndarray]:
-    """float32 [h, w] by name: R G B linear, premultiplied by A, the opacity; Z, the distance along the unit ray.
+    """Return float32 [h, w] by name: R G B linear, premultiplied by A, the opacity; Z, the distance along the unit ray.
 
-    Methods are trained in display colour over white and know no other: the white is taken off there,
-    `colour − (1 − A)`, what is left is divided by A, decoded to linear light and multiplied by A again. Where A is 0
+    Methods are trained in display colour over white and know no other: the white is subtracted there,
+    `colour − (1 − A)`, the rest is divided by A, decoded to linear light and multiplied by A again. Where A is 0
     colour is 0. Z is the method's mean distance, which is `far` where a ray hits nothing.
     """
     opacity = np.clip(view.opacity.astype(np.float64), 0.0, 1.0)
@@ -43,12 +43,12 @@ class FrameFolder:
         self._listed = _read_listing(path / LISTING)
 
     def is_whole(self, number: int, key: str) -> bool:
-        """Whether a frame shows the view with `key`, and both files hold what was written."""
+        """Return whether a frame shows the view with `key`, and both files hold the bytes that were written."""
         told = self._listed.get(_stem(number), {})
         return told.get("key") == key and all(told.get(file.suffix) == _digest(file) for file in self._files(number))
 
     def write(self, number: int, key: str, view: View) -> None:
-        """Whole or not at all; raises `OSError` where it cannot be written."""
+        """Write atomically; raises `OSError` if it cannot be written."""
         self.path.mkdir(parents=True, exist_ok=True)
         png, exr = self._files(number)
         _in_place(png, lambda file: write_png(file, np.clip(view.colour, 0.0, 1.0)))
@@ -57,7 +57,7 @@ class FrameFolder:
         write_json(self.path / LISTING, self._listed)
 
     def picture(self, number: int) -> np.ndarray:
-        """The PNG as levels, uint8 [h, w, 3]."""
+        """Return the PNG as levels, uint8 [h, w, 3]."""
         return as_levels(read_image(self._files(number)[0]))
 
     def _files(self, number: int) -> tuple[Path, Path]:
@@ -65,17 +65,17 @@ class FrameFolder:
 
 
 def as_levels(display: np.ndarray) -> np.ndarray:
-    """Display colour 0 … 1 → uint8, rounded as `write_png` does."""
+    """Map display colour 0 … 1 to uint8, rounded as `write_png` does."""
     return np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
 def write_levels(file: Path, levels: np.ndarray) -> None:
-    """uint8 [h, w, 3] as a PNG, whole or not at all; raises `OSError`."""
+    """Write uint8 [h, w, 3] atomically as a PNG; raises `OSError`."""
     _in_place(file, lambda beside: write_png(beside, levels / 255.0))
 
 
 def _in_place(file: Path, write: Callable[[Path], None]) -> None:
-    """Written beside its place first; images are told apart by their suffix, so that stays."""
+    """Write beside the place first, then rename; images are told apart by their suffix, so that stays."""
     beside = file.with_name(f".{file.stem}.part{file.suffix}")
     try:
         write(beside)
@@ -96,7 +96,7 @@ def _digest(file: Path) -> str | None:
 
 
 def _read_listing(path: Path) -> dict[str, dict[str, str]]:
-    """Empty where it cannot be read: frames are then rendered again, which costs time and nothing else."""
+    """Read the listing; empty if that fails: frames are then rendered again, which costs time and nothing else."""
     try:
         found = load_json(path)
     except (OSError, ValueError):

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont, ImageFont
 
 SMALLEST = 200
-"""Narrower pictures are enlarged by a whole number to at least this width: every pixel stays a square of its own."""
+"""The width below which pictures are enlarged by an integer to at least this: every pixel stays a square."""
 MARGIN = 8
 HEADER = 24
 GREY = 235
-"""Behind the panels, so that one over white has an edge."""
+"""The level behind the panels, so that one over white has an edge."""
 LARGEST = 16383
-"""Pixels along a side of a WebP image."""
+"""The most pixels along a side of a WebP image."""
 
 
 def enlargement(width: int) -> int:
@@ -26,13 +26,13 @@ def enlargement(width: int) -> int:
 
 
 def size_of(count: int, width: int, height: int) -> tuple[int, int]:
-    """Width and height of `count` pictures side by side."""
+    """Return width and height of `count` pictures side by side."""
     scale = enlargement(width)
     return count * width * scale + (count + 1) * MARGIN, HEADER + height * scale + MARGIN
 
 
 def side_by_side(pictures: dict[str, np.ndarray]) -> np.ndarray:
-    """Name → uint8 [h, w, 3], all of one size, from left to right: uint8 [H, W, 3] of `size_of`."""
+    """Put name → uint8 [h, w, 3], all of one size, from left to right: returns uint8 [H, W, 3] of `size_of`."""
     from PIL import Image, ImageDraw
 
     height, width = next(iter(pictures.values())).shape[:2]
@@ -52,12 +52,12 @@ def side_by_side(pictures: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int:
-    """uint8 [h, w, 3] each, as an animated WebP that loops; returns its bytes. Raises `OSError`.
+    """Write frames uint8 [h, w, 3] as an animated WebP that loops; returns its bytes. Raises `OSError`.
 
-    Lossless, as a comparison must not show what a codec did for what a method did. Of the lossless animations that
-    Pillow writes WebP is the smaller one: 499 kB against 662 kB as APNG for 40 frames of lego at 400 × 200, and
-    143 kB at quality 80, which is off by 2.6 levels (root mean square). Equal frames that follow each other are one
-    that stays longer.
+    It is lossless, as a comparison must not show artefacts of a codec as those of a method. Of the lossless animations
+    that Pillow writes WebP is the smaller one: 499 kB against 662 kB as APNG for 40 frames of lego at 400 × 200, and
+    143 kB at quality 80, which is off by 2.6 levels (root mean square). Consecutive equal frames are one that stays
+    longer.
     """
     from PIL import Image
 
@@ -90,7 +90,7 @@ def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int
 
 
 def _fitting(name: str, width: int) -> "tuple[str, FreeTypeFont | ImageFont]":
-    """The name in the largest letters that fit, shortened where even small ones do not."""
+    """Return the name in the largest letters that fit, shortened if even small ones do not."""
     from PIL import ImageFont
 
     for size in range(15, 9, -1):

@@ -1,4 +1,4 @@
-"""What is filmed of a scene: the cameras of a path, or the test views with their ground truth."""
+"""The takes of a scene: the cameras of a path, or the test views with their ground truth."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,20 +22,20 @@ TRUTH = "ground truth"
 
 @dataclass(frozen=True)
 class FilmSpec:
-    """What is filmed, whatever the scene; None: as the run has it, or the path."""
+    """The settings of a film, whatever the scene; None: as the run has it, or the path."""
 
     path: str
-    """Of `harness.playback.camera_paths.PATHS`, or test."""
+    """The path, one of `harness.playback.camera_paths.PATHS`, or test."""
     frames: int | None
     resolution: int | None
-    """Width in pixels."""
+    """The width in pixels."""
     elevation: float | None
-    """In degrees, of an orbit."""
+    """The elevation of an orbit in degrees."""
     seed: int
 
     @property
     def name(self) -> str:
-        """What is not the default, in the name of a folder."""
+        """Return the settings that are not the defaults, in the name of a folder."""
         parts = {
             "frames": self.frames,
             "px": self.resolution,
@@ -52,20 +52,20 @@ class Take:
     scene: SceneRecord
     cameras: tuple[Camera, ...]
     truth: ViewSet | None = None
-    """Where the views are test views."""
+    """The view set, if the views are test views."""
     shown: tuple[int, ...] = ()
-    """Which of them."""
+    """The indices of those shown."""
 
     def truth_levels(self, number: int) -> dict[str, np.ndarray]:
-        """The ground truth of one frame by its name, uint8 [h, w, 3]; nothing where there is none."""
+        """Return the ground truth of one frame by its name, uint8 [h, w, 3]; nothing if there is none."""
         if self.truth is None:
             return {}
         return {TRUTH: as_levels(over_white(self.truth.test.rgba[self.shown[number]]))}
 
 
 def take_of(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path, methods: int) -> Take:
-    """Raises `InputError` where that many `methods` side by side are too large a picture, for more test views than
-    there are, and where a view set that is needed is not there.
+    """Make a take; raises `InputError` if that many `methods` side by side are too large a picture, for more test views
+    than there are, and if a required view set is not there.
     """
     take = _test_views(run, cell.scene, wish, view_sets) if wish.path == "test" else _path(run, cell, wish, view_sets)
     lens = take.cameras[0]
@@ -91,7 +91,7 @@ def _path(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path) 
 
 
 def _test_views(run: FinishedRun, scene: SceneRecord, wish: FilmSpec, view_sets: Path) -> Take:
-    """Those that the run was scored on, or some of them."""
+    """Return those that the run was scored on, or some of them."""
     views = run.views(scene, view_sets, wish.resolution, geometry=False)
     poses = views.test.camera_to_world
     shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")
