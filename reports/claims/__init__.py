@@ -1,1 +1,1 @@
-"""The printed numbers, judged; imports `studies` and what is below."""
+"""The printed numbers, judged; imports `studies` and the rooms below it."""

@@ -1,7 +1,7 @@
 """Table 4: what each part adds to the row above it, on lego.
 
 The run's own comparison is judged where it has one, else the effect of the factorial study, which trains every
-combination of the parts. Listing 2 is the paper's amplifier; what Eq. 4 gives stands beside.
+combination of the parts. Listing 2 is the paper's amplifier; the effect of Eq. 4 stands beside it.
 """
 
 from dataclasses import replace
@@ -13,14 +13,14 @@ from reports.data.wording import UNTESTED, counted, interval, signed
 
 STUDY = "factorial"
 TRUSTED_BY = (STUDY, "calibration")
-"""Studies whose checks must hold before an effect may be believed."""
+"""The studies whose checks must hold before an effect may be believed."""
 EQUATION_4 = {"nerf_phi_encoding_amplifier": "nerf_phi_encoding_equation4", "qnerf": "qnerf_theorem"}
 """The same row of Table 4 with the other reading of the amplifier."""
 NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
 
 
 def added_part(bench: Bench, entry: Printed) -> Finding:
-    """One row of Table 4 less the row above it."""
+    """Return one row of Table 4 less the row above it."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     found = gain(bench, entry)
     effect = effect_of(bench.evidence, scene, method, against, metric)

@@ -1,4 +1,4 @@
-"""The paper's own figures put to the test with nothing but themselves: sums, means, ratios, cross-references."""
+"""Tests of the paper's own figures against each other alone: sums, means, ratios, cross-references."""
 
 import math
 
@@ -8,17 +8,17 @@ from reports.data.wording import UNTESTED, Verdict, count, listed, number
 
 PHI = (1 + math.sqrt(5)) / 2
 DEPTH = 8
-"""Layers of the density MLP (Table 1)."""
+"""The layers of the density MLP (Table 1)."""
 BANDS = 10
-"""Of a position (Table 1)."""
+"""The bands of a position (Table 1)."""
 TABLES = 4
 COMPONENTS = ("density_net", "density_head", "colour_net")
 DIGIT_DB = 0.05
-"""What rounding may have taken from a printed score."""
+"""The most that rounding may have taken from a printed score."""
 
 
 def _computed(entry: Printed, how: str, value: float, slack: float = 0.0, note: str = "") -> Finding:
-    """A result against `value`, which the rounding of what it is made of may move by `slack`."""
+    """Compare a result with `value`, which the rounding of its operands may move by `slack`."""
     if not isinstance(entry.printed, int | float):
         return _absent(how)
     verdict = judge_figures(entry.printed, half_unit(entry.printed, entry.unit), value, (value - slack, value + slack))
@@ -34,14 +34,14 @@ def _agrees(right: bool) -> Verdict:
 
 
 def listing_1(bench: Bench, entry: Printed) -> Finding:
-    """Eq. 3 against the code that is printed beside it."""
+    """Compare Eq. 3 with the code that is printed beside it."""
     how = "exponents of Listing 1’s freq_bands, which run from 0 to L − 1"
     note = "Listing 1 is used; it also keeps the raw coordinate, which Eq. 3 does not"
     return Finding(_agrees(entry.printed == BANDS - 1), how, BANDS - 1, None, OWN_FIGURES, note)
 
 
 def skip_layer(bench: Bench, entry: Printed) -> Finding:
-    """Eq. 5."""
+    """Check Eq. 5."""
     layer = math.floor(PHI * DEPTH / 2)
     return Finding(_agrees(entry.printed == layer), "⌊φ·8/2⌋", layer, None, OWN_FIGURES)
 
@@ -56,14 +56,14 @@ def sum_of_weights(bench: Bench, entry: Printed) -> Finding:
 
 
 def differences_of_rows(bench: Bench, entry: Printed) -> Finding:
-    """Δ = Q-NeRF − NeRF, the average's row included; each to within what rounding three figures may do."""
+    """Check Δ = Q-NeRF − NeRF, the average's row included; each to within the rounding of three figures."""
     rows = {name: row for name, row in (bench.paper.get("table2") or {}).items() if "delta" in row}
     right = {name: abs(row["qnerf"] - row["nerf"] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()}
     return _counted(entry, "Q-NeRF less NeRF against Δ, row by row", right)
 
 
 def means_of_rows(bench: Bench, entry: Printed) -> Finding:
-    """The row of averages, each to within what rounding its column's figures may do."""
+    """Check the row of averages, each to within the rounding of its column's figures."""
     rows, average = list(bench.scenes_of_table2().values()), bench.row("table2", "average")
     right = {}
     for column in average:
@@ -77,7 +77,7 @@ def means_of_rows(bench: Bench, entry: Printed) -> Finding:
 
 
 def _counted(entry: Printed, how: str, right: dict[str, bool]) -> Finding:
-    """How many of several things are as printed, and which are not."""
+    """Count how many of several things are as printed, and name those that are not."""
     if not right:
         return _absent(how)
     wrong = [name for name, one in right.items() if not one]
@@ -102,7 +102,7 @@ def scenes_of_rows(bench: Bench, entry: Printed) -> Finding:
 
 
 def source_of_baseline(bench: Bench, entry: Printed) -> Finding:
-    """Whether the baseline was measured, or taken over: equal figures suggest, but do not prove."""
+    """Judge whether the baseline was measured, or taken over: equal figures suggest, but do not prove."""
     how = "scenes whose printed NeRF score is the original NeRF paper’s, rounded (Mildenhall et al. 2020)"
     original, rows = bench.paper.get("original_nerf") or {}, bench.scenes_of_table2()
     known = [scene for scene in rows if scene in original]
@@ -120,7 +120,7 @@ def source_of_baseline(bench: Bench, entry: Printed) -> Finding:
 
 
 def ratio_of_times(bench: Bench, entry: Printed) -> Finding:
-    """1 − Q-NeRF / NeRF in per cent, with what the rounding of both may do."""
+    """Check 1 − Q-NeRF / NeRF in per cent, with the rounding of both."""
     row = bench.row("table3", entry.of["row"])
     how = "1 − Q-NeRF / NeRF of the row"
     if not row or not isinstance(entry.printed, int | float):
@@ -171,7 +171,7 @@ SETTING = "are settings, taken over or named under Deviations, not results"
 
 
 def weights(bench: Bench, entry: Printed) -> Finding:
-    """Counted at the paper's own size: no training is needed, so the scale of the run does not matter."""
+    """Check the weights, counted at the paper's own size: no training is needed, so the run's scale does not matter."""
     how = "counted in the network that Table 1 describes"
     ours, printed = bench.paper.get("parameters_measured") or {}, bench.paper.get("table1") or {}
     if "total" not in ours or not set(printed) <= set(ours):
@@ -186,13 +186,13 @@ def weights(bench: Bench, entry: Printed) -> Finding:
 
 
 def run_setting(bench: Bench, entry: Printed) -> Finding:
-    """A setting is taken over, not put to the test; the run's own stands beside."""
+    """Show a setting, which is taken over and not tested; the run's own stands beside it."""
     value = number_at(bench.records.run.settings, *entry.of["at"].split("."))
     return Finding(UNTESTED, "the settings of this run", value, note=SETTING)
 
 
 def lines(bench: Bench, entry: Printed) -> Finding:
-    """Of their module, which is not published; what the same parts take here stands beside."""
+    """Show the lines of their module, which is not published; those of the same parts here stand beside it."""
     how = "lines of our modules for the same parts that are neither blank nor comment"
     ours = bench.paper.get("sloc_measured")
     files = bench.paper.get("sloc_files") or {}

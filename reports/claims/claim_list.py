@@ -1,6 +1,6 @@
-"""The claims ledger: what the paper prints, with what was measured here and a verdict. Never a silent pass.
+"""The claims ledger: the paper's numbers, with the measurements here and a verdict. Never a silent pass.
 
-Statements that are one comparison are one entry; what the paper does not say but we read into it stands apart.
+Statements that are one comparison are one entry; our interpretations of the paper stand apart.
 """
 
 from collections import Counter
@@ -57,11 +57,11 @@ RULES: dict[str, tuple[str, Judge]] = {
     "lines": ("others", arithmetic.lines),
     "their code": ("others", arithmetic.their_code),
 }
-"""Rule of an entry → what sort of statement it is, and who judges it."""
+"""Map the rule of an entry → its kind of statement, and its judge."""
 
 
 def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
-    """Every printed number that the run's record lists, in the paper's order.
+    """Return every printed number that the run's record lists, in the paper's order.
 
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
@@ -92,6 +92,6 @@ def _unknown(bench: Bench, entry: Printed) -> Finding:
 
 
 def tally(found: list[Claim]) -> list[tuple[Verdict, int]]:
-    """How many claims have each verdict; verdicts that nothing has are left out."""
+    """Count how many claims have each verdict; verdicts without a claim are left out."""
     many = Counter(claim.verdict for claim in found)
     return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

@@ -1,4 +1,4 @@
-"""Two questions about one difference, side by side, and how often runs fail: what stands beside every verdict."""
+"""Two questions about one difference, side by side, and how often runs fail: the context of every verdict."""
 
 from harness.records.cells import Comparison, Estimate
 from harness.verdicts.comparisons import duels
@@ -19,12 +19,14 @@ EXPLAINED = (
 
 
 def sense_of(one: Comparison) -> str:
-    """Which of the two questions the verdict of a row answers."""
+    """Return which of the two questions the verdict of a row answers."""
     return SENSES["scenes_like_these"] if one.scenes_like_these else SENSES["on_these_scenes"]
 
 
 def said(one: Comparison, scenes: list[str], seeds: list[int]) -> str:
-    """`qnerf − nerf = −5.57 dB after equal steps (95 % interval −7.89 to −3.25; 8 scenes × 3 seeds)`."""
+    """Format a difference: `qnerf − nerf = −5.57 dB after equal steps (95 % interval −7.89 to −3.25; 8 scenes × 3
+    seeds)`.
+    """
     budget = f"after {BUDGETS[one.budget]}" if one.budget == "steps" else f"at {BUDGETS[one.budget]}"
     where = counted(len(scenes), "scene") if len(scenes) > 1 else scenes[0]
     size = f"{where} × {counted(len(seeds), 'seed')}"
@@ -35,12 +37,12 @@ def said(one: Comparison, scenes: list[str], seeds: list[int]) -> str:
 
 
 def between(pair: tuple[float, float], digits: int = 2) -> str:
-    """`−7.89 to −3.25`"""
+    """Format an interval: `−7.89 to −3.25`."""
     return f"{signed(pair[0], digits)} to {signed(pair[1], digits)}"
 
 
 def senses_grid(records: Records) -> Grid:
-    """PSNR over all scenes, a row a pair of methods and budget."""
+    """Tabulate PSNR over all scenes, one row per pair of methods and budget."""
     chosen = [one for one in records.comparisons if (one.scene, one.metric) == ("all", "psnr") and one.on_these_scenes]
     rows = [
         [
@@ -70,7 +72,7 @@ def found_failures(records: Records) -> Failures:
 
 
 def rates_grid(records: Records) -> Grid:
-    """How often each method failed; empty where no run did."""
+    """Tabulate how often each method failed; empty if no run did."""
     found = found_failures(records)
     rates = found.rates if any(one.failed for one in found.rates) else []
     columns = [Column("method", numeric=False), *map(Column, ("runs", "diverged", "empty collapse", "rate"))]

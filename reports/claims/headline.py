@@ -1,8 +1,8 @@
-"""What came out, in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
+"""The result in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
 
 The verdicts are those of the run's comparisons; this module only finds the words. A gain over `nerf` that is gone
-against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called no more than what
-bandwidth alone brings.
+against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called no more than the effect of
+bandwidth alone.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ BUDGETS = (("steps", "equal steps"), ("seconds", "equal training time"))
 
 @dataclass(frozen=True)
 class Roles:
-    """Who stands against whom."""
+    """The roles of the methods in the comparison."""
 
     baseline: str
     control: str | None
     contenders: list[str]
-    """Every method that is put to the test, the one of the headline first."""
+    """The tested methods, the one of the headline first."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def roles(records: Records) -> Roles:
 
 
 def duels(records: Records, scene: str = "all") -> list[Duel]:
-    """Every contender against the baseline and against the control."""
+    """Return every contender against the baseline and against the control."""
     cast = roles(records)
     rivals = [rival for rival in (cast.baseline, cast.control) if rival is not None]
     pairs = [(method, rival) for method in cast.contenders for rival in rivals if method != rival]
@@ -82,7 +82,7 @@ def headline(records: Records) -> Headline:
 
 
 def title_of(method: str, baseline: str, control: str | None, vs_baseline: str | None, vs_control: str | None) -> str:
-    """The one line that a reader takes home, from the two verdicts at equal steps."""
+    """Return the one line that a reader takes home, from the two verdicts at equal steps."""
     if vs_baseline is None:
         return f"No comparison of {method} with {baseline} could be made"
     if vs_baseline == "better":
@@ -142,21 +142,21 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
 
 
 def _sense(fought: list[Duel]) -> str:
-    """Which question the verdicts answer (`reports.claims.estimands`)."""
+    """Return which question the verdicts answer (`reports.claims.estimands`)."""
     judged = [duel.steps for duel in fought if duel.steps is not None]
     like = any(one.scenes_like_these is not None for one in judged)
     return "on scenes like these" if like else "on these scenes" if judged else ""
 
 
 def _lost(records: Records, method: str) -> str:
-    """`qnerf lost 1 of its 6 cells`, or nothing."""
+    """Return `qnerf lost 1 of its 6 cells`, or nothing."""
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
     return f"{method} lost {lost} of its {counted(len(cells), 'cell')}" if lost else ""
 
 
 def _means(records: Records) -> str:
-    """Mean test PSNR of every method over the scenes that all of them have; of the survivors, where some are lost."""
+    """State the mean test PSNR of every method over the scenes that all have; of the survivors, if some are lost."""
     frame = cells_frame(records)
     scenes = shared_scenes(frame, "psnr")
     if not scenes:
@@ -170,7 +170,7 @@ def _means(records: Records) -> str:
 
 
 def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
-    """Why there is a control, and what it gains by itself: the size of the bandwidth effect."""
+    """Explain the control and its own gain: the size of the bandwidth effect."""
     if cast.control is None:
         return [f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."]
     why = (
@@ -185,7 +185,7 @@ def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
 
 
 def disagreements(records: Records, method: str) -> list[str]:
-    """Where the verdict at equal time is not the one at equal steps, and where that cannot be told."""
+    """State where the verdict at equal time differs from the one at equal steps, and where that is unknown."""
     found, compared, skipped = [], 0, 0
     for scene in ["all", *records.scenes]:
         for duel in duels(records, scene):
@@ -209,7 +209,7 @@ def disagreements(records: Records, method: str) -> list[str]:
 
 
 def smallest_detectable(records: Records) -> str:
-    """The power of the run to tell the first contender from the baseline, in a sentence, or nothing."""
+    """State the power of the run to tell the first contender from the baseline, in a sentence, or nothing."""
     cast = roles(records)
     one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
     if one is None or one.smallest_detectable is None:

@@ -45,41 +45,41 @@ class Printed:
 
     @property
     def digits(self) -> int:
-        """Decimals as printed."""
+        """Return the decimals as printed."""
         return {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A printed number with what was measured and a verdict."""
+    """A printed number with its measurement and a verdict."""
 
     id: str
     source: str
-    """Every place of the paper that states it."""
+    """The places of the paper that state it."""
     statement: str
     printed: Number | Pair | None
     measured: Number | Pair | None
-    """A range as a pair: from the worst to the best scene."""
+    """The measurement, a range as a pair: from the worst to the best scene."""
     interval: Pair | None
-    """95 %, and the one that the verdict is taken from where there is one."""
+    """The 95 % interval, and the one that the verdict is taken from if there is one."""
     scale: str
     verdict: Verdict
     how: str
-    """How it is measured here."""
+    """The way it is measured here."""
     kind: str
-    """What sort of statement it is: a key of `reports.claims.claim_list.KINDS`."""
+    """The kind of statement: a key of `reports.claims.claim_list.KINDS`."""
     unit: str = ""
     digits: int = 0
-    """Decimals of the printed number."""
+    """The decimals of the printed number."""
     note: str = ""
-    """What qualifies the verdict; of what was not tested, what it needs."""
+    """The qualification of the verdict; for an untested statement, what it needs."""
     runs: Selection | None = None
-    """The runs of this report that the verdict is taken from; None where it is of something else, or there is none."""
+    """The runs of this report that the verdict is taken from; None if it has another subject, or there is none."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What claims are judged by."""
+    """The material that claims are judged by."""
 
     records: Records
     evidence: Studies | None
@@ -92,38 +92,38 @@ class Bench:
 
     @cached_property
     def scale(self) -> str:
-        """Of the run, in a line."""
+        """Return the scale of the run, in a line."""
         return in_a_line(self.records)
 
     def at_paper_scale(self, scene: str) -> bool:
-        """Whether what was measured on a scene, or over `all`, can speak of the paper's own numbers."""
+        """Return whether a measurement on a scene, or over `all`, is comparable with the paper's own numbers."""
         return is_paper_scale(self.records, scene)
 
     def row(self, table: str, name: str) -> dict[str, Any]:
-        """A row of one of the paper's tables; empty where the record has none."""
+        """Return a row of one of the paper's tables; empty if the record has none."""
         found = self.paper.get(table)
         row = found.get(name) if isinstance(found, dict) else None
         return row if isinstance(row, dict) else {}
 
     def scenes_of_table2(self) -> dict[str, dict[str, float]]:
-        """Scene → row, without the average."""
+        """Map scene → row, without the average."""
         table = self.paper.get("table2") or {}
         return {scene: row for scene, row in table.items() if isinstance(row, dict) and scene not in ("average", "all")}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a judge says of an entry."""
+    """A judge's finding on an entry."""
 
     verdict: Verdict
     how: str
     measured: Number | Pair | None = None
     interval: Pair | None = None
     scale: str = ""
-    """Where it is not that of the run."""
+    """The scale if it is not that of the run."""
     note: str = ""
     runs: Selection | None = None
-    """Of this report, all that `measured` is taken from."""
+    """The runs of this report, all that `measured` is taken from."""
 
 
 def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
@@ -146,7 +146,9 @@ def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
 
 
 def entries(paper: dict[str, Any]) -> list[Printed]:
-    """The ledger of a record, in the paper's order; raises `DamagedRecord` where it is not as the harness writes it."""
+    """Return the ledger of a record, in the paper's order; raises `DamagedRecord` unless it is as the harness writes
+    it.
+    """
     try:
         return [
             Printed(
@@ -168,17 +170,17 @@ def _pair(value: Any) -> Any:
 
 
 MARGINS = {"psnr": 0.2, "ssim": 0.005}
-"""How near a level must come: the smallest differences of interest, as the harness declares them."""
+"""The margins within which a level must lie: the smallest differences of interest, as the harness declares them."""
 LEAST_PAIRS = 3
-"""Two seeds give no verdict."""
+"""The least pairs for a verdict: two seeds give none."""
 POWER = 0.8
 MOST_SEEDS = 1000
 
 
 def half_unit(printed: Number, unit: str = "") -> float:
-    """Half of the last printed digit: what may have been rounded away. 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
+    """Return half of the last printed digit, the most that rounding removed. 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
 
-    dB and hours are printed with one decimal, also where it is 0.
+    dB and hours are printed with one decimal, also if it is 0.
     """
     if unit in ("dB", "h"):
         return 0.05
@@ -191,7 +193,7 @@ def half_unit(printed: Number, unit: str = "") -> float:
 
 
 def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_scale: bool) -> Verdict:
-    """A printed gain against the interval of the measured one; without an interval nothing is settled."""
+    """Compare a printed gain with the interval of the measured one; without an interval nothing is settled."""
     if measured is None:
         return "inconclusive"
     low, high = measured
@@ -206,7 +208,7 @@ def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_sc
 
 
 def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
-    """A printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
+    """Compare a printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
     if measured is None:
         return "inconclusive"
     low, high = measured
@@ -216,7 +218,7 @@ def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict
 
 
 def judge_all(parts: Iterable[Verdict]) -> Verdict:
-    """A statement about each of several things: refuted by one, reproduced by all."""
+    """Judge a statement about each of several things: refuted by one, reproduced by all."""
     found = set(parts)
     if "not reproduced" in found:
         return "not reproduced"
@@ -224,10 +226,10 @@ def judge_all(parts: Iterable[Verdict]) -> Verdict:
 
 
 def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int = 1) -> int | None:
-    """How many seeds a scene would show a true gain that is just the printed one, in 80 % of repetitions.
+    """Return how many seeds per scene would show a true gain that is just the printed one, in 80 % of repetitions.
 
     `deviation` is that of a paired difference about its scene's mean. The interval on `scenes` fixed scenes, one of
-    `family`, must then fit into ± `margin`. None where a thousand would not do.
+    `family`, must then fit into ± `margin`. None if a thousand would not do.
     """
     off_centre = NormalDist().inv_cdf((1 + POWER) / 2)
     for seeds in range(LEAST_PAIRS, MOST_SEEDS):
@@ -238,11 +240,11 @@ def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int 
 
 
 def judge_figures(printed: float, rounding: float, computed: float, reachable: Pair) -> Verdict:
-    """A printed result against what the printed figures give: `computed` from them as they stand, `reachable` from
-    all that rounds to them.
+    """Compare a printed result with the one that the printed figures give: `computed` from them as they stand,
+    `reachable` from all that rounds to them.
 
-    *reproduced* where `computed` rounds to the printed result, *not reproduced* where nothing reachable does, and
-    *inconclusive* where only the rounding of the figures could explain it.
+    *reproduced* if `computed` rounds to the printed result, *not reproduced* if nothing reachable does, and
+    *inconclusive* if only the rounding of the figures could explain it.
     """
     slack = 1e-9 * max(1.0, abs(printed))  # decimals are no binary fractions
     if abs(computed - printed) <= rounding + slack:
@@ -252,7 +254,7 @@ def judge_figures(printed: float, rounding: float, computed: float, reachable: P
 
 
 def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
-    """Claims that were not tested, gathered by what they need: `4 claims need …`, most first."""
+    """Gather untested claims by what they need: `4 claims need …`, most first."""
     missing: dict[str, list[Claim]] = {}
     for claim in found:
         if claim.verdict == UNTESTED:
@@ -262,17 +264,17 @@ def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
 
 
 def _agreeing(cause: str, many: int) -> str:
-    """A cause begins with its verb in the plural."""
+    """Make a cause, which begins with its verb in the plural, agree with the number of claims."""
     return cause if many != 1 else cause.replace("need ", "needs ", 1).replace("are settings", "is a setting", 1)
 
 
 def not_tested(said: list[str], found: list[Claim]) -> list[str]:
-    """`said` by the run, then what the claims `found` that were not tested need."""
+    """Return the sentences `said` by the run, then the needs of the untested claims of `found`."""
     return [*said, *(sentence for sentence, _ in by_cause(found))]
 
 
 def in_short(said: list[str]) -> str:
-    """How many things, and the first of them, which weighs most; nothing where all was tested."""
+    """Return the number of things, and the first of them, which weighs most; nothing if all was tested."""
     if not said:
         return ""
     first = said[0].split(": ")[0].rstrip(".")

@@ -9,7 +9,7 @@ from reports.data.wording import NOTHING, counted, interval, number, signed
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 LIMITED_DB = 1.0
-"""A score so near to its ceiling says more about the ground truth than about the method."""
+"""The distance to its ceiling below which a score says more about the ground truth than about the method."""
 TOGETHER = (
     "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
     "the truth in 95 %."
@@ -18,7 +18,7 @@ FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not ava
 
 
 def scores_grid(records: Records) -> Grid:
-    """Mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
+    """Tabulate mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
     frame = cells_frame(records)
     printed = _printed(records)
     columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
@@ -69,7 +69,7 @@ def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]
 
 
 def _mean_entry(values: list[float | None]) -> Entry:
-    """The mean, where none is missing."""
+    """Return the mean, if none is missing."""
     there = [value for value in values if value is not None]
     return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
 
@@ -77,8 +77,8 @@ def _mean_entry(values: list[float | None]) -> Entry:
 def score_entry(
     test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None, behind: Selection | None = None
 ) -> Entry:
-    """The mean of the finished seeds; whatever did not finish is named in the same cell, and so is a score that the
-    noise of the ground truth holds down.
+    """Return the mean of the finished seeds; unfinished ones are named in the same cell, and so is a score that the
+    noise of the ground truth limits.
     """
     lost = losses(cells)
     if test.mean is None:
@@ -92,20 +92,20 @@ def score_entry(
 
 
 def tone_of(cells: list[CellRecord]) -> str:
-    """`failed` where a cell did; what was not available failed nobody."""
+    """Return `failed` if a cell did; an unavailable one is no failure."""
     if any(cell.status in ("diverged", "error") for cell in cells):
         return "failed"
     return "muted" if any(cell.status == "not_available" for cell in cells) else ""
 
 
 def reason_of(cells: list[CellRecord]) -> str:
-    """Why a method was not available, where that is the same for all cells."""
+    """Return why a method was not available, if that is the same for all cells."""
     reasons = {cell.reason or "" for cell in cells if cell.status == "not_available"}
     return reasons.pop() if len(reasons) == 1 else ""
 
 
 def losses(cells: list[CellRecord]) -> str:
-    """`1 of 3 diverged`, or nothing."""
+    """Return `1 of 3 diverged`, or nothing."""
     words = []
     for status, name in FAILURES.items():
         many = sum(cell.status == status for cell in cells)
@@ -115,7 +115,9 @@ def losses(cells: list[CellRecord]) -> str:
 
 
 def differences_grids(records: Records) -> list[Grid]:
-    """For each contender its difference to baseline and control, at equal steps and equal time, as compared."""
+    """Tabulate for each contender its difference to baseline and control, at equal steps and equal
+    time, as compared.
+    """
     cast = roles(records)
     found = []
     for method in cast.contenders:
@@ -147,7 +149,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
 
 
 def difference_entry(one: Comparison | None) -> Entry:
-    """`+0.82`, below it interval and verdict, and how many cells could not be paired."""
+    """Return `+0.82`, below it interval and verdict, and how many cells could not be paired."""
     if one is None:
         return EMPTY
     aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
@@ -176,7 +178,7 @@ def _printed(records: Records) -> dict[str, tuple[float, float]]:
 
 
 def _gain(gains: dict[str, float], scenes: list[str], scene: str) -> float | None:
-    """The printed gain, or for `all` the mean of those of the scenes that were run, where all are printed."""
+    """Return the printed gain, or for `all` the mean of those of the scenes that were run, if all are printed."""
     if scene != "all":
         return gains.get(scene.lower())
     there = [gains.get(one.lower()) for one in scenes]

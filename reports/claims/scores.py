@@ -33,24 +33,24 @@ PRINTED_FORM = "qnerf_printed"
 
 @dataclass(frozen=True)
 class Part:
-    """One of several things that a statement is about."""
+    """One of several subjects of a statement."""
 
     name: str
     verdict: Verdict
     value: float
     seeds: int | None = None
-    """How many would settle what is open."""
+    """The number of seeds that would settle what is open."""
 
 
 def on_them(one: Comparison) -> Pair | None:
-    """The interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
+    """Return the interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
     if one.on_these_scenes is None or one.pairs < LEAST_PAIRS:
         return None
     return one.on_these_scenes.simultaneous or one.on_these_scenes.interval
 
 
 def gain(bench: Bench, entry: Printed) -> Finding:
-    """A gain of one method over another, on a scene or over all."""
+    """Judge a gain of one method over another, on a scene or over all."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     one = bench.records.comparison(scene, method, against, metric)
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
@@ -67,14 +67,14 @@ def gain(bench: Bench, entry: Printed) -> Finding:
 
 
 def _on_each(bench: Bench, one: Comparison) -> bool:
-    """Whether a mean over all scenes has a pair on each of them."""
+    """Return whether a mean over all scenes has a pair on each of them."""
     scenes = bench.records.scenes if one.scene == "all" else [one.scene]
     rows = [bench.records.comparison(scene, one.method, one.against, one.metric) for scene in scenes]
     return all(row is not None and row.difference is not None for row in rows)
 
 
 def settled_by(one: Comparison, margin: float, scenes: int) -> str:
-    """How many seeds would settle a gain that is open, in words; nothing where its spread is not known."""
+    """Return how many seeds would settle an open gain, in words; nothing if its spread is not known."""
     seeds = _seeds_needed(one, margin, scenes)
     return f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""
 
@@ -89,7 +89,7 @@ def _seeds_needed(one: Comparison, margin: float, scenes: int) -> int | None:
 
 
 def tried(bench: Bench, one: Comparison) -> bool:
-    """Whether there is a difference, or runs of both methods that could have given one and were lost."""
+    """Return whether there is a difference, or runs of both methods that could have given one and were lost."""
     if one.difference is not None:
         return True
     started = {
@@ -101,7 +101,7 @@ def tried(bench: Bench, one: Comparison) -> bool:
 
 
 def each_row(bench: Bench, entry: Printed) -> Finding:
-    """What a table prints row by row, each judged on its own scene: a printed row speaks of no other."""
+    """Judge a table row by row, each on its own scene: a printed row is about no other."""
     table, column, metric = (entry.of[name] for name in ("table", "column", "metric"))
     if column == "delta":
         how = PAIRED.format(metric=metric.upper(), units="seed") + "; each row on its own scene"
@@ -121,11 +121,11 @@ def each_row(bench: Bench, entry: Printed) -> Finding:
 
 
 Judge = Callable[[Bench, str, float, str, int], Part | None]
-"""From a row's name, printed value, metric and how many rows there are; None where its pictures are not the paper's."""
+"""A judge of a row's name, printed value, metric and number of rows; None if its pictures are not the paper's."""
 
 
 def _rows(bench: Bench, table: str, column: str, metric: str) -> dict[str, tuple[float, Judge]]:
-    """Row → what it prints, and who judges it."""
+    """Map row → its printed values, and their judge."""
     if table == "table2":
         scenes = bench.scenes_of_table2()
         return {
@@ -138,7 +138,7 @@ def _rows(bench: Bench, table: str, column: str, metric: str) -> dict[str, tuple
 
 
 def _gain_of(bench: Bench, scene: str, printed: float, metric: str, family: int) -> Part | None:
-    """A row of Table 2's column of gains."""
+    """Judge a row of Table 2's column of gains."""
     one = bench.records.comparison(scene, "qnerf", "nerf", metric)
     if one is None or one.difference is None or not bench.at_paper_scale(scene):
         return None
@@ -148,7 +148,7 @@ def _gain_of(bench: Bench, scene: str, printed: float, metric: str, family: int)
 
 
 def _level_of(scene: str, method: str) -> Judge:
-    """A judge of the level that a method reaches on a scene."""
+    """Return a judge of the level that a method reaches on a scene."""
 
     def judge(bench: Bench, name: str, printed: float, metric: str, family: int) -> Part | None:
         table = _scores(bench, method, metric)
@@ -162,7 +162,7 @@ def _level_of(scene: str, method: str) -> Judge:
 
 
 def _by_verdict(parts: list[Part], rows: int) -> str:
-    """Which rows came out how, and how many seeds the open ones want."""
+    """State which rows came out how, and how many seeds the open ones want."""
     said = []
     for verdict in dict.fromkeys(part.verdict for part in parts):
         some = [part for part in parts if part.verdict == verdict]
@@ -176,7 +176,7 @@ def _by_verdict(parts: list[Part], rows: int) -> str:
 
 
 def score(bench: Bench, entry: Printed) -> Finding:
-    """How good a method gets. At another scale, or on other pictures than the paper's, the value only stands beside."""
+    """Judge how good a method gets. At another scale, or on other pictures than the paper's, it only stands beside."""
     method, metric = entry.of["method"], entry.of["metric"]
     how = f"mean test {metric.upper()} of this run’s {method}, error from seeds"
     table = _scores(bench, method, metric)
@@ -190,7 +190,7 @@ def score(bench: Bench, entry: Printed) -> Finding:
 
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
-    """Scene → scores of its finished cells [seeds], where there are any."""
+    """Map scene → scores of its finished cells [seeds], if there are any."""
     found = {
         scene: [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
         for scene in bench.records.scenes
@@ -204,7 +204,7 @@ def _scenes(bench: Bench, scene: str) -> int:
 
 
 def _rivals(bench: Bench, method: str, against: str) -> list[tuple[str, str]]:
-    """What stands beside Q-NeRF's gain: what is left of it once bandwidth is matched, and the printed form's."""
+    """State the comparisons beside Q-NeRF's gain: the rest of it once bandwidth is matched, and the printed form's."""
     if (method, against) != ("qnerf", "nerf"):
         return []
     control = roles(bench.records).control
@@ -212,7 +212,7 @@ def _rivals(bench: Bench, method: str, against: str) -> list[tuple[str, str]]:
 
 
 def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
-    """Another difference in words: where it was measured over all scenes, else on the single one that has it."""
+    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
     metric, scenes = entry.of["metric"], bench.records.scenes
     found = [bench.records.comparison(scene, method, against, metric) for scene in (entry.of["scene"], *scenes)]
     one = next((row for row in found if row is not None and row.difference is not None), None)

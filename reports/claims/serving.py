@@ -9,16 +9,18 @@ from reports.studies.serving_said import SHARE, TIMED, Race, earlier, races
 
 COMMAND = "python -m harness serving OUT"
 LEAST_SCENES = 3
-"""On fewer nothing is settled."""
+"""The fewest scenes that settle anything."""
 ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}
 LEAST_VISIBLE = 0.5 / 255
-"""RMSE of display colour: half a step of 8 bits."""
+"""The least visible RMSE of display colour: half a step of 8 bits."""
 NEEDS_SERVING = f"need `{COMMAND}`"
 NEEDS_LONGER = f"need `{COMMAND}` without --quick"
 
 
 def retrieval(bench: Bench, entry: Printed) -> Finding:
-    """“Instant” has no number: our bar is the record's, and the spread of the calls is judged by it."""
+    """Judge retrieval. “Instant” has no number: our threshold is the record's, and the spread of repeated calls is
+    compared with it.
+    """
     record = bench.serving.cache if bench.serving else None
     if record is None:
         return _untested(bench, "time of rendering a view against that of having it from the cache")
@@ -54,7 +56,7 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
 
 
 def pose_key(bench: Bench, entry: Printed) -> Finding:
-    """The hash of the pose alone, as in Listing 5: what else may change without its noticing."""
+    """Judge the hash of the pose alone, as in Listing 5: what else may change without its noticing."""
     how = (
         "kinds of change after which a key of the pose alone returns another picture than is asked for, where the same "
         "views are asked for again"
@@ -70,7 +72,7 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
 
 
 def _errors(stale: list[Confusion]) -> list[str]:
-    """How far off, and which of it nobody could see."""
+    """State the errors, and how many of them nobody could see."""
     if not stale:
         return []
     worst = max(stale, key=lambda one: one.rmse)
@@ -84,7 +86,9 @@ def _errors(stale: list[Confusion]) -> list[str]:
 
 
 def attended_first(bench: Bench, entry: Printed) -> Finding:
-    """Useful earlier where it matters: on every scene, on some, or on none. Repeats that overlap decide nothing."""
+    """Judge whether attended regions are useful earlier: on every scene, on some, or on none. Overlapping repeats
+    decide nothing.
+    """
     how = (
         f"seconds until the attended error has fallen to {100 * SHARE:.0f}{NARROW}% of the coarse frame’s, against "
         "raster order; earlier is what is so in all repeats"
@@ -123,20 +127,22 @@ def _ahead(one: Race, measure: Measure = "attended") -> bool:
 
 
 def _undecided(one: Race) -> bool:
-    """Both get there, and neither before the other in all repeats."""
+    """Return whether both get there, and neither before the other in all repeats."""
     times = one.to("attended")
     there = times["attention"] is not None and times["raster"] is not None
     return there and not _ahead(one) and not earlier(times, "raster", "attention")
 
 
 def _earliest(found: list[Race], measure: Measure) -> str:
-    """Where attention has not chosen what is measured."""
+    """Return the earliest time, if attention has not chosen what is measured."""
     known = [one for one in found if _both_timed(one, measure)]
     return f"earlier in {sum(_ahead(one, measure) for one in known)} of {len(known)}"
 
 
 def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
-    """Priorities sum to φ where shares sum to 1; in what maps that changes an order or an allocation."""
+    """Judge the factor φ: priorities sum to φ where shares sum to 1; in what maps that changes an order or an
+    allocation.
+    """
     how = "orders and allocations of attention maps, with the factor φ and without it"
     phi: PhiCheck | None = bench.serving.attention.phi if bench.serving and bench.serving.attention else None
     if _quick(bench) or phi is None or not phi.maps:
@@ -158,7 +164,7 @@ def _quick(bench: Bench) -> bool:
 
 
 def _ends(found: list[Latency]) -> float | Pair | None:
-    """One figure, or from the worst to the best."""
+    """Return one figure, or the range from the worst to the best."""
     ratios = [one.ratio for one in found if one.ratio is not None]
     return (min(ratios), max(ratios)) if len(ratios) > 1 else ratios[0] if ratios else None
 

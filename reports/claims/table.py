@@ -1,4 +1,4 @@
-"""The ledger as tables: what the paper prints, what was measured, the verdict, and how and at which scale."""
+"""The ledger as tables: the printed number, the measurement, the verdict, and its method and scale."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,9 @@ class Fold:
 
 
 def chapters(found: list[Claim], here: str) -> list[Chapter]:
-    """One table a kind of statement, each in the paper's order. `here` is the run's scale, which stands above them."""
+    """Return one table per kind of statement, each in the paper's order. `here` is the run's scale, which stands above
+    them.
+    """
     of_kind = {kind: [claim for claim in found if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
         Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]))
@@ -41,18 +43,18 @@ def chapters(found: list[Claim], here: str) -> list[Chapter]:
 
 
 def folds(found: list[Claim]) -> list[Fold]:
-    """What was not tested, gathered by what it needs."""
+    """Gather untested claims by what they need."""
     return [Fold(sentence, [_in_a_line(claim) for claim in some]) for sentence, some in by_cause(found)]
 
 
 def _in_a_line(claim: Claim) -> str:
-    """`Layers of the density MLP (Table 1): printed 8, here 6`."""
+    """Format a claim: `Layers of the density MLP (Table 1): printed 8, here 6`."""
     here = f", here {measured_text(claim)}" if claim.measured is not None else ""
     return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
 
 
 def in_a_sentence(found: list[Claim]) -> str:
-    """`Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
+    """Return `Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
     if not found:
         return ""
     said = [f"{many} {verdict}" for verdict, many in tally(found)]
@@ -77,7 +79,7 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
 
 
 def printed_entry(claim: Claim, small: str = "") -> Entry:
-    """With its unit for files, in which numbers stand without."""
+    """Return the printed number, with its unit for files, in which numbers stand without."""
     value, parts = _numbers(claim.printed)
     unit = claim.unit if claim.printed is not None and claim.unit else None
     return Entry(printed_text(claim), small, value=value, parts={**parts, "unit": unit})
@@ -92,14 +94,14 @@ def measured_entry(claim: Claim) -> Entry:
 
 
 def _numbers(found: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
-    """A number; or the ends of a range, which is none, and is no interval either."""
+    """Return a number; or the ends of a range, which is neither a number nor an interval."""
     if isinstance(found, tuple):
         return None, {"from": found[0], "to": found[1]}
     return found, {}
 
 
 def printed_text(claim: Claim) -> str:
-    """+1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
+    """Format a printed number: +1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:
         return "in words" if claim.kind != "others" else NOTHING
     if isinstance(claim.printed, tuple):
@@ -109,7 +111,7 @@ def printed_text(claim: Claim) -> str:
 
 
 def measured_text(claim: Claim) -> str:
-    """A range where it was one that was asked for."""
+    """Format a measurement, as a range if one was asked for."""
     if isinstance(claim.measured, tuple):
         digits = _finer(claim) if _is_difference(claim) else claim.digits
         return f"{' to '.join(_value(claim, value, digits) for value in claim.measured)} {claim.unit}"
@@ -117,7 +119,7 @@ def measured_text(claim: Claim) -> str:
 
 
 def interval_text(claim: Claim) -> str:
-    """Nothing where there is none."""
+    """Format an interval; nothing if there is none."""
     if claim.interval is None or claim.measured is None:
         return ""
     digits = _finer(claim)
@@ -127,12 +129,12 @@ def interval_text(claim: Claim) -> str:
 
 
 def _is_difference(claim: Claim) -> bool:
-    """Whether a sign belongs to it."""
+    """Return whether the number takes a sign."""
     return claim.kind == "gains" and claim.unit != "%"
 
 
 def _finer(claim: Claim) -> int:
-    """One decimal more than printed, where the figure has decimals at all; percentages get one."""
+    """Return one decimal more than printed, if the figure has decimals at all; percentages get one."""
     return 1 if claim.unit == "%" else claim.digits + 1 if claim.digits else 0
 
 

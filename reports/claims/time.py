@@ -17,14 +17,14 @@ from reports.data.wording import UNTESTED, count, counted, number
 HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 MARGIN = 5.0
-"""Percentage points: the smallest saving of interest, as the harness declares it."""
+"""The margin in percentage points: the smallest saving of interest, as the harness declares it."""
 NEEDS_TARGETS = "need a record of when a score was reached: run again with --resume"
 NEEDS_MACHINE = "need the paper’s machine"
 NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"
 
 
 def saving(bench: Bench, entry: Printed) -> Finding:
-    """Per cent less of steps or seconds to the target."""
+    """Judge the saving of steps or seconds to the target in per cent."""
     axis, targets = entry.of["axis"], bench.targets
     how = HOW.format(what=WHAT[axis])
     if targets is None:
@@ -39,7 +39,7 @@ def saving(bench: Bench, entry: Printed) -> Finding:
 
 
 def reachable(one: TargetComparison) -> Pair | None:
-    """The interval, open on the side to which censored times may move the saving; None for too few pairs."""
+    """Return the interval, open on the side to which censored times may move the saving; None for too few pairs."""
     pair = _on_them(one)
     if pair is None or one.pairs < LEAST_PAIRS:
         return None
@@ -53,16 +53,17 @@ def _on_them(one: TargetComparison) -> Pair | None:
 
 
 def _sides(one: TargetComparison) -> tuple[bool, bool]:
-    """Whether the true saving may be larger, and whether it may be smaller.
+    """Return whether the true saving may be larger, and whether it may be smaller.
 
-    Larger where NeRF was not watched to its end or Q-NeRF was there before the first look; smaller the other way round.
+    It may be larger if NeRF was not watched to its end or Q-NeRF was there before the first look; smaller the other way
+    round.
     """
     ours, theirs = one.never
     return bool(theirs or one.earlier[0]), bool(ours or one.earlier[1])
 
 
 def _note(one: TargetComparison, targets: TargetsRecord) -> str:
-    """At which target, how many of each got there while both were watched, and whether the saving is a bound."""
+    """State the target, how many of each got there while both were watched, and whether the saving is a bound."""
     parts = []
     if one.pairs:
         there = [count(one.pairs - never) for never in one.never]
@@ -81,7 +82,7 @@ def _note(one: TargetComparison, targets: TargetsRecord) -> str:
 
 
 def bound(one: TargetComparison) -> str:
-    """What the saving is where some times are only known to be longer or shorter."""
+    """Describe the saving if some times are only known to be longer or shorter."""
     larger, smaller = _sides(one)
     if larger and smaller:
         return "the saving is of the time watched alone"
@@ -89,6 +90,6 @@ def bound(one: TargetComparison) -> str:
 
 
 def time_to_target(bench: Bench, entry: Printed) -> Finding:
-    """Steps or hours themselves, which nothing here can be held against."""
+    """Show steps or hours themselves, with which nothing here is comparable."""
     how = "no run is asked for it"
     return Finding(UNTESTED, how, note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)

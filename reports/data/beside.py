@@ -1,4 +1,4 @@
-"""What may lie beside a run's records in its folder and stands in its report: each measured by itself, or not."""
+"""The measurements that may lie beside a run's records in its folder and stand in its report."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from harness.records.study import Studies
 
 @dataclass(frozen=True)
 class Beside:
-    """None is what was not measured."""
+    """The measurements beside a run; None for those that were not made."""
 
     stability: Studies | None = None
     evidence: Studies | None = None

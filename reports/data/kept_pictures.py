@@ -1,4 +1,4 @@
-"""The pictures that a run kept, as a report reads them: what is missing or damaged is a reason, never an error."""
+"""The pictures that a run saved, as a report reads them: a missing or damaged one is a reason, never an error."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,18 +16,18 @@ NOT_KEPT = "no picture was kept"
 
 @dataclass(frozen=True)
 class Kept:
-    """Of one scene."""
+    """The saved pictures of one scene."""
 
     truth: dict[str, Truth]
-    """By view, in the order of the file."""
+    """The truth by view, in the order of the file."""
     renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)
-    """By method and seed; at least one each."""
+    """The renders by method and seed; at least one each."""
     missing: dict[tuple[str, int], str] = field(default_factory=dict)
-    """Cells without pictures, and why."""
+    """The reason for each cell without pictures."""
 
 
 def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:
-    """Reads the files of the scene's cells, of the named seeds or of all."""
+    """Read the files of the scene's cells, of the named seeds or of all."""
     cells = [cell for cell in records.cells if cell.scene == scene and (seeds is None or cell.seed in seeds)]
     found = Kept(_truth(records.folder, scene) if any(cell.pictures for cell in cells) else {})
     for cell in cells:
@@ -41,7 +41,7 @@ def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> 
 
 
 def damaged(records: Records) -> list[str]:
-    """A line for every file of pictures that cannot be shown, and why."""
+    """Return a line for every file of pictures that cannot be shown, with the reason."""
     found: list[str] = []
     for scene in records.scenes:
         paths = [cell.pictures for cell in records.cells if cell.scene == scene and cell.pictures]
@@ -56,7 +56,7 @@ def damaged(records: Records) -> list[str]:
 
 
 def inside(folder: Path, relative: str) -> Path | None:
-    """The file, or None where its path leads out of the folder."""
+    """Return the file, or None if its path leads out of the folder."""
     path = (folder / relative).resolve()
     return path if path.is_relative_to(folder.resolve()) else None
 

@@ -1,6 +1,6 @@
 """OUT/records → one object with everything that a report shows, in the order in which it is shown.
 
-Whatever is wrong with a file is said once, naming the file and the remedy: no traceback reaches a reader.
+Any fault of a file is reported once, naming the file and the remedy: no traceback reaches a reader.
 """
 
 from collections import Counter
@@ -31,7 +31,7 @@ REMEDY = "delete it and run again with --resume"
 
 
 class NoRecords(ValueError):
-    """The folder holds nothing that could be reported."""
+    """The folder holds no records to report."""
 
 
 class NotForPublishing(ValueError):
@@ -39,7 +39,7 @@ class NotForPublishing(ValueError):
 
 
 def refuse_quick(settings: dict[str, Any], path: Path) -> None:
-    """Raises `NotForPublishing` for the record of a quick run."""
+    """Raise `NotForPublishing` for the record of a quick run."""
     if settings.get("quick"):
         raise NotForPublishing(
             f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
@@ -48,20 +48,22 @@ def refuse_quick(settings: dict[str, Any], path: Path) -> None:
 
 @dataclass(frozen=True)
 class Records:
-    """All of a run. Cells are sorted by scene, method and seed as the run lists them."""
+    """The records of a run. Cells are sorted by scene, method and seed as the run lists them."""
 
     out: Path
     run: RunRecord
     cells: list[CellRecord]
     comparisons: list[Comparison]
     targets: TargetsRecord | None = None
-    """When a score was reached; None in runs recorded before that was noted."""
+    """The times at which a score was reached; None in runs recorded before that was noted."""
     left_out: list[str] = field(default_factory=list)
-    """With `--partial`: files that are damaged and therefore not shown, and why, a line each."""
+    """With `--partial`, the damaged files, which are therefore not shown, with the reason, a line each."""
     extra_cells: list[CellRecord] = field(default_factory=list)
-    """Cells of methods that were planned on single scenes: they explain a result and are in no table of all scenes."""
+    """The cells of methods that were planned on single scenes: they explain a result and are in no
+    table of all scenes.
+    """
     extra_comparisons: list[Comparison] = field(default_factory=list)
-    """Comparisons of those methods."""
+    """The comparisons of those methods."""
 
     @property
     def folder(self) -> Path:
@@ -69,22 +71,22 @@ class Records:
 
     @property
     def scenes(self) -> list[str]:
-        """Scenes in the run's order, then those that only cells know."""
+        """Return scenes in the run's order, then those that only cells know."""
         return _in_order([scene.name for scene in self.run.scenes], (cell.scene for cell in self.cells))
 
     @property
     def methods(self) -> list[str]:
-        """Methods of every scene in the run's order, then those that only cells know."""
+        """Return methods of every scene in the run's order, then those that only cells know."""
         return _in_order(self.run.main_methods, (cell.method for cell in self.cells))
 
     @property
     def failed(self) -> list[CellRecord]:
-        """Cells that diverged or ended in an error."""
+        """Return cells that diverged or ended in an error."""
         return [cell for cell in (*self.cells, *self.extra_cells) if cell.status in ("diverged", "error")]
 
     @property
     def not_available(self) -> dict[str, dict[str, int]]:
-        """Method → reason → number of its cells that could not be trained here; that is no failure."""
+        """Map method → reason → number of its cells that could not be trained here; that is no failure."""
         found: dict[str, dict[str, int]] = {}
         for cell in self.cells:
             if cell.status == "not_available":
@@ -111,8 +113,8 @@ class Records:
 
 
 def read_records(out: Path, partly: bool = False) -> Records:
-    """Everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader. A damaged file is
-    left out `partly`, and noted, unless nothing can be shown without it.
+    """Read everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader. With `partly` a
+    damaged file is excluded and noted, unless nothing can be shown without it.
     """
     folder = records_folder(out)
     if not out.is_dir():
@@ -157,7 +159,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
 def find_record(
     path: Path, kind: type[One], read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str
 ) -> One | None:
-    """A record that lies beside a run, None where there is none; raises `DamagedRecord`.
+    """Read a record that lies beside a run, None if there is none; raises `DamagedRecord`.
 
     `wrong` finds the first thing that no run writes, though every type is right.
     """
@@ -171,13 +173,13 @@ def find_record(
 
 
 def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
-    """Those of the scenes and seeds of which every method is there: no others are compared."""
+    """Return the comparisons of scenes and seeds with every method: no others are compared."""
     ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
 
 
 def _of_methods(found: TargetsRecord | None, methods: list[str]) -> TargetsRecord | None:
-    """Raises `ValueError` where a curve is of none of the methods."""
+    """Check the methods; raises `ValueError` for a curve of another one."""
     stray = next((one.method for one in found.curves if one.method not in methods), None) if found else None
     if stray is not None:
         raise ValueError(f"a curve is of {shown(stray)}, which is no method of the run")
@@ -189,7 +191,7 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
 
 
 def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
-    """What `read` returns, if it is what its type says; otherwise a message that names the file."""
+    """Return the result of `read`, if it is of its type; otherwise raise an error that names the file."""
     try:
         value = read()
     except DamagedRecord:
@@ -203,7 +205,7 @@ def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
 
 
 def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
-    """The first list of a line or a table that is longer or shorter than its partner."""
+    """Return the first list of a line or a table that is longer or shorter than its partner."""
     found = [*map(_uneven_series, series), *map(_uneven_table, tables)]
     return next(filter(None, found), None)
 
@@ -222,8 +224,9 @@ def _uneven_table(one: Table) -> str | None:
 
 
 def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:
-    """What `read` gives. Where it raises `DamagedRecord`: `without`, and a line in `left_out`; raises it where that is
-    None."""
+    """Return the result of `read`. If it raises `DamagedRecord`: `without`, and a line in `left_out`; raises it if that
+    is None.
+    """
     try:
         return read()
     except DamagedRecord as problem:

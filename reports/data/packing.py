@@ -17,19 +17,21 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 DARKEST = 1e-4
-"""Linear light is coded as ln(value + DARKEST)."""
+"""The offset of linear light, which is coded as ln(value + DARKEST)."""
 DEPTH_STEPS = 4095
-"""Of the 65535 that 16 bits have: finer than float16 holds beyond a quarter of the range, and half the bytes."""
+"""The steps of depth of the 65535 that 16 bits have: finer than float16 holds beyond a quarter of the range, and half
+the bytes.
+"""
 LIGHT_STEPS = 16383
-"""Over at most ln(65504 / DARKEST) = 20.3: half a step is less than 0.07 % of a value."""
+"""The steps of light over at most ln(65504 / DARKEST) = 20.3: half a step is less than 0.07 % of a value."""
 
 
 @dataclass(frozen=True)
 class Packed:
-    """A picture in base64, and what the page is told of it."""
+    """A picture in base64, and its description for the page."""
 
     ref: dict[str, Any]
-    """channels, bits, low, high, id, and log where the values are logarithms."""
+    """The description: channels, bits, low, high, id, and log if the values are logarithms."""
     text: str
 
     @property
@@ -38,18 +40,18 @@ class Packed:
 
 
 def display(values: np.ndarray) -> Packed:
-    """0 … 1 in 8 bits, [h, w] or [h, w, 3]; what is outside is clipped."""
+    """Pack 0 … 1 in 8 bits, [h, w] or [h, w, 3]; values outside are clipped."""
     return _packed(np.round(np.clip(_float(values), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
 
 
 def depth(values: np.ndarray, far: float) -> Packed:
-    """0 … `far` in 16 bits, [h, w]; `far` is above 0, and what is outside is clipped."""
+    """Pack 0 … `far` in 16 bits, [h, w]; `far` is above 0, and values outside are clipped."""
     steps = np.round(np.clip(_float(values) / far, 0.0, 1.0) * DEPTH_STEPS)
     return _packed(*_spread(steps, DEPTH_STEPS, 0.0, far))
 
 
 def light(values: np.ndarray) -> Packed:
-    """Linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its own least and largest."""
+    """Pack linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its own least and largest."""
     logarithms = np.log(np.maximum(_float(values), 0.0) + DARKEST)
     low, high = float(logarithms.min()), float(logarithms.max())
     steps = np.round((logarithms - low) / max(high - low, 1e-9) * LIGHT_STEPS)
@@ -61,7 +63,7 @@ def _float(values: np.ndarray) -> NDArray[np.float64]:
 
 
 def _spread(steps: np.ndarray, most: int, low: float, high: float) -> tuple[np.ndarray, float, float]:
-    """Steps as 16-bit numbers whose last bits are 0, and the ends that 0 and 65535 then stand for."""
+    """Return steps as 16-bit numbers whose last bits are 0, and the ends that 0 and 65535 then stand for."""
     width = 65536 // (most + 1)
     return (steps * width).astype(np.uint16), low, low + (high - low) * 65535 / (most * width)
 
@@ -75,12 +77,12 @@ def _packed(levels: np.ndarray, low: float, high: float, log: bool = False) -> P
 
 
 def _name(data: bytes) -> str:
-    """Equal pictures have one name, and are in the page once."""
+    """Name a picture by its content: equal ones have one name, and are in the page once."""
     return hashlib.blake2b(data, digest_size=6).hexdigest()
 
 
 def planes(levels: np.ndarray) -> bytes:
-    """uint8 or uint16 [h, w, channels] → the delta-coded planes."""
+    """Return the delta-coded planes of uint8 or uint16 [h, w, channels]."""
     shifts = (8, 0) if levels.dtype == np.uint16 else (0,)
     found = []
     for channel in range(levels.shape[2]):
@@ -94,6 +96,6 @@ def planes(levels: np.ndarray) -> bytes:
 
 
 def as_data(value: Any) -> Markup:
-    """JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
+    """Return JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

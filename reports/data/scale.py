@@ -1,4 +1,4 @@
-"""At what scale a run was made: the facts without which no number of it means anything."""
+"""The scale of a run: the facts without which no number of it means anything."""
 
 from dataclasses import dataclass
 from statistics import median
@@ -12,7 +12,7 @@ PAPER_STEPS = 200_000
 PAPER_TRAINING = {"rays": 1024, "learning_rate": 5e-4}
 PAPER_NETWORK = {"depth": 8, "width": 256}
 PAPER_VIEWS = {"train": 100, "test": 200}
-"""Of each scene of NeRF Synthetic, as its files are published."""
+"""The views of each scene of NeRF Synthetic, as its files are published."""
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class Fact:
     label: str
     value: str
     paper: str = ""
-    """The paper's setting, where it states one."""
+    """The paper's setting, if it states one."""
 
 
 def facts(records: Records) -> list[Fact]:
-    """Resolution, steps, time, seeds, network: what stands at the top of the page, beside the paper's setting."""
+    """Return resolution, steps, time, seeds, network: the top of the page, beside the paper's setting."""
     settings = records.run.settings
     seconds = [cell.train_seconds for cell in records.cells if cell.status == "done"]
     found = [
@@ -44,7 +44,7 @@ def facts(records: Records) -> list[Fact]:
 
 
 def in_a_line(records: Records) -> str:
-    """The scale in a dozen words, as it stands beside every claim."""
+    """Return the scale in a dozen words, as it stands beside every claim."""
     parts = [
         f"profile {records.run.profile}",
         _resolutions(records),
@@ -56,7 +56,7 @@ def in_a_line(records: Records) -> str:
 
 
 def has_paper_settings(records: Records) -> bool:
-    """Whether every finished cell was trained as the paper says: pixels, steps, rays, rate and network."""
+    """Return whether every finished cell was trained as the paper says: pixels, steps, rays, rate and network."""
     finished = [cell for cell in records.cells if cell.status == "done"]
     settings = records.run.settings
     same = all(number_at(settings, "train", name) == value for name, value in PAPER_TRAINING.items())
@@ -66,10 +66,10 @@ def has_paper_settings(records: Records) -> bool:
 
 
 def papers_scenes(records: Records) -> list[str]:
-    """Scenes of the run that are taken to be the paper's.
+    """Return the scenes of the run that are taken to be the paper's.
 
-    A name alone is no evidence, as ours are analogues that share the names: taken are view sets that were given and not
-    rendered here, with as many views as NeRF Synthetic has. The name then says which row of Table 2 they are.
+    A name alone is no evidence, as ours are analogues that share the names: accepted are view sets that were given and
+    not rendered here, with as many views as NeRF Synthetic has. The name then says which row of Table 2 they are.
     """
     return [
         scene.name
@@ -81,9 +81,9 @@ def papers_scenes(records: Records) -> list[str]:
 
 
 def is_paper_scale(records: Records, scene: str = "all") -> bool:
-    """Whether a result on `scene` speaks of the paper's own numbers: its settings, on its pictures.
+    """Return whether a result on `scene` is comparable with the paper's own numbers: its settings, on its pictures.
 
-    A mean over `all` scenes does so where they are just those of Table 2.
+    A mean over `all` scenes is if they are just those of Table 2.
     """
     there = papers_scenes(records)
     if scene == "all":
@@ -93,7 +93,7 @@ def is_paper_scale(records: Records, scene: str = "all") -> bool:
 
 
 def standing(records: Records) -> str:
-    """What verdicts on trained methods speak of, in a sentence."""
+    """State the subject of verdicts on trained methods, in a sentence."""
     if is_paper_scale(records):
         return (
             "The paper’s settings, on eight view sets with the sizes, names and numbers of views of its data set; that "
@@ -117,7 +117,7 @@ def _resolutions(records: Records) -> str:
 
 
 def _views(records: Records) -> str:
-    """Number of views by split, where all scenes agree; otherwise the range."""
+    """Return the number of views by split, if all scenes agree; otherwise the range."""
     words = []
     for split in ("train", "test"):
         many = sorted({scene.views.get(split, 0) for scene in records.run.scenes})
@@ -143,7 +143,7 @@ def _network(records: Records) -> str:
 
 
 def _layers(records: Records) -> str:
-    """Depth × width of the density network."""
+    """Return depth × width of the density network."""
     depth, width = (setting(records.run.settings, "train", "network", name) for name in ("depth", "width"))
     return f"{depth} × {width}" if depth and width else ""
 
@@ -156,7 +156,7 @@ def _samples(settings: dict[str, Any]) -> str:
 
 
 def setting(settings: dict[str, Any], *path: str) -> str:
-    """A nested setting in words; nothing where the run does not state it."""
+    """Return a nested setting in words; nothing if the run does not state it."""
     value = _at(settings, *path)
     if isinstance(value, bool) or value is None:
         return ""
@@ -166,7 +166,7 @@ def setting(settings: dict[str, Any], *path: str) -> str:
 
 
 def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
-    """A nested setting that is a number; None where the run does not state it."""
+    """Return a nested setting that is a number; None if the run does not state it."""
     value = _at(settings, *path)
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 

@@ -1,4 +1,4 @@
-"""OUT/serving.json → a record of which every figure may be trusted to be what its type says."""
+"""OUT/serving.json → a record with every figure checked against its type."""
 
 import itertools
 import math
@@ -28,14 +28,16 @@ from reports.data.load import find_record
 from reports.data.wording import Verdict
 
 MEMORY, DISK, HASHED = ("level 0", "level 1"), ("level 2", "level 2 cold"), ("level 0 hashed",)
-"""What is judged by each target, and what misses the one of memory by its nature: hashing costs more than all else."""
+"""The kinds of hits that each target applies to, and those that fail the one of memory by nature: hashing costs more
+than everything else.
+"""
 
 
 MISSED: Verdict = "not seen at this scale"
 
 
 def find_serving(out: Path) -> ServingRecord | None:
-    """What serving was measured to do under `out`, None where it was not; raises `DamagedRecord`."""
+    """Read the serving record under `out`, None if there is none; raises `DamagedRecord`."""
     remedy = f"run `python -m harness serving {out}` again"
     return find_record(
         out / SERVING_FILE, ServingRecord, read_serving, partial(_contradiction, records_folder(out)), remedy
@@ -43,17 +45,17 @@ def find_serving(out: Path) -> ServingRecord | None:
 
 
 def is_quick(record: ServingRecord) -> bool:
-    """Whether sizes were so small that no figure means anything."""
+    """Return whether sizes were so small that no figure means anything."""
     return bool(record.settings.get("quick"))
 
 
 def is_whole(record: ServingRecord) -> bool:
-    """Whether everything that was asked for was looked at."""
+    """Return whether everything that was asked for was measured."""
     return bool(record.settings.get("complete", True))
 
 
 def _contradiction(folder: Path, record: ServingRecord) -> str | None:
-    """The first thing that no measurement gives, though every type is right."""
+    """Return the first thing that no measurement gives, though every type is right."""
     found: list[Iterator[str]] = [_negative("seconds", record.seconds)]
     if record.cache is not None:
         found.append(_of_cache(record.cache))
@@ -195,7 +197,7 @@ def _of_first_frame(one: FirstFrame) -> Iterator[str]:
 
 
 def _strays(folder: Path, record: AttentionRecord) -> Iterator[str]:
-    """Pictures that are missing, or would bring something into the page that is none of the run's."""
+    """Return pictures that are missing, or would bring something foreign to the run into the page."""
     for frame in record.frames:
         path = (folder / frame.image).resolve()
         if not path.is_relative_to(folder.resolve()):
@@ -222,7 +224,7 @@ def _not_positive(**values: float) -> Iterator[str]:
 
 
 def both(record: CacheRecord) -> Verdict:
-    """*Not seen* where the hits of a scene and method miss a target, *seen* where all of both kinds reach it."""
+    """Return *not seen* if the hits of a scene and method fail a target, *seen* if all of both kinds reach it."""
     found = [judge_hit(one, record) for one in record.latencies if one.source in MEMORY + DISK]
     sources = {one.source for one in record.latencies}
     if MISSED in found:
@@ -232,7 +234,7 @@ def both(record: CacheRecord) -> Verdict:
 
 
 def judge_hit(one: Latency, record: CacheRecord) -> Verdict:
-    """By its spread, where there is one: it may lie above the target, below, or across."""
+    """Judge a hit by its spread, if there is one: it may lie above the target, below, or across."""
     target = record.target_disk if one.source in DISK else record.target_memory
     low, high = one.ratio_spread or (0.0, math.inf)
     return "seen" if low >= target else MISSED if high < target else "inconclusive"

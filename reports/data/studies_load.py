@@ -1,4 +1,4 @@
-"""Records of the studies → records of which every figure may be trusted to be what its type says."""
+"""Records of the studies → records with every figure checked against its type."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Records → tidy pandas tables: one row a cell, one row a checkpoint, means over seeds."""
+"""Records → tidy pandas tables: one row per cell, one row per checkpoint, means over seeds."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from reports.data.load import Records
 
 @dataclass(frozen=True)
 class Metric:
-    """A score of the test set: how it is called, in which unit, with how many decimals, which way is better."""
+    """A score of the test set: its name, its unit, its number of decimals, and which way is better."""
 
     name: str
     label: str
@@ -35,7 +35,7 @@ SCORES = (*(metric.name for metric in METRICS), "psnr_train", "psnr_ceiling", "p
 
 @dataclass(frozen=True)
 class Spread:
-    """A mean over seeds with what it was taken over."""
+    """A mean over seeds with the number of its values."""
 
     mean: float | None
     sd: float | None
@@ -46,7 +46,7 @@ class Spread:
 
 
 def cells_frame(records: Records) -> pd.DataFrame:
-    """One row a cell, its scores as columns; a score that is missing is None."""
+    """Return one row per cell, its scores as columns; a missing score is None."""
     rows = [
         {
             "scene": cell.scene,
@@ -65,7 +65,7 @@ def cells_frame(records: Records) -> pd.DataFrame:
 
 
 def curves_frame(records: Records) -> pd.DataFrame:
-    """One row a checkpoint with finite PSNR or error, in the order of training."""
+    """Return one row per checkpoint with finite PSNR or error, in the order of training."""
     rows = [
         {
             "scene": cell.scene,
@@ -87,7 +87,7 @@ def curves_frame(records: Records) -> pd.DataFrame:
 
 
 def spread(values: pd.Series, seeds: int) -> Spread:
-    """Mean, sample standard deviation and range of what is there of `values`."""
+    """Return mean, sample standard deviation and range of the available `values`."""
     there = values.dropna()
     if there.empty:
         return Spread(None, None, None, None, 0, seeds)
@@ -96,15 +96,15 @@ def spread(values: pd.Series, seeds: int) -> Spread:
 
 
 def spread_of(frame: pd.DataFrame, scene: str, method: str, score: str) -> Spread:
-    """Over the seeds that finished; the others are counted in `seeds`, never averaged."""
+    """Return the spread over the seeds that finished; the others are counted in `seeds`, never averaged."""
     chosen = frame[(frame["scene"] == scene) & (frame["method"] == method)]
     return spread(chosen.loc[chosen["status"] == "done", score], len(chosen))
 
 
 def shared_scenes(frame: pd.DataFrame, score: str) -> list[str]:
-    """Scenes where every method has at least one finished score: what an average over scenes may stand on.
+    """Return the scenes where every method has at least one finished score, over which an average may be taken.
 
-    A method that was not available in any cell has no average, and takes nobody else's away.
+    A method that was not available in any cell has no average, and excludes no scene for the others.
     """
     done = frame[(frame["status"] == "done") & frame[score].notna()]
     methods = set(frame.loc[frame["status"] != "not_available", "method"])
@@ -112,7 +112,7 @@ def shared_scenes(frame: pd.DataFrame, score: str) -> list[str]:
 
 
 def average_of(frame: pd.DataFrame, method: str, score: str, scenes: list[str]) -> Spread:
-    """Mean over `scenes` of the means over seeds; its spread is that of whole seeds (finished in all scenes)."""
+    """Return the mean over `scenes` of the means over seeds; its spread is that of seeds finished in all scenes."""
     chosen = frame[(frame["method"] == method) & frame["scene"].isin(scenes)]
     done = chosen[(chosen["status"] == "done") & chosen[score].notna()]
     if done.empty:

@@ -1,4 +1,4 @@
-"""How numbers become words on the page: sensible precision, true minus signs, never NaN or Infinity."""
+"""Numbers as words on the page: sensible precision, true minus signs, never NaN or Infinity."""
 
 import math
 from typing import Literal, get_args
@@ -13,7 +13,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
 NOTHING = "–"
-"""Stands where there is no number."""
+"""The text for a missing number."""
 MINUS = "−"
 NARROW = "\u202f"
 """The space between a number and its unit."""
@@ -21,7 +21,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Fixed decimals with a true minus sign; a dash for what is missing or not finite."""
+    """Format with fixed decimals and a true minus sign; a dash for a missing or non-finite number."""
     if value is None or not math.isfinite(value):
         return NOTHING
     text = f"{value:.{digits}f}"
@@ -31,18 +31,18 @@ def number(value: float | None, digits: int = 2) -> str:
 
 
 def signed(value: float | None, digits: int = 2) -> str:
-    """Like `number`, with + before what is above zero."""
+    """Format like `number`, with + before positive numbers."""
     text = number(value, digits)
     return text if text[0] in MINUS + NOTHING or float(text) == 0 else f"+{text}"
 
 
 def interval(pair: tuple[float, float] | None, digits: int = 2) -> str:
-    """`[+0.21, +0.63]`, or nothing."""
+    """Format `[+0.21, +0.63]`, or nothing."""
     return "" if pair is None else f"[{signed(pair[0], digits)}, {signed(pair[1], digits)}]"
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """A number of unknown magnitude: three significant digits, thin spaces between thousands."""
+    """Format a number of unknown magnitude: three significant digits, thin spaces between thousands."""
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0:
@@ -56,14 +56,14 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def scientific(value: float, digits: int = 3) -> str:
-    """`2.13·10⁻⁷`; a power of ten without its factor 1."""
+    """Format `2.13·10⁻⁷`; a power of ten without its factor 1."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     power = f"10{str(int(exponent)).translate(RAISED)}"
     return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
 
 
 def of_any_size(value: float | None, digits: int = 3) -> str:
-    """Like `significant`; a power of ten from a million on, as errors reach 1e30; whole numbers without decimals."""
+    """Format like `significant`; a power of ten from a million on, as errors reach 1e30; integers without decimals."""
     if value is None or not math.isfinite(value) or abs(value) < 1:
         return significant(value, digits)
     if abs(value) >= 1e6:
@@ -72,27 +72,27 @@ def of_any_size(value: float | None, digits: int = 3) -> str:
 
 
 def figure(value: float) -> str:
-    """Whole numbers as they are, all others with three significant digits."""
+    """Format integers as they are, all others with three significant digits."""
     return count(value) if isinstance(value, int) else significant(value)
 
 
 def with_unit(value: float | None, unit: str) -> str:
-    """`7.42×`, `58.1 %`, `1.24 GB`."""
+    """Format `7.42×`, `58.1 %`, `1.24 GB`."""
     return NOTHING if value is None else f"{figure(value)}{after(unit)}"
 
 
 def after(unit: str) -> str:
-    """A unit as it stands behind a number."""
+    """Format a unit as it stands behind a number."""
     return unit if unit in ("", "×", "°") else f"{NARROW}{unit}"
 
 
 def count(value: int) -> str:
-    """A whole number with thin spaces between groups of three: 493 056."""
+    """Format an integer with thin spaces between groups of three: 493 056."""
     return f"{value:,}".replace(",", "\u202f").replace("-", MINUS)
 
 
 def duration(seconds: float | None) -> str:
-    """Seconds as a person says them: 0.8 s, 42 s, 3 min 20 s, 2 h 05 min."""
+    """Format seconds as a person says them: 0.8 s, 42 s, 3 min 20 s, 2 h 05 min."""
     if seconds is None or not math.isfinite(seconds):
         return NOTHING
     if seconds < 10:
@@ -106,12 +106,12 @@ def duration(seconds: float | None) -> str:
 
 
 def listed(words: list[str], conjunction: str = "and") -> str:
-    """a, b and c."""
+    """Join words as in a, b and c."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {conjunction} {words[-1]}"
 
 
 def counted(many: int, noun: str, plural: str | None = None) -> str:
-    """1 seed, 3 seeds."""
+    """Format 1 seed, 3 seeds."""
     return f"{count(many)} {noun if many == 1 else plural or noun + 's'}"

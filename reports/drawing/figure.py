@@ -25,7 +25,7 @@ from reports.drawing.traces import Kind, Panel, Trace, as_element
 
 
 def inlined(text: str, name: str, alt: str) -> str:
-    """A standalone SVG of Matplotlib made fit for one page among many others."""
+    """Make a standalone SVG of Matplotlib fit for one page among many others."""
     body = text[text.index("<svg") :]
     box = re.search(r'viewBox="([^"]+)"', body)
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
@@ -44,10 +44,11 @@ def inlined(text: str, name: str, alt: str) -> str:
 
 
 MANY_DECADES = 6.0
-"""Beyond this a logarithmic axis is labelled in powers of ten."""
+"""The decades beyond which a logarithmic axis is labelled in powers of ten."""
 DRAWABLE = 1e150
-"""Axes end here, and logarithmic ones begin at its reciprocal: much beyond, ends and
-ticks are not finite."""
+"""The end of the axes, and the reciprocal of the beginning of logarithmic ones: much beyond, ends and ticks are not
+finite.
+"""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -73,7 +74,7 @@ STYLE: dict[Any, Any] = {
 
 
 def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
-    """The same limits on every panel, so that the eye may compare across them."""
+    """Set the same limits on every panel, so that the eye may compare across them."""
     for axis in axes:
         values = [v for panel in panels for trace in panel.traces for v in (*getattr(trace, axis), *_high(trace, axis))]
         values = [value for value in values if not math.isnan(value)]
@@ -92,7 +93,7 @@ def _high(trace: Trace, axis: str) -> tuple[float, ...]:
 
 
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
-    """A little wider than the values, and within `DRAWABLE`; what lies outside of it is not seen."""
+    """Widen the range of the values a little, within `DRAWABLE`; points outside of it are not seen."""
     if not values:
         return None
     low, high = (min(max(end, -DRAWABLE), DRAWABLE) for end in (min(values), max(values)))
@@ -105,7 +106,7 @@ def padded(values: list[float], log: bool) -> tuple[float, float] | None:
 
 
 def draw(panel: Panel) -> Figure:
-    """The figure of one panel; give it to `svg` or save it as PNG."""
+    """Draw one panel; pass the figure to `svg` or save it as PNG."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=panel.size)
         longest = max(map(len, panel.rows), default=0)
@@ -120,7 +121,7 @@ def draw(panel: Panel) -> Figure:
 
 
 def paint(axes: Axes, panel: Panel) -> None:
-    """The panel's traces and axes onto axes that somebody else made."""
+    """Paint the panel's traces and axes onto axes that somebody else made."""
     for name in "xy":
         if (limits := getattr(panel, f"{name}_limits")) is not None:
             getattr(axes, f"set_{name}lim")(*limits)  # first: else limits are sought among all numbers, however large
@@ -163,14 +164,14 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
 
 
 def subdivisions(decades: float) -> tuple[float, ...]:
-    """Which multiples of a power of ten are labelled on a log axis that spans so many decades."""
+    """Return which multiples of a power of ten are labelled on a log axis that spans so many decades."""
     if decades > 1.7:
         return (1.0,)
     return (1.0, 2.0, 5.0) if decades > 0.6 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 
 
 def tick(value: float) -> str:
-    """A short label: 0.05, 20, 5k, 2M."""
+    """Return a short label: 0.05, 20, 5k, 2M."""
     if abs(value) >= 1e18:
         return scientific(value, 1)
     for size, letter in ((1e15, "P"), (1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
@@ -182,7 +183,7 @@ def tick(value: float) -> str:
 
 
 def power(value: float) -> str:
-    """A label where the axis spans many powers of ten: 10⁻⁸, 1, 10⁴."""
+    """Return a label if the axis spans many powers of ten: 10⁻⁸, 1, 10⁴."""
     return "1" if value == 1 else scientific(value, 1) if value > 0 else tick(value)
 
 
@@ -212,7 +213,7 @@ def _outline(axes: Axes, trace: Trace) -> None:
 
 
 def _bins(axes: Axes, trace: Trace) -> None:
-    """Empty bins have no place on a logarithmic axis: they lie on its foot."""
+    """Draw bins; empty ones have no place on a logarithmic axis and lie on its foot."""
     foot = axes.get_ylim()[0]
     edges = [*trace.x, trace.x_high[-1]]
     axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
@@ -251,7 +252,7 @@ def _zero(axes: Axes, trace: Trace) -> None:
 
 
 def _band(axes: Axes, trace: Trace) -> None:
-    """A single point has no width to fill: a bar stands for it."""
+    """Draw a band; a single point has no width to fill, so that a bar stands for it."""
     if len(trace.x) == 1:
         axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
     else:
@@ -259,7 +260,7 @@ def _band(axes: Axes, trace: Trace) -> None:
 
 
 def _area(axes: Axes, trace: Trace) -> None:
-    """One path for all polygons: where they overlap, they are filled once."""
+    """Draw one path for all polygons: where they overlap, they are filled once."""
     ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
     parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
     corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
@@ -284,8 +285,8 @@ _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
 
 
 def svg(panel: Panel, name: str) -> Markup:
-    """One `<svg>` element for the page, with its numbers beside it; `name` makes its ids unique there and is of
-    letters, digits and dashes.
+    """Return one `<svg>` element for the page, with its numbers beside it; `name` makes its ids unique there and
+    consists of letters, digits and dashes.
     """
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
@@ -301,5 +302,5 @@ class Plot:
 
 
 def plots(panels: Iterable[Panel], name: str) -> list[Plot]:
-    """`name` makes their ids unique on the page and is of letters, digits and dashes."""
+    """Return all plots; `name` makes their ids unique on the page and consists of letters, digits and dashes."""
     return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]

@@ -1,4 +1,4 @@
-"""Pictures in the page as base64 PNGs, made smaller where many of them would otherwise make it heavy."""
+"""Pictures in the page as base64 PNGs, made smaller if many of them would otherwise make it heavy."""
 
 import base64
 import io
@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 Picture = NDArray[np.float64]
-"""`[height, width, 3]`, display colour, 0 … 1."""
+"""A picture `[height, width, 3]`, display colour, 0 … 1."""
 
 
 def delta_e(truth: Picture, render: Picture) -> NDArray[np.float64]:
-    """CIEDE2000 at every pixel, D65. Importing colour-science takes seconds, so it happens here."""
+    """Return CIEDE2000 at every pixel, D65. Importing colour-science takes seconds, so it happens here."""
     import colour
 
     white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
@@ -24,7 +24,7 @@ def delta_e(truth: Picture, render: Picture) -> NDArray[np.float64]:
 
 
 def smaller(picture: Picture, side: int) -> Picture:
-    """Averaged over whole blocks until no side is longer than `side`."""
+    """Average over complete blocks until no side is longer than `side`."""
     block = max(1, -(-max(picture.shape[:2]) // side))
     height, width = (length // block * block for length in picture.shape[:2])
     blocks = picture[:height, :width].reshape(height // block, block, width // block, block, -1)
@@ -35,20 +35,20 @@ DOTS_PER_INCH = 130
 
 
 BYTES_A_PIXEL = 2.6
-"""Of a PNG in base64, about."""
+"""The approximate bytes per pixel of a PNG in base64."""
 SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
 LARGEST_PIXELS = 1 << 24
-"""Of a picture that is read: 4096 × 4096. A damaged file may claim any number, for which memory would be asked."""
+"""The most pixels of a picture that is read: 4096 × 4096. A damaged file may claim any number, and memory for it."""
 
 
 def side_for(pictures: int, budget: int) -> int:
-    """The longest side at which so many pictures stay within a budget of bytes."""
+    """Return the longest side at which so many pictures stay within a budget of bytes."""
     fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= budget)
     return next(fitting, SIZES[-1])
 
 
 def read(folder: Path, relative: str) -> Picture | None:
-    """A PNG file as display colour, or None where it is missing, unreadable or outside of the folder."""
+    """Read a PNG file as display colour; None if it is missing, unreadable or outside of the folder."""
     path = (folder / relative).resolve()
     if not path.is_relative_to(folder.resolve()) or not path.is_file():
         return None
@@ -66,7 +66,7 @@ def read(folder: Path, relative: str) -> Picture | None:
 
 
 def data_uri(picture: Picture) -> str:
-    """PNG in base64, for an `<img>` that needs no other file."""
+    """Return a PNG in base64, for an `<img>` that needs no other file."""
     buffer = io.BytesIO()
     eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
     matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
@@ -74,7 +74,7 @@ def data_uri(picture: Picture) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """As a PNG on white, as small as its content."""
+    """Save a figure as a PNG on white, cropped to its content."""
     FigureCanvasAgg(figure)
     figure.patch.set_visible(True)
     figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)

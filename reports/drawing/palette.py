@@ -54,22 +54,22 @@ SURFACES = (
     Colour("--finding-ground", "#f6eef8", "#2c2131"),
     Colour("--bad-ground", "#fdeae3", "#3a1f16"),
 )
-"""Colours of the page itself, in no drawing."""
+"""The colours of the page itself, used in no drawing."""
 
 EVERY = (*KNOWN.values(), *OTHERS, INK, MUTED, RULE, PAPER)
 
 
 def colours_of(methods: list[str]) -> dict[str, Colour]:
-    """Method → colour: fixed for the known names, from the fixed palette in order for all others."""
+    """Map method → colour: fixed for the known names, from the fixed palette in order for all others."""
     others = [method for method in methods if method not in KNOWN]
     chosen = {method: OTHERS[place % len(OTHERS)] for place, method in enumerate(others)}
     return {method: KNOWN.get(method) or chosen[method] for method in methods}
 
 
 COLOURS = (*(KNOWN[name] for name in ("nerf", "qnerf")), *OTHERS)
-"""Far apart for every kind of colour vision where there are few; methods keep their own colours."""
+"""The colours of lines, far apart for every kind of colour vision if there are few; methods keep their own colours."""
 MARKERS = (("o", False), ("D", True), ("s", False), ("^", True), ("o", True), ("D", False), ("s", True))
-"""Matplotlib's letter, and whether it is hollow. One fewer than colours, so that the pairs repeat late."""
+"""The markers: Matplotlib's letter, and whether it is hollow. One fewer than colours, so that the pairs repeat late."""
 DASHES: tuple[tuple[float, ...], ...] = ((), (), (5, 2), (1.2, 1.2), (6, 1.5, 1.2, 1.5))
 
 
@@ -79,11 +79,13 @@ class Pen:
     marker: str
     hollow: bool
     dash: tuple[float, ...]
-    """Lengths of strokes and gaps in widths of the line; empty for an unbroken one."""
+    """The lengths of strokes and gaps in widths of the line; empty for an unbroken one."""
 
 
 def pens_of(*charts: Iterable[str]) -> dict[str, Pen]:
-    """Name → pen, the same in every chart; two lines of one chart never share a colour where colours suffice."""
+    """Map name → pen, the same in every chart; two lines of one chart never share a colour if there are
+    enough colours.
+    """
     named = [list(dict.fromkeys(names)) for names in charts]
     every = list(dict.fromkeys(name for names in named for name in names))
     kept = [name for name in every if name in KNOWN]
@@ -117,7 +119,7 @@ SHAPES = {
 
 
 def key(pen: Pen) -> Markup:
-    """A piece of the line, as it is in the chart."""
+    """Return a piece of the line, as it is in the chart."""
     dash = f' stroke-dasharray="{" ".join(f"{2 * length:g}" for length in pen.dash)}"' if pen.dash else ""
     colour = f"var({pen.colour.variable})"
     fill = "var(--paper)" if pen.hollow else colour

@@ -1,6 +1,6 @@
-"""Series of a record → charts: one a panel, a band where the spread is known, colour, marker and dash by name.
+"""Series of a record → charts: one per panel, a band if the spread is known, colour, marker and dash by name.
 
-Nothing is dropped in silence: a zero on a logarithmic axis stands at its foot, what is not finite at the upper edge.
+Nothing is dropped silently: a zero on a logarithmic axis stands at its foot, a non-finite value at the upper edge.
 """
 
 import math
@@ -17,18 +17,18 @@ from reports.drawing.traces import Panel, Trace
 SIZE = (4.3, 2.9)
 WIDE = (5.8, 3.6)
 MANY_LINES = 5
-"""With more than so many lines a chart is drawn wide."""
+"""The number of lines above which a chart is drawn wide."""
 MARKED = 14
-"""Up to so many points of a line are marked, all of them where there are few."""
+"""The number of points of a line up to which all are marked."""
 FOOT = 10.0
-"""How many times below the smallest value above zero the foot of a logarithmic axis lies."""
+"""The factor by which the foot of a logarithmic axis lies below the smallest positive value."""
 
 
 @dataclass(frozen=True)
 class Point:
     x: float
     y: float | None
-    """None where it was not finite."""
+    """The value; None if it was not finite."""
     low: float | None
     high: float | None
 
@@ -37,10 +37,10 @@ class Point:
 class Chart:
     title: str
     keys: list[tuple[str, Markup]]
-    """Name and a sample of its line."""
+    """The name and a sample of each line."""
     svg: Markup
     notes: list[str]
-    """What its special marks mean, where there are any."""
+    """The meaning of its special marks, if there are any."""
     wide: bool = False
 
 
@@ -64,19 +64,19 @@ def with_points(series: list[Series]) -> list[Series]:
 
 
 def panels_of(drawn: list[Series]) -> list[tuple[str, list[Series]]]:
-    """Title and lines of each chart, in the order of their first series."""
+    """Return title and lines of each chart, in the order of their first series."""
     return [
         (title, [one for one in drawn if one.panel == title]) for title in dict.fromkeys(one.panel for one in drawn)
     ]
 
 
 def pens_in(drawn: list[Series]) -> dict[str, Pen]:
-    """Name → pen, the same in every chart of these."""
+    """Map name → pen, the same in every chart of these."""
     return pens_of(*([one.name for one in group] for _, group in panels_of(drawn)))
 
 
 def panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
-    """Bands below, then lines, then markers, so that a single point is seen as well."""
+    """Draw bands below, then lines, then markers, so that a single point is seen as well."""
     lines = [(one.name, pens[one.name], points(one)) for one in group]
     every = [point for _, _, line in lines for point in line]
     all_x = [point.x for point in every]
@@ -105,7 +105,7 @@ def panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
 
 
 def points(one: Series) -> list[Point]:
-    """By x: a line never runs back."""
+    """Return points in the order of x: a line never runs back."""
     nothing: list[float | None] = [None] * len(one.x)
     columns = [map(finite, values) for values in (one.y, one.low or nothing, one.high or nothing)]
     return sorted((Point(*values) for values in zip(one.x, *columns, strict=True)), key=lambda point: point.x)
@@ -116,7 +116,7 @@ def finite(value: float | None) -> float | None:
 
 
 def _raised(value: float, foot: float | None) -> float:
-    """A zero stands at the foot of its logarithmic axis."""
+    """Raise a zero to the foot of its logarithmic axis."""
     return foot if foot is not None and value == 0 else value
 
 
@@ -129,7 +129,7 @@ def _bands(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[T
 
 
 def _strokes(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[Trace]:
-    """The line, in parts where there are gaps."""
+    """Return the line, in parts if there are gaps."""
     parts: list[list[tuple[float, float]]] = [[]]
     for point in line:
         if point.y is None:
@@ -163,14 +163,14 @@ def _markers(name: str, pen: Pen, line: list[Point], foot: float | None, top: fl
 
 
 def notes(made: Panel) -> list[str]:
-    """`▽ exactly 0`, `✕ not a finite number`, where they occur."""
+    """Return `▽ exactly 0`, `✕ not a finite number`, if they occur."""
     kinds = {trace.kind for trace in made.traces}
     words = {"zero": "▽ exactly 0, drawn at the foot of the axis", "cross": "✕ not a finite number"}
     return [said for kind, said in words.items() if kind in kinds]
 
 
 def description(title: str, group: list[Series]) -> str:
-    """The chart for those who do not see it: where each line begins and ends."""
+    """Describe the chart for those who do not see it: where each line begins and ends."""
     ends = []
     for one in group:
         line = points(one)

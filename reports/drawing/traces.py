@@ -4,8 +4,8 @@
      "x": {"label", "scale", "low", "high"}, "y": likewise with "rows", their names,
      "traces": [{"label", "kind", "colour", "x", "y", "x_high", "y_high", "runs", "steps"}], "runs": [Selection, …]}
 
-`x` is the place of an earlier trace where it is the same, `runs` are places in the drawing's list of runs: one, or one
-a point. Numbers have six significant digits.
+`x` is the place of an earlier trace if it is the same, `runs` are places in the drawing's list of runs: one, or one
+per point. Numbers have six significant digits.
 """
 
 import math
@@ -48,9 +48,9 @@ class Trace:
     hollow: bool = True
     size: float = 4.6
     runs: tuple[Selection, ...] = field(default=(), compare=False)
-    """The runs behind it: those of the whole trace, or one a point."""
+    """The runs behind it: those of the complete trace, or one per point."""
     steps: tuple[int, ...] = field(default=(), compare=False)
-    """The training step of each point, where it has one."""
+    """The training step of each point, if it has one."""
 
 
 @dataclass(frozen=True)
@@ -69,23 +69,23 @@ class Panel:
     rows: tuple[str, ...] = ()
     size: tuple[float, float] = (3.7, 2.6)
     linear_below: float = 1.0
-    """Where a `symlog` axis begins to be logarithmic."""
+    """The value at which a `symlog` axis begins to be logarithmic."""
     zero_at: float | None = None
-    """Where zeros stand on a logarithmic y axis; its tick says 0."""
+    """The place of zeros on a logarithmic y axis; its tick says 0."""
 
 
 POINTS_AN_INCH = 72.0
 OUTLINES = ("area",)
-"""Kinds that are drawn around points of other traces, and hold no numbers of their own."""
+"""The kinds that are drawn around points of other traces, and hold no numbers of their own."""
 
 
 def as_element(panel: Panel, axes: Axes) -> Markup:
-    """For the place behind the drawing; nothing in it can run or end the element."""
+    """Return the element for the place behind the drawing; nothing in it can run or end the element."""
     return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
 
 
 def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
-    """What the page's script knows of a drawing whose axes have been painted."""
+    """Return the data of the page's script on a drawing whose axes have been painted."""
     width, height = (POINTS_AN_INCH * inches for inches in panel.size)
     left, bottom, wide, high = axes.get_position().bounds
     runs = list(dict.fromkeys(one for trace in panel.traces for one in trace.runs))
@@ -131,7 +131,7 @@ def _variable(colour: str) -> str:
 
 
 def rounded(values: Iterable[float]) -> list[float | int | None]:
-    """Six significant digits; None for what is not finite."""
+    """Round to six significant digits; None for a non-finite number."""
     return [_rounded(float(value)) for value in values]
 
 

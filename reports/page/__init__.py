@@ -1,1 +1,1 @@
-"""What every page shares: shell, tables, script, style; imports `drawing` and `data`."""
+"""The common parts of every page: shell, tables, script, style; imports `drawing` and `data`."""

@@ -1,4 +1,4 @@
-"""A table as plain data: what `page.html` lays out and what tests compare with literals."""
+"""A table as plain data, which `page.html` lays out and tests compare with literals."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,18 +11,19 @@ from reports.data.selection import Selection
 class Entry:
     """One cell of a table: its text, a smaller second line, and a tone that the page gives a look.
 
-    What is not seen takes no part in comparisons: two entries are equal where a reader sees the same.
+    Invisible fields take no part in comparisons: two entries are equal if a reader sees the same.
     """
 
     text: str
     small: str = ""
     tone: str = ""
-    """`better`, `worse`, `equivalent`, `inconclusive`, `failed`, `muted`, or nothing."""
+    """The tone: `better`, `worse`, `equivalent`, `inconclusive`, `failed`, `muted`, or nothing."""
     value: float | str | None = field(default=None, compare=False)
-    """What it is sorted by and saved as, where that is not what its text says: a number before it was rounded, the
-    scene where its name is not repeated."""
+    """The value it is sorted by and saved as, if its text differs: a number before it was rounded, the scene if its
+    name is not repeated.
+    """
     parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
-    """What a file says of it besides, by name: the ends of an interval, a standard deviation, a unit."""
+    """The additional values in a file, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
     """The runs behind it."""
 
@@ -31,7 +32,7 @@ class Entry:
 class Column:
     label: str
     method: str = ""
-    """Where the column belongs to a method: the page shows its colour."""
+    """The method that a column belongs to: the page shows its colour."""
     small: str = ""
     numeric: bool = True
 
@@ -46,7 +47,7 @@ class Grid:
     totals: list[list[Entry]] = field(default_factory=list)
     note: str = ""
     filtered: bool = True
-    """Whether rows of scenes and methods that a reader takes out of sight go with them."""
+    """Whether rows of scenes and methods that a reader hides are hidden with them."""
 
 
 EMPTY = Entry("–", tone="muted")

@@ -1,5 +1,5 @@
-"""The page's own script: files of `scripts/` one after another in one function, and the policy that lets just
-that text run.
+"""The page's own script: files of `scripts/` one after another in one function, and the policy that allows that
+text alone to run.
 """
 
 import base64
@@ -10,15 +10,15 @@ FILES = {file.name: file for file in (Path(__file__).parent / "scripts").glob("*
 
 
 def script(*files: str) -> str:
-    """The files in order, sharing one scope that nothing else can see."""
+    """Return the files in order, sharing one scope that nothing else can see."""
     parts = [FILES[name].read_text(encoding="utf-8") for name in files]
     return '(() => {\n"use strict";\n' + "\n".join(parts) + "})();\n"
 
 
 def content_policy(text: str = "", files: bool = False) -> str:
-    """The page's Content-Security-Policy: nothing from anywhere, and no script but `text`, if there is one.
+    """Return the page's Content-Security-Policy: nothing from anywhere, and no script but `text`, if there is one.
 
-    `files` lets it load script files as well, from where the page itself is: its own server, or, of a page that was
+    `files` lets it load script files as well, from where the page itself is: its own server, or, for a page that was
     opened from a disk, that disk. Nothing narrower works for both: Chromium matches a path or a digest with an
     integrity attribute for neither or for servers alone, and 'strict-dynamic' would let files from anywhere in.
     """

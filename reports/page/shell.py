@@ -1,4 +1,4 @@
-"""What every page of ours shares: policy, template environment, style, settings in words, and how a file is written."""
+"""The common shell of our pages: policy, template environment, style, settings in words, and how a file is written."""
 
 import json
 import math
@@ -28,12 +28,12 @@ UNITS = {
     "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
     "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "k": 1e3, "M": 1e6, "G": 1e9,
 }  # fmt: skip
-"""Units that change within a column."""
+"""The units that change within a column."""
 
 
 def value_of(text: str) -> float | None:
-    """The number at the beginning of a text of ours, in seconds or bytes where it is a time or a size; None where
-    there is none, or it only counts what was lost, as in `2 of 3 diverged`, or it is the end of a range.
+    """Return the number at the beginning of a text of ours, in seconds or bytes if it is a time or a size; None if
+    there is none, or it only counts lost cells, as in `2 of 3 diverged`, or it is the end of a range.
     """
     found = FIGURE.fullmatch(text.strip())
     if found is None:
@@ -53,13 +53,13 @@ def _scale(rest: str) -> float:
 
 
 def _rest_of_clock(rest: str) -> float:
-    """3 min *20 s*, 2 h *05 min*."""
+    """Return the second part of a time: 3 min *20 s*, 2 h *05 min*."""
     found = re.match(r" (min|h) (\d\d) (s|min)\b", rest)
     return float(found[2]) * UNITS[found[3]] if found else 0.0
 
 
 def of_entry(one: Entry, numeric: bool) -> Markup:
-    """Attributes of a table cell."""
+    """Return the attributes of a table cell."""
     found: dict[str, str] = {}
     value = value_of(one.text) if one.value is None and numeric else one.value
     if isinstance(value, str):
@@ -79,12 +79,12 @@ def _part(part: float | str | None) -> float | str | None:
 
 
 def of_runs(runs: Selection | None) -> Markup:
-    """The attribute of a cell that shows the runs behind it; none where there are none."""
+    """Return the attribute of a cell that shows the runs behind it; none if there are none."""
     return _written({"runs": as_json(runs.data())} if runs is not None and runs.data() else {})
 
 
 def of_row(row: list[Entry]) -> Markup:
-    """The scene and the method that all of a row belong to: what a filter goes by."""
+    """Return the scene and the method that a complete row belongs to, which a filter uses."""
     found = {}
     for name in ("scene", "method"):
         values = {getattr(one.runs, name) for one in row if one.runs is not None}
@@ -113,7 +113,7 @@ SCRIPTS = (
     *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js", "drawn_tables.js"),
     *("tables.js", "filter.js", "reading.js"),
 )
-"""What every page needs to sort, filter and save, in this order."""
+"""The scripts that every page needs to sort, filter and save, in this order."""
 START = "start.js"
 """The last script of a page."""
 
@@ -125,7 +125,7 @@ def anchor(kind: str, name: str) -> str:
 
 
 def environment() -> Environment:
-    """Escapes whatever comes from data, and stops at a name that nobody gave."""
+    """Return an environment that escapes all data, and stops at an undefined name."""
     made = Environment(
         loader=FileSystemLoader([HERE / "templates", HERE / "templates" / "studies"]),
         autoescape=True,
@@ -143,29 +143,29 @@ def environment() -> Environment:
 
 
 def code() -> str:
-    """The script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
+    """Return the script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
     return script(*SCRIPTS, START)
 
 
 def breakable(name: str) -> Markup:
-    """A name that may be broken behind its underscores, where a column is narrow."""
+    """Return a name that may be broken behind its underscores, where a column is narrow."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
 def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
-    """A sentence whose commands stand in backticks, as code; the words between them as `plain` sets them."""
+    """Return a sentence whose commands in backticks are set as code; the words between them as `plain` sets them."""
     parts = enumerate(sentence.split("`"))
     return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else plain(part) for at, part in parts)
 
 
 def style(*files: str) -> Markup:
-    """Style sheets in order, with the palette where the first one wants it."""
+    """Return style sheets in order, with the palette if the first one wants it."""
     text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in files)
     return Markup(text.replace("/* palette */", variables()))
 
 
 def variables() -> str:
-    """The palette as CSS: light; dark where the system or the reader wants it so, and never on paper."""
+    """Return the palette as CSS: light; dark if the system or the reader wants it so, and never on paper."""
     light, dark = (
         "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in (*palette.EVERY, *palette.SURFACES))
         for tone in ("light", "dark")
@@ -178,7 +178,7 @@ def variables() -> str:
 
 
 def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Nested settings as `a.b` → text."""
+    """Map nested settings as `a.b` → text."""
     rows = []
     for name, value in data.items():
         if isinstance(value, dict):
@@ -189,7 +189,7 @@ def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 
 def plain(value: Any) -> str:
-    """A setting as a reader writes it."""
+    """Return a setting as a reader writes it."""
     if isinstance(value, list):
         return ", ".join(map(plain, value))
     if isinstance(value, bool):
@@ -200,13 +200,13 @@ def plain(value: Any) -> str:
 def groups_of(
     origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Where a record comes from, as groups of name and value; those with nothing in them are left out."""
+    """Return the origin of a record, as groups of name and value; empty ones are left out."""
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]
 
 
 def write_whole(text: str, path: Path) -> None:
-    """Beside its place, then renamed: a reader never sees half a page."""
+    """Write beside the place, then rename: a reader never sees half a page."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         beside.write_text(text, encoding="utf-8")

@@ -1,1 +1,1 @@
-"""The page of a run, of several outputs, of a judgement; imports `claims` and what is below."""
+"""The page of a run, of several outputs, of a judgement; imports `claims` and the rooms below it."""

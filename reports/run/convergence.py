@@ -31,7 +31,7 @@ SCORE = "test PSNR (dB)"
 
 
 def convergence(records: Records, axis: CurveAxis) -> list[Panel]:
-    """One panel a scene, the mean over all scenes first."""
+    """Draw one panel per scene, the mean over all scenes first."""
     curves = curves_frame(records)
     panels = curve_panels(records, curves, axis)
     floors = {scene.name: (scene.psnr_floor, scene.psnr_ceiling) for scene in records.run.scenes}
@@ -43,7 +43,7 @@ def convergence(records: Records, axis: CurveAxis) -> list[Panel]:
 
 
 def curve_panels(records: Records, curves: pd.DataFrame, axis: CurveAxis) -> list[Panel]:
-    """PSNR against `axis` in each scene and, with more than one scene, in their mean."""
+    """Draw PSNR against `axis` in each scene and, with more than one scene, in their mean."""
     colours = {method: colour.light for method, colour in colours_of(records.methods).items()}
     panels = []
     everywhere = mean_over_scenes(curves, records.scenes)
@@ -58,7 +58,7 @@ def curve_panels(records: Records, curves: pd.DataFrame, axis: CurveAxis) -> lis
 
 
 def mean_over_scenes(curves: pd.DataFrame, scenes: list[str]) -> pd.DataFrame:
-    """Per method, seed and step, where every scene has a finished score there."""
+    """Return the mean per method, seed and step, if every scene has a finished score there."""
     done = curves[(curves["status"] == "done")].dropna(subset=["psnr"])
     grouped = done.groupby(["method", "seed", "step"], sort=True)
     means = grouped[["seconds", "psnr"]].mean()
@@ -67,7 +67,7 @@ def mean_over_scenes(curves: pd.DataFrame, scenes: list[str]) -> pd.DataFrame:
 
 
 def traces_of(curves: pd.DataFrame, colours: dict[str, str], axis: CurveAxis) -> tuple[Trace, ...]:
-    """Thin lines for the seeds, then thick means, then crosses."""
+    """Return thin lines for the seeds, then thick means, then crosses."""
     thin, thick, crosses = [], [], []
     for method, colour in colours.items():
         of_method = curves[curves["method"] == method]
@@ -91,7 +91,7 @@ def traces_of(curves: pd.DataFrame, colours: dict[str, str], axis: CurveAxis) ->
 
 
 def _mean_trace(method: str, colour: str, finished: list[pd.DataFrame], axis: CurveAxis) -> Trace:
-    """The mean over the finished seeds, at the steps that they share."""
+    """Return the mean over the finished seeds, at the steps that they share."""
     together = pd.concat(finished)
     by_step = together.groupby("step").agg(
         x=(axis if axis != "step" else "seconds", "mean"), y=("psnr", "mean"), many=("psnr", "size")
@@ -104,7 +104,7 @@ def _mean_trace(method: str, colour: str, finished: list[pd.DataFrame], axis: Cu
 
 
 def behind_curve(points: pd.DataFrame, method: str, seed: int | None = None) -> tuple[Selection, ...]:
-    """The runs of a curve; without a scene where it is a mean over scenes."""
+    """Select the runs of a curve; without a scene if it is a mean over scenes."""
     scenes = set(points["scene"]) if "scene" in points else set()
     return (Selection(scenes.pop() if len(scenes) == 1 else "", method, metric="psnr", seed=seed),)
 
@@ -118,7 +118,7 @@ def _panel(title: str, curves: pd.DataFrame, colours: dict[str, str], axis: Curv
 
 
 def _with_level(panel: Panel, label: str, level: float | None) -> Panel:
-    """A dashed level across the panel; one that is far from all curves is left to the table."""
+    """Draw a dashed level across the panel; one that is far from all curves is left to the table."""
     xs = [x for trace in panel.traces for x in trace.x]
     ys = [y for trace in panel.traces for y in trace.y]
     if level is None or not xs or not min(ys) - NEAR_DB <= level <= max(ys) + NEAR_DB:
@@ -129,7 +129,9 @@ def _with_level(panel: Panel, label: str, level: float | None) -> Panel:
 
 
 def difference_panels(records: Records) -> list[Panel]:
-    """For the contender of the headline: one panel a budget and rival, a row a scene, the mean of all at the bottom."""
+    """Draw for the contender of the headline one panel per budget and rival, one row per scene, the
+    mean at the bottom.
+    """
     cast = roles(records)
     if not cast.contenders:
         return []
@@ -186,7 +188,7 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
 
 
 def _printed(records: Records, rows: list[str]) -> list[Trace]:
-    """The paper's differences as hollow diamonds."""
+    """Draw the paper's differences as hollow diamonds."""
     table = records.run.paper.get("table2") or {}
     printed = {scene.lower(): row["qnerf"] - row["nerf"] for scene, row in table.items() if "qnerf" in row}
     if printed and set(rows) - {"all"} <= set(printed):
@@ -203,9 +205,9 @@ AXES: dict[Axis, tuple[str, str]] = {
     "seconds": ("training seconds", "less training time"),
 }
 AT_RISK = 5
-"""The curve over all scenes ends where fewer runs are still watched."""
+"""The number of watched runs below which the curve over all scenes ends."""
 BEFORE = 1.6
-"""A curve begins at 0 so many times before anybody got there."""
+"""The factor before the first arrival at which a curve begins at 0."""
 EVERYWHERE = "all scenes"
 
 
@@ -213,9 +215,9 @@ EVERYWHERE = "all scenes"
 class TimeToTarget:
     title: str
     declared: str
-    """The target, and why it is that."""
+    """The target, and its reason."""
     everywhere: list[Panel]
-    """Over all scenes, one an axis."""
+    """The panels over all scenes, one per axis."""
     scenes: list[Panel]
     notes: list[str]
     savings: Grid | None
@@ -223,7 +225,7 @@ class TimeToTarget:
 
 
 def time_to_target(records: Records) -> TimeToTarget | None:
-    """None for a run recorded before there was such a record."""
+    """Return the section; None for a run recorded before there was such a record."""
     record = records.targets
     if record is None:
         return None
@@ -242,7 +244,7 @@ def time_to_target(records: Records) -> TimeToTarget | None:
 
 
 def panels_of(records: Records, record: TargetsRecord, scene: str) -> list[Panel]:
-    """The share of runs that have reached the target against steps and against seconds."""
+    """Draw the share of runs that have reached the target against steps and against seconds."""
     found = [_survival_panel(records, record, scene, axis) for axis in AXES]
     return [panel for panel in found if panel is not None]
 
@@ -278,13 +280,13 @@ def _survival_panel(records: Records, record: TargetsRecord, scene: str, axis: A
 
 
 def _known(curve: ReachCurve) -> int:
-    """So many points of the curve rest on `AT_RISK` runs or more; all where there never were as many."""
+    """Return how many points of the curve rest on `AT_RISK` runs or more; all if there never were as many."""
     many = sum(risk >= AT_RISK for risk in curve.at_risk)
     return many or len(curve.time)
 
 
 def _marks(curve: ReachCurve, never: list[Reach], colour: str) -> list[Trace]:
-    """A tick where a run was last seen below the target, a cross where one diverged or failed."""
+    """Draw a tick where a run was last seen below the target, a cross where one diverged or failed."""
     found = []
     kinds: tuple[tuple[bool, Kind], ...] = ((False, "mark"), (True, "cross"))
     for lost, kind in kinds:
@@ -303,13 +305,13 @@ def is_lost(one: Reach) -> bool:
 
 
 def share_at(curve: ReachCurve, time: float) -> float:
-    """Of the step function: what holds from each time on."""
+    """Return the share of the step function, which holds from each time on."""
     place = bisect_right(curve.time, time)
     return curve.share[place - 1] if place else 0.0
 
 
 def notes(record: TargetsRecord) -> list[str]:
-    """How many runs of each method never got there, or were there before anybody looked."""
+    """State how many runs of each method never got there, or were there before anybody looked."""
     runs: dict[str, list[Reach]] = {}
     for one in record.reaches:
         if one.axis == "steps":
@@ -330,7 +332,7 @@ def notes(record: TargetsRecord) -> list[str]:
 
 
 def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
-    """A row a pair of methods (and scene), steps and seconds beside each other."""
+    """Tabulate one row per pair of methods (and scene), steps and seconds beside each other."""
     chosen = [one for one in record.comparisons if one.scene in scenes]
     if not chosen:
         return None
@@ -354,7 +356,7 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
 
 
 def saving_entry(one: TargetComparison | None) -> Entry:
-    """`+18.0 %`, below it interval, verdict, and how many runs say less than a time."""
+    """Return `+18.0 %`, below it interval, verdict, and how many runs say less than a time."""
     if one is None:
         return EMPTY
     censored = [

@@ -17,12 +17,12 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 
 GOLDEN = (1 + 5**0.5) / 2
 FOOT = 1e-5 / 1.6
-"""Where the axis of shares begins: smaller ones are drawn on it, so that empty bins have a place."""
+"""The foot of the axis of shares: smaller ones are drawn on it, so that empty bins have a place."""
 
 
 @dataclass(frozen=True)
 class Mean:
-    """Mean shares over seeds, of one method on one scene at one step."""
+    """The mean shares over seeds, of one method on one scene at one step."""
 
     edges: list[float]
     before: list[float]
@@ -30,7 +30,7 @@ class Mean:
     step: int
     seeds: int
     finished: bool
-    """Else there is none of a finished run, and it is of others."""
+    """Whether it is of finished runs; otherwise there is none, and it is of others."""
 
     @property
     def words(self) -> str:
@@ -38,7 +38,9 @@ class Mean:
 
 
 def density_histograms(records: Records) -> list[Panel]:
-    """A panel for each scene and method with an amplifier: mean over seeds, the last step that all of them have."""
+    """Draw a panel for each scene and method with an amplifier: mean over seeds, the last step that all
+    of them have.
+    """
     colours = colours_of(records.methods)
     amplified = amplified_methods(records)
     panels = []
@@ -53,7 +55,7 @@ def density_histograms(records: Records) -> list[Panel]:
 
 
 def amplified_methods(records: Records) -> list[str]:
-    """Methods whose density is changed on its way to the picture."""
+    """Return the methods whose density is changed on its way to the picture."""
     found = {cell.method for cell in records.cells if any(map(_amplifies, cell.curve))}
     return [method for method in records.methods if method in found]
 
@@ -66,14 +68,14 @@ def _amplifies(point: Checkpoint) -> bool:
 
 
 def _mean_density(cells: list[CellRecord]) -> Mean | None:
-    """Over finished runs, or where there is none over the others."""
+    """Return the mean over finished runs, or over the others if there is none."""
     finished = [cell for cell in cells if cell.status == "done"]
     return _mean_of(finished, True) or _mean_of([cell for cell in cells if cell not in finished], False)
 
 
 def _mean_of(cells: list[CellRecord], finished: bool) -> Mean | None:
-    """At the step, and with the bins, that most runs share, and of these at the last step: a run that ended early is
-    not mixed with others that went on.
+    """Average at the step, and with the bins, that most runs share, and of these at the last step: a run that ended
+    early is not mixed with others that went on.
     """
     found: dict[tuple[int, tuple[float, ...]], list[dict[str, list[float]]]] = {}
     for point in (point for cell in cells for point in cell.curve):
@@ -121,7 +123,7 @@ def _panel(title: str, mean: Mean, colour: str, behind: Selection) -> Panel:
 
 
 def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
-    """Linear for evenly wide bins, otherwise logarithmic, through zero where the bins reach it."""
+    """Return a linear axis for evenly wide bins, otherwise a logarithmic one, through zero if the bins reach it."""
     widths = [high - low for low, high in pairwise(edges)]
     if max(widths) < 3 * min(widths):
         return "linear", 1.0
@@ -131,7 +133,7 @@ def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
 
 
 def _shift(mean: Mean) -> str:
-    """The means of both histograms, from the bins' middles."""
+    """Return the means of both histograms, from the bins' middles."""
     middles = [(low + high) / 2 for low, high in pairwise(mean.edges)]
     means = [
         sum(middle * share for middle, share in zip(middles, shares, strict=True))
@@ -141,7 +143,7 @@ def _shift(mean: Mean) -> str:
 
 
 def amplifier_over_time(records: Records) -> list[Panel]:
-    """α and β against steps: one line a cell, dashed where they started (1/φ and 1)."""
+    """Draw α and β against steps: one line per cell, dashed where they started (1/φ and 1)."""
     colours = colours_of(records.methods)
     panels = []
     for name, letter, start in (("alpha", "α", 1 / GOLDEN), ("beta", "β", 1.0)):
@@ -181,9 +183,9 @@ class Rung:
     base: str
     method: str
     scale: float
-    """Density per half of the box's longest side where the amplifier gives 1."""
+    """The density per half of the box's longest side where the amplifier gives 1."""
     psnr: list[float]
-    """A score a seed."""
+    """The scores, one per seed."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ class Units:
 
 
 def units(records: Records) -> Units | None:
-    """None where no method was trained on one scene alone."""
+    """Return the section; None if no method was trained on one scene alone."""
     scenes = list(dict.fromkeys(cell.scene for cell in records.extra_cells))
     if not scenes:
         return None
@@ -212,14 +214,14 @@ def units(records: Records) -> Units | None:
 
 
 def ladder_panel(records: Records) -> Panel | None:
-    """The picture of the section; None where there are no three units to compare."""
+    """Draw the picture of the section; None if there are no three units to compare."""
     scene = next((cell.scene for cell in records.extra_cells), None)
     rungs = rungs_of(records, scene) if scene else []
     return panel(rungs, records, scene) if scene and len({rung.scale for rung in rungs}) > 2 else None
 
 
 def rungs_of(records: Records, scene: str) -> list[Rung]:
-    """In the order of their units; NeRF and Q-NeRF themselves are among them."""
+    """Return the rungs in the order of their units; NeRF and Q-NeRF themselves are among them."""
     known = records.run.settings.get("density_units")
     found = []
     for method, unit in known.items() if isinstance(known, dict) else ():
@@ -231,12 +233,12 @@ def rungs_of(records: Records, scene: str) -> list[Rung]:
 
 
 def scores(cells: list[CellRecord]) -> list[float]:
-    """Test PSNR of the cells that have one."""
+    """Return the test PSNR of the cells that have one."""
     return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
 
 
 def spread(rungs: list[Rung], scene: str) -> str:
-    """How far each method moves over the units that all were trained in, in one sentence."""
+    """State how far each method moves over the units that all were trained in, in one sentence."""
     said = []
     for base in BASES:
         means = [fmean(rung.psnr) for rung in rungs if rung.base == base]
@@ -251,7 +253,7 @@ def spread(rungs: list[Rung], scene: str) -> str:
 
 
 def printed_form(records: Records) -> str:
-    """What the printed form does, and the one sentence why; empty where it was not trained."""
+    """State the result of the printed form, and its reason; empty if it was not trained."""
     scene = next((cell.scene for cell in records.extra_cells if cell.method == PRINTED), None)
     one = records.comparison(scene, PRINTED, "nerf") if scene else None
     if one is None or one.difference is None:
@@ -266,7 +268,7 @@ def printed_form(records: Records) -> str:
 
 
 def panel(rungs: list[Rung], records: Records, scene: str) -> Panel:
-    """Mean test PSNR against the unit of density; a cross marks where the printed form stands."""
+    """Draw mean test PSNR against the unit of density; a cross marks the printed form."""
     traces = []
     for base in BASES:
         mine = [rung for rung in rungs if rung.base == base]
@@ -300,7 +302,7 @@ def panel(rungs: list[Rung], records: Records, scene: str) -> Panel:
 
 
 def ladder_grid(rungs: list[Rung]) -> Grid | None:
-    """A row for each unit."""
+    """Tabulate one row per unit."""
     if len({rung.scale for rung in rungs}) < 2:
         return None
     columns = [Column("unit of density", small="per half of the box"), *(Column(base, small="dB") for base in BASES)]
@@ -320,7 +322,7 @@ def _score(psnr: list[float]) -> Entry:
 
 
 def beside_grid(records: Records, scene: str) -> Grid | None:
-    """The further methods that are no rungs of the ladder, each against NeRF."""
+    """Tabulate the further methods that are no rungs of the ladder, each against NeRF."""
     rows = []
     for method in records.run.methods:
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]

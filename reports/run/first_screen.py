@@ -1,6 +1,6 @@
-"""The first screen: the question, the answer, how sure it is, at what scale, and what was not tested.
+"""The first screen: the question, the answer, its certainty, its scale, and what was not tested.
 
-It is built from the ledger, the run's comparisons and, where it lies beside, the evidence; it computes nothing.
+It is built from the ledger, the run's comparisons and, if it lies beside, the evidence; it computes nothing.
 """
 
 from dataclasses import dataclass
@@ -26,10 +26,10 @@ PRINCIPAL = {
     "table4-qnerf-psnr": "then the φ skip",
     "table1-total": "weights of Table 1, counted",
 }
-"""Claims of the first screen, in a few words each."""
+"""The claims of the first screen, in a few words each."""
 
 CALIBRATION = "calibration"
-"""The study of the evidence that puts the comparer to the test."""
+"""The study of the evidence that tests the comparer."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Line:
     source: str
     printed: Entry
     measured: Entry
-    """With its interval, and the runs of this report behind it."""
+    """The measurement with its interval, and the runs of this report behind it."""
     verdict: str
     mark: str
     tone: str
     note: str
-    """What qualifies the verdict, and the scale where it is not the run's."""
+    """The qualification of the verdict, and the scale if it is not the run's."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class FirstScreen:
     question: str
     lines: list[Line]
     sure: list[str]
-    """How sure the answer is: sentences, made from figures."""
+    """The certainty of the answer: sentences, made from figures."""
     untested: list[str]
-    """What of these claims was not tested, and what it needs: a sentence a cause."""
+    """The untested claims and their needs: a sentence per cause."""
     tally: str
-    """How many statements of the whole ledger came out how."""
+    """The count of the complete ledger's statements by verdict."""
 
 
 def first_screen(records: Records, found: list[Claim], beside: Beside) -> FirstScreen:
@@ -74,7 +74,7 @@ def first_screen(records: Records, found: list[Claim], beside: Beside) -> FirstS
 
 
 def question(records: Records, by_id: dict[str, Claim]) -> str:
-    """What the paper claims, asked; without its numbers, what this run can answer."""
+    """Return the paper's claim as a question; without its numbers, what this run can answer."""
     gain, faster = by_id.get("abstract-psnr-range"), by_id.get("abstract-faster")
     if gain and faster and "qnerf" in records.methods:
         speed = printed_text(faster).replace(" ", NARROW)
@@ -137,7 +137,7 @@ def _checked(check: Check) -> str:
 
 
 def _figure(value: float, check: Check, digits: int) -> str:
-    """A share as a percentage."""
+    """Format a share as a percentage."""
     if _is_share(check):
         return f"{number(100 * value, digits)}{NARROW}%"
     return f"{number(value, digits)}{NARROW}{check.unit}".strip()

@@ -1,4 +1,4 @@
-"""What a method is rather than how it scores, the scores beside PSNR, and every comparison that was made, in full."""
+"""The properties of a method, the scores beside PSNR, and every comparison that was made, in full."""
 
 from collections import Counter
 
@@ -13,7 +13,7 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 
 
 def metrics_grid(records: Records) -> Grid:
-    """A row for each scene and method: means over the finished seeds."""
+    """Tabulate one row for each scene and method: means over the finished seeds."""
     frame = cells_frame(records)
     shown = [metric for metric in METRICS if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
@@ -44,14 +44,14 @@ def metrics_grid(records: Records) -> Grid:
 
 
 def score(mean: float | None, metric: Metric, scene: str, method: str) -> Entry:
-    """A mean with the runs that it is taken over."""
+    """Return a mean with the runs that it is taken over."""
     if mean is None:
         return EMPTY
     return Entry(number(mean, metric.digits), value=mean, runs=Selection(scene, method, metric=metric.name))
 
 
 def comparisons_grid(records: Records) -> Grid:
-    """Every comparison of the run, with the smallest true difference that it would have found."""
+    """Tabulate every comparison of the run, with the smallest true difference that it would have found."""
     labels = {metric.name: metric.label for metric in METRICS}
     names = ("scene", "method − against", "metric", "at equal")
     columns = [Column(name, numeric=False) for name in names]
@@ -88,7 +88,7 @@ PROPERTY_NAMES = {
 
 
 def properties_grid(records: Records) -> Grid:
-    """A row a property, a column a method: the mean over its cells and, where they differ, the range."""
+    """Tabulate one row per property, one column per method: the mean over its cells and, if they differ, the range."""
     names = list(dict.fromkeys(name for cell in records.cells for name in cell.properties))
     columns = [Column("property", numeric=False), *(Column(method, method) for method in records.methods)]
     rows = []
@@ -115,7 +115,7 @@ def _property_entry(values: list[float | str], behind: Selection) -> Entry:
 
 
 def parameters_grid(records: Records) -> Grid:
-    """Weights of the networks that were trained, and Table 1 beside what its description really has."""
+    """Tabulate weights of the networks that were trained, and Table 1 beside the counts of its description."""
     printed = records.run.paper.get("table1") or {}
     measured = records.run.paper.get("parameters_measured") or {}
     trained = {cell.method: cell.parameters for cell in records.cells if cell.parameters}
@@ -142,7 +142,7 @@ def _weights(value: object) -> Entry:
 
 
 def failures_grid(records: Records) -> Grid:
-    """Cells without a score, each with its reason."""
+    """Tabulate cells without a score, each with its reason."""
     columns = [Column(name, numeric=False) for name in ("cell", "state", "why")]
     words = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
     rows = [
@@ -161,7 +161,7 @@ def failures_grid(records: Records) -> Grid:
 
 
 def warnings_grid(records: Records) -> Grid:
-    """Warnings, those of the same words on the same scene and method in one row."""
+    """Tabulate warnings, those of the same words on the same scene and method in one row."""
     columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
     found: dict[tuple[str, str, str], list[int]] = {}
     for cell in records.cells:
@@ -180,13 +180,13 @@ def warnings_grid(records: Records) -> Grid:
 
 
 def warning_kinds(records: Records) -> list[tuple[str, int]]:
-    """What kinds of warnings there are (the words before the colon) and how many cells carry each."""
+    """Return the kinds of warnings (the words before the colon) and how many cells carry each."""
     found = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
     return found.most_common()
 
 
 def left_out_grid(records: Records) -> Grid:
-    """What a scene does not need and was not done for it; where that was verified, what it saved and changed."""
+    """Tabulate the omissions that a scene allows; if that was verified, what they saved and changed."""
     columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
     rows = [

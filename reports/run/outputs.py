@@ -29,12 +29,12 @@ from reports.run.run_page import named as in_colours
 EVERYWHERE = "all"
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "device")
-"""What two runs must share before their seconds are compared."""
+"""The facts that two runs must share before their seconds are compared."""
 
 
 @dataclass(frozen=True)
 class Output:
-    """A run under the name that tells it from the others, and a letter for the heads of columns."""
+    """A run under the name that distinguishes it from the others, and a letter for the heads of columns."""
 
     letter: str
     name: str
@@ -43,10 +43,10 @@ class Output:
 
 @dataclass(frozen=True)
 class Row:
-    """`other` − `first` in one metric of one method."""
+    """The difference `other` − `first` in one metric of one method."""
 
     scene: str
-    """A scene's name, or `all`: those with the same ground truth in both."""
+    """The name of a scene, or `all`: those with the same ground truth in both."""
     method: str
     metric: str
     budget: Budget
@@ -59,13 +59,13 @@ class Against:
 
     other: Output
     identical: int
-    """Cells with every score and every weight count the same to the last bit."""
+    """The cells with every score and every weight count the same to the last bit."""
     shared: int
-    """Cells that both have."""
+    """The cells that both have."""
     alone: list[str]
-    """Cells that only one of them has, in words."""
+    """The cells that only one of them has, in words."""
     unlike: dict[str, str]
-    """Scene → why its scores are of another question: another ground truth."""
+    """Map scene → why its scores are of another question: another ground truth."""
     same_clock: bool
     rows: list[Row] = field(default_factory=list)
 
@@ -75,7 +75,7 @@ class Against:
 
 
 def named(found: list[Records]) -> list[Output]:
-    """Each by the shortest end of its path that none of the others has."""
+    """Name each by the shortest end of its path that none of the others has."""
     paths = [records.out.resolve() for records in found]
     return [
         Output(chr(ord("A") + place) if place < 26 else str(place + 1), _name(path, paths), records)
@@ -91,7 +91,7 @@ def _name(path: Path, paths: list[Path]) -> str:
 
 
 def against(first: Output, other: Output) -> Against:
-    """What `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
+    """Return what `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
     ours, theirs = ({(c.scene, c.method, c.seed): c for c in one.records.cells} for one in (first, other))
     both = [key for key in ours if key in theirs]
     unlike = {
@@ -116,7 +116,9 @@ def against(first: Output, other: Output) -> Against:
 
 
 def same_results(one: CellRecord, other: CellRecord) -> bool:
-    """Whether two cells came to the same numbers: status, steps, scores, curve but for its clock, scores by view."""
+    """Return whether two cells have the same numbers: status, steps, scores, curve but for its clock,
+    scores by view.
+    """
 
     def results(cell: CellRecord) -> tuple[Any, ...]:
         curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
@@ -126,7 +128,7 @@ def same_results(one: CellRecord, other: CellRecord) -> bool:
 
 
 def other_truth(one: CellRecord, other: CellRecord) -> str:
-    """Why two cells were not scored against the same images; nothing where they were."""
+    """Return why two cells were not scored against the same images; nothing if they were."""
     facts = [cell.settings.get("view_set") or {} for cell in (one, other)]
     unequal = [key for key in ("width", "height", "test", "digest") if facts[0].get(key) != facts[1].get(key)]
     if not unequal:
@@ -170,7 +172,7 @@ def _rows(ours: list[CellRecord], theirs: list[CellRecord], unlike: set[str], sa
 
 
 def unequal_facts(outputs: list[Output], part: str) -> list[tuple[str, list[str]]]:
-    """Settings (`settings`) or origins (`provenance`) that are not the same in all outputs: name, value in each."""
+    """Return settings (`settings`) or origins (`provenance`) that differ between outputs: name, value in each."""
     found = [dict(flat(getattr(one.records.run, part))) for one in outputs]
     names = dict.fromkeys(name for facts in found for name in facts)
     rows = [(name, [facts.get(name, "–") for facts in found]) for name in names]
@@ -178,14 +180,14 @@ def unequal_facts(outputs: list[Output], part: str) -> list[tuple[str, list[str]
 
 
 DASHES = ((), (5.0, 2.0), (1.5, 1.5), (6.0, 2.0, 1.5, 2.0))
-"""One an output, over and over."""
+"""The dashes, one per output, over and over."""
 FEW = 3
-"""Scenes that a headline names; more are counted."""
+"""The number of scenes that a headline names; more are counted."""
 BUDGETS: tuple[tuple[Budget, str], ...] = (("steps", "equal steps"), ("seconds", "equal training time"))
 
 
 def headline(first: Output, found: list[Against]) -> str:
-    """What the others change of the first, in one sentence each."""
+    """State what the others change of the first, in one sentence each."""
     said = []
     for one in found:
         if one.shared == 0:
@@ -203,12 +205,12 @@ def headline(first: Output, found: list[Against]) -> str:
 
 
 def _extent(one: Against) -> str:
-    """How much the verdicts stand on, where it is not all of both."""
+    """State how much the verdicts rest on, if it is not all of both."""
     return f"in the {one.shared} of {counted(one.shared + len(one.alone), 'cell')} that both have" if one.alone else ""
 
 
 def _place(first: Output, one: Against, method: str) -> str | None:
-    """The scenes that the verdict on a method is of, where they are not all of several; None without a verdict."""
+    """Return the scenes that the verdict on a method is of, if they are not all of several; None without a verdict."""
     row = _row(one, method)
     if row is None:
         return None
@@ -221,7 +223,7 @@ def _place(first: Output, one: Against, method: str) -> str | None:
 
 
 def _row(one: Against, method: str) -> Row | None:
-    """The one over all scenes; else that of the first scene which both have."""
+    """Return the row over all scenes; else that of the first scene which both have."""
     scenes = dict.fromkeys([EVERYWHERE, *(row.scene for row in one.rows)])
     return next(filter(None, (one.row(scene, method) for scene in scenes)), None)
 
@@ -244,7 +246,7 @@ def scenes_of(outputs: list[Output]) -> list[str]:
 
 
 def sentences(first: Output, found: list[Against]) -> list[str]:
-    """What a reader must know before the tables."""
+    """Return the notes that a reader needs before the tables."""
     said = []
     for one in found:
         name = one.other.name
@@ -265,7 +267,7 @@ def sentences(first: Output, found: list[Against]) -> list[str]:
 
 
 def scores_grid(outputs: list[Output], found: list[Against], method: str) -> Grid:
-    """Mean test PSNR of a method by scene in each output, and each difference to the first."""
+    """Tabulate mean test PSNR of a method by scene in each output, and each difference to the first."""
     frames = [cells_frame(one.records) for one in outputs]
     shown = [(one, budget, words) for one in found for budget, words in BUDGETS if one.same_clock or budget == "steps"]
     columns = [Column("scene", numeric=False), *(Column(one.letter, small=one.name) for one in outputs)]
@@ -291,7 +293,7 @@ def _differences(shown: list[tuple[Against, Budget, str]], scene: str, method: s
 
 
 def difference_entry(found: Judgement, digits: int) -> Entry:
-    """The difference, its interval, the one that the verdict is taken from where it is wider, and the verdict."""
+    """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
     aside = f"{counted(found.unpaired, 'pair')} not judged" if found.unpaired else ""
     one = found.chosen
     if found.difference is None:
@@ -303,7 +305,7 @@ def difference_entry(found: Judgement, digits: int) -> Entry:
 
 
 def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
-    """Every metric over all scenes, at equal steps."""
+    """Tabulate every metric over all scenes, at equal steps."""
     columns = [Column("method", numeric=False), Column("metric", numeric=False)]
     columns += [Column(f"{one.other.letter} − {outputs[0].letter}") for one in found]
     rows = []
@@ -318,7 +320,7 @@ def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
 
 
 def seconds_grid(outputs: list[Output]) -> Grid:
-    """Mean training seconds of the finished cells: what each clock said, judged by nobody."""
+    """Tabulate mean training seconds of the finished cells by each clock, without a verdict."""
     frames = [cells_frame(one.records) for one in outputs]
     columns = [Column("method", numeric=False), *(Column(one.letter) for one in outputs)]
     rows = []
@@ -336,7 +338,7 @@ def seconds_grid(outputs: list[Output]) -> Grid:
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
-    """The answer of each output to its own question: what is compared with what, over all scenes."""
+    """Tabulate the answer of each output to its own question: the compared methods, over all scenes."""
     columns = [Column("comparison", numeric=False), *(Column(one.letter) for one in outputs)]
     keys = dict.fromkeys(
         (one.method, one.against, one.budget)
@@ -358,7 +360,7 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
 
 
 def claims_grid(outputs: list[Output], judge: Callable[[Output], list[Claim]] | None = None) -> Grid:
-    """The printed claims that all outputs list and of which they do not all say the same."""
+    """Tabulate the printed claims that all outputs list and on which they disagree."""
     found = [{one.id: one for one in (judge or _claims)(output)} for output in outputs]
     columns = [Column("claim", numeric=False), *(Column(one.letter, numeric=False) for one in outputs)]
     rows = []
@@ -376,7 +378,7 @@ def _claims(output: Output) -> list[Claim]:
 
 
 def facts_grids(outputs: list[Output]) -> list[Grid]:
-    """What differs in settings and origins."""
+    """Tabulate the differences in settings and origins."""
     columns = [Column("setting", numeric=False), *(Column(one.letter, numeric=False) for one in outputs)]
     parts = (("settings", "Settings that differ"), ("provenance", "Machine and versions that differ"))
     grids = []
@@ -387,7 +389,7 @@ def facts_grids(outputs: list[Output]) -> list[Grid]:
 
 
 def curves(outputs: list[Output]) -> list[Panel]:
-    """Mean test PSNR over steps, scene by scene: a colour a method, a dash an output."""
+    """Draw mean test PSNR over steps, scene by scene: one colour per method, one dash per output."""
     frames = [curves_frame(one.records) for one in outputs]
     colours = colours_of(methods_of(outputs))
     panels = []
@@ -421,7 +423,7 @@ LOOKS = ("solid:", "dashed:", "dotted:", "dash-dotted:")
 
 
 def outputs_page(found: list[Records]) -> str:
-    """The whole page as text; the first output is what the others are held against."""
+    """Return the complete page as text; the first output is the reference for the others."""
     outputs = named(found)
     pairs = [against(outputs[0], other) for other in outputs[1:]]
     methods = methods_of(outputs)
@@ -455,7 +457,7 @@ def outputs_page(found: list[Records]) -> str:
 
 
 def write_outputs_page(found: list[Records], path: Path) -> str:
-    """Beside its place, then renamed; gives the headline."""
+    """Write beside the place, then rename; returns the headline."""
     shell.write_whole(outputs_page(found), path)
     outputs = named(found)
     return headline(outputs[0], [against(outputs[0], other) for other in outputs[1:]])

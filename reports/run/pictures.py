@@ -1,8 +1,9 @@
-"""Rendered views beside their ground truth, for print and for readers without a script; which ones is a fixed rule.
+"""Rendered views beside their ground truth, for print and for readers without a script; they are chosen by a fixed
+rule.
 
 Shown is the first kept view of each scene, of the first seed in which most methods have a picture of their last
-checkpoint. They are base64 PNGs, made smaller where a large run would otherwise make the page heavy. Everything else
-that was kept is in the page's picture data (`reports.run.pictures`).
+checkpoint. They are base64 PNGs, made smaller if a large run would otherwise make the page heavy. Everything else
+that was saved is in the page's picture data (`reports.run.pictures`).
 """
 
 import re
@@ -53,7 +54,7 @@ BUDGET_BYTES = 1_500_000
 
 @dataclass(frozen=True)
 class Shown:
-    """One method's picture of a view as a data URI, None where there is none."""
+    """One method's picture of a view as a data URI, None if there is none."""
 
     method: str
     caption: str
@@ -72,7 +73,7 @@ class View:
 
 
 def views(records: Records) -> list[View]:
-    """One view of every scene that has pictures, in the order of scenes."""
+    """Return one view of every scene that has pictures, in the order of scenes."""
     chosen = [(scene, seed) for scene in records.scenes if (seed := seed_shown(records, scene)) is not None]
     side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
     found = (_picture_view(records, scene, seed, side) for scene, seed in chosen)
@@ -80,8 +81,9 @@ def views(records: Records) -> list[View]:
 
 
 def seed_shown(records: Records, scene: str) -> int | None:
-    """The first seed in which the most finished methods have pictures; of those that are equal in this, the first in
-    which the most methods have any; None where there are none."""
+    """Return the first seed in which the most finished methods have pictures; among equals, the first in which the most
+    methods have any; None if there are none.
+    """
     having: dict[int, tuple[int, int]] = {}
     for cell in records.cells:
         if cell.scene == scene and cell.pictures is not None:
@@ -91,13 +93,13 @@ def seed_shown(records: Records, scene: str) -> int | None:
 
 
 def first_view(found: Kept) -> str | None:
-    """The first view of the truth, else the first that any cell has."""
+    """Return the first view of the truth, else the first that any cell has."""
     names = [*found.truth, *(one.view for renders in found.renders.values() for one in renders)]
     return next(iter(names), None)
 
 
 def last_render(found: Kept, cell: CellRecord, view: str) -> Render | None:
-    """Of a cell that finished; what one that diverged had last is not the end of a training."""
+    """Return the last render of a cell that finished; that of a diverged one is not the end of a training."""
     if cell.status != "done":
         return None
     renders = last_of(found.renders.get((cell.method, cell.seed), []))
@@ -105,7 +107,7 @@ def last_render(found: Kept, cell: CellRecord, view: str) -> Render | None:
 
 
 def as_picture(values: np.ndarray) -> Picture:
-    """float16 display colour → what is shown of it."""
+    """Convert float16 display colour to the displayed picture."""
     return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
 
 
@@ -140,7 +142,7 @@ def _shown(found: Kept, cell: CellRecord, view: str, truth: Truth | None, side: 
 
 INLINE_BYTES = 6_000_000
 FILE_BYTES = 32_000_000
-"""Of base64, in the page and in a file beside it."""
+"""The bytes of base64, in the page and in a file beside it."""
 FOLDER = "report_pictures"
 IMPORTANCE = (
     "the last checkpoint of the seed that is shown",
@@ -150,9 +152,9 @@ IMPORTANCE = (
     "other seeds, other views",
 )
 LEAST = 1
-"""A page that has not at least these of every scene has its pictures beside it."""
+"""The pictures of every scene that must fit into a page; otherwise its pictures lie beside it."""
 BRIGHT = 1.0 + 1 / 256
-"""Light above this is more than display colour and the rounding of float16 hold."""
+"""The light above which a value is more than display colour and the rounding of float16 hold."""
 
 
 @dataclass
@@ -161,9 +163,11 @@ class SceneData:
 
     entry: dict[str, Any]
     renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
-    """(importance, row, id → base64), in the order of methods, seeds, steps and views; empty where it is left out."""
+    """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; empty if it is left
+    out.
+    """
     texts: dict[str, str] = field(default_factory=dict)
-    """Of the truth."""
+    """The pictures of the truth."""
     unshown: bool = False
     """Whether there are renders without the truth that they belong to."""
 
@@ -173,24 +177,24 @@ class SceneData:
 
 @dataclass(frozen=True)
 class PictureData:
-    """For the page."""
+    """The picture data of the page."""
 
     data: dict[str, Any]
     inline: dict[str, str]
-    """Element's id → base64."""
+    """Map element's id → base64."""
     files: dict[str, str]
-    """Path beside the page → content; empty where the page holds its pictures."""
+    """Map path beside the page → content; empty if the page holds its pictures."""
 
 
 def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
-    """None where no cell has pictures."""
+    """Return the picture data; None if no cell has pictures."""
     if not any(cell.pictures for cell in records.cells):
         return None
     return _inline(records, budget) or _beside(records, file_budget)
 
 
 def _inline(records: Records, budget: int) -> PictureData | None:
-    """Everything in the page; None where `LEAST` does not fit."""
+    """Put everything into the page; returns None if `LEAST` does not fit."""
     scenes: list[SceneData] = []
     spent = [0] * len(IMPORTANCE)
     up_to = len(IMPORTANCE) - 1
@@ -209,7 +213,7 @@ def _inline(records: Records, budget: int) -> PictureData | None:
 
 
 def _beside(records: Records, budget: int) -> PictureData:
-    """A file a scene."""
+    """Make one file per scene."""
     scenes: list[SceneData] = []
     reach: list[int] = []
     files: dict[str, str] = {}
@@ -233,7 +237,7 @@ def _beside(records: Records, budget: int) -> PictureData:
 
 
 def _fitting(spent: list[int], budget: int) -> int:
-    """The largest importance up to which everything fits; −1 where nothing does."""
+    """Return the largest importance up to which everything fits; −1 if nothing does."""
     return int((np.cumsum(spent) <= budget).sum()) - 1
 
 
@@ -242,7 +246,7 @@ def _size(texts: dict[str, str]) -> int:
 
 
 def _chosen(one: SceneData, up_to: int, file: str | None) -> dict[str, str]:
-    """Writes the rows that are in into the scene's entry; their pictures."""
+    """Write the chosen rows into the scene's entry; returns their pictures."""
     chosen = dict(one.texts)
     for importance, row, texts in one.renders:
         if importance <= up_to:
@@ -282,7 +286,7 @@ def _data(records: Records, scenes: list[SceneData], reach: list[int], said: str
 
 
 def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
-    """The scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
+    """Return the scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
     found, about = kept(records, scene), records.scene(scene)
     shown = seed_shown(records, scene)
     cells = {(cell.method, cell.seed): cell for cell in records.cells if cell.scene == scene}
@@ -367,7 +371,7 @@ def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, t
 
 
 def _missing(records: Records, found: Kept, cells: dict[tuple[str, int], CellRecord]) -> list[dict[str, Any]]:
-    """Cells that did not finish, and finished ones whose pictures are missing."""
+    """Return cells that did not finish, and finished ones whose pictures are missing."""
     rows = []
     order = {method: place for place, method in enumerate(records.methods)}
     for key, cell in sorted(cells.items(), key=lambda item: (order[item[0][0]], item[0][1])):
@@ -379,14 +383,14 @@ def _missing(records: Records, found: Kept, cells: dict[tuple[str, int], CellRec
 
 
 def _file_name(scene: str, taken: Iterable[str]) -> str:
-    """A scene's name may hold anything; a file's may not."""
+    """Make the name of a file: a scene's name may hold any character, a file's may not."""
     stem = re.sub(r"[^A-Za-z0-9_-]", "_", scene)[:80] or "scene"
     names = [f"{FOLDER}/{stem}.js", *(f"{FOLDER}/{stem}_{number}.js" for number in range(2, 10_000))]
     return next(name for name in names if name.lower() not in {one.lower() for one in taken})
 
 
 def write_files(files: dict[str, str], folder: Path) -> None:
-    """The files beside a page in `folder`, each whole or not at all. Raises `OSError`."""
+    """Write the files beside a page in `folder`, each atomically. Raises `OSError`."""
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -394,7 +398,7 @@ def write_files(files: dict[str, str], folder: Path) -> None:
 
 
 def remove_others(files: dict[str, str], folder: Path) -> None:
-    """What an earlier page in `folder` had beside it and the one that is there now does not name. Raises `OSError`."""
+    """Remove files of an earlier page in `folder` that the present one does not name. Raises `OSError`."""
     beside = folder / FOLDER
     for path in beside.glob("*.js"):
         if f"{FOLDER}/{path.name}" not in files:

@@ -34,9 +34,9 @@ SCHEMA = 1
 
 
 def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
-    """Plain data, JSON-ready: what is not a finite number is None and the cell's status says why.
+    """Return plain data, JSON-ready: a number that is not finite is None and the cell's status says why.
 
-    `cache` and `attention` are None where they were not measured.
+    `cache` and `attention` are None if they were not measured.
     """
     run, found = records.run, claims(records, beside)
     return {
@@ -105,7 +105,7 @@ def _cache(record: CacheRecord) -> dict[str, Any]:
 
 
 def _attention(record: ServingRecord) -> dict[str, Any] | None:
-    """With the viewer's first frame, which refines by attention."""
+    """Return attention with the viewer's first frame, which refines by attention."""
     if record.attention is None:
         return None
     first = asdict(record.first_frame) if record.first_frame else None
@@ -120,7 +120,7 @@ def _attention(record: ServingRecord) -> dict[str, Any] | None:
 
 
 def _short(value: float) -> float:
-    """Five digits are more than such a figure has, and half as long."""
+    """Round to five digits, more than such a figure has, and half as long."""
     return float(f"{value:.5g}")
 
 
@@ -131,14 +131,15 @@ def _claim(claim: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Whole or not at all; NaN and Infinity are refused."""
+    """Write atomically; NaN and Infinity are refused."""
     write_json(path, summary(records, beside))
 
 
 def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
-    """psnr.png, error_vs_time.png, work_precision.png, units.png, views.png (where they can be drawn) and summary.json.
+    """Write psnr.png, error_vs_time.png, work_precision.png, units.png, views.png (if they can be drawn) and
+    summary.json.
 
-    Gives what was written.
+    Returns the written paths.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", beside)
@@ -159,7 +160,7 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
 
 
 def psnr_dots(records: Records) -> Figure:
-    """A dot for each scene, method and seed; a dash at the mean; what did not finish as a cross below."""
+    """Draw a dot for each scene, method and seed; a dash at the mean; unfinished cells as a cross below."""
     frame = cells_frame(records)
     colours = colours_of(records.methods)
     figure = Figure(figsize=(max(4.0, 1.0 + 0.85 * len(records.scenes)), 3.2), layout="constrained")
@@ -184,20 +185,20 @@ def psnr_dots(records: Records) -> Figure:
 
 
 def error_against_time(records: Records) -> Figure | None:
-    """Linear RMSE against training seconds, a panel a scene."""
+    """Draw linear RMSE against training seconds, a panel per scene."""
     found = next((one for one in diagrams(records) if (one.measure.name, one.cost.name) == ("rmse", "seconds")), None)
     panels = [panel for panel in found.panels if panel.title != EVERYWHERE] if found else []
     return _side_by_side(records, [(panel.title, panel) for panel in panels], (2.5, 2.1), 4)
 
 
 def work_precision(records: Records) -> Figure | None:
-    """Every error that was measured along training against training seconds, over all scenes together."""
+    """Draw every error that was measured along training against training seconds, over all scenes together."""
     found = [one for one in diagrams(records) if one.cost.name == "seconds"]
     return _side_by_side(records, [(one.measure.label, one.panels[0]) for one in found], (3.4, 2.9), 2)
 
 
 def ladder_of_units(records: Records) -> Figure | None:
-    """Test PSNR against the unit of density; None where no ladder was trained."""
+    """Draw test PSNR against the unit of density; None if no ladder was trained."""
     drawn = ladder_panel(records)
     if drawn is None:
         return None
@@ -214,7 +215,7 @@ def ladder_of_units(records: Records) -> Figure | None:
 def _side_by_side(
     records: Records, panels: list[tuple[str, Panel]], size: tuple[float, float], most: int
 ) -> Figure | None:
-    """Panels under titles, at most so many in a row; None where there are none."""
+    """Draw panels under titles, at most so many in a row; None if there are none."""
     if not panels:
         return None
     across = min(most, len(panels))
@@ -235,7 +236,7 @@ def _side_by_side(
 
 
 def contact(records: Records) -> Figure | None:
-    """Ground truth and every method for the first stored view of each scene."""
+    """Draw ground truth and every method for the first stored view of each scene."""
     rows = []
     for scene in records.scenes:
         seed = seed_shown(records, scene)

@@ -4,7 +4,7 @@
     what `BLOCKS[NAME]` makes of docs/*.json
     <!-- end -->
 
-Each public function is a block. A block is empty where its file is not published, or was measured before all methods
+Each public function is a block. A block is empty if its file is not published, or was measured before all methods
 had one unit of density: its figures would be those of another program.
 """
 
@@ -36,7 +36,7 @@ SAYS = {
     "equivalent": "scores the same within the margin as",
     "inconclusive": "is not told apart from",
 }
-"""Verdict → how a sentence about it goes on: no other words compare two methods on these pages."""
+"""Map verdict → the verb of a sentence about it: no other words compare two methods on these pages."""
 DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
 
 
@@ -47,14 +47,14 @@ class Published:
     docs: Path
 
     def read(self, name: str) -> dict[str, Any]:
-        """A file's content; empty where it is not there."""
+        """Return a file's content; empty if it is not there."""
         path = self.docs / name
         return _read(path, path.stat().st_mtime_ns) if path.is_file() else {}
 
     def current(self, name: str) -> dict[str, Any]:
-        """As `read`; empty, too, where the methods had no common unit of density yet.
+        """Return the content as `read`; empty, too, if the methods had no common unit of density yet.
 
-        Settings of a run say what the unit was; the provenance of all that is measured since has an instruction set.
+        Settings of a run name the unit; the provenance of everything measured since has an instruction set.
         """
         found = self.read(name)
         told = "density_units" in found.get("settings", {}) or "instruction_set" in found.get("provenance", {})
@@ -67,32 +67,32 @@ class Published:
 
 
 def main_methods(run: dict[str, Any]) -> list[str]:
-    """Those that were trained on every scene."""
+    """Return the methods that were trained on every scene."""
     return [method for method in run["methods"] if method in run["settings"]["methods"]]
 
 
 def row(run: dict[str, Any], scene: str, method: str, against: str, budget: str = "steps") -> dict[str, Any] | None:
-    """The comparison of two methods by PSNR; None where there is no difference."""
+    """Return the comparison of two methods by PSNR; None if there is no difference."""
     asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
     found = (one for one in run["comparisons"] if asked.items() <= one.items())
     return next((one for one in found if one["difference"] is not None), None)
 
 
 def estimate(one: dict[str, Any], sense: str) -> str:
-    """`−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
+    """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
     found = one[sense]
     pair = found and (found["simultaneous"] or found["interval"])
     return f"{between(pair)}: {found['verdict']}" if pair else "–"
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Markdown."""
+    """Return a table in Markdown."""
     head = list(head)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
 def scale(published: Published) -> str:
-    """At which the default run was measured, and on what."""
+    """State the scale at which the default run was measured, and its machine."""
     run = published.run
     if not run:
         return ""
@@ -107,7 +107,7 @@ def scale(published: Published) -> str:
 
 
 def result(published: Published) -> str:
-    """The answer, the printed gain, and who scores how much more than whom, asked twice."""
+    """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
     run = published.run
     if not run:
         return ""
@@ -117,7 +117,7 @@ def result(published: Published) -> str:
 
 
 def equal_time(published: Published) -> str:
-    """The same differences where both have trained as long."""
+    """State the same differences where both have trained as long."""
     return differences(published.run, "seconds") if published.run else ""
 
 
@@ -131,7 +131,9 @@ def differences(run: dict[str, Any], budget: str) -> str:
 
 
 def scores(published: Published) -> str:
-    """Test PSNR by scene, with the ceiling that the truth's noise sets, and the floor: the nearest training view."""
+    """Tabulate test PSNR by scene, with the ceiling that the truth's noise sets, and the floor: the nearest training
+    view.
+    """
     run = published.run
     methods = main_methods(run) if run else []
     rows = [
@@ -146,19 +148,19 @@ def scores(published: Published) -> str:
 
 
 def psnr_of(run: dict[str, Any], scene: str, method: str) -> list[float]:
-    """A score a seed."""
+    """Return the scores, one per seed."""
     cells = (one for one in run["cells"] if (one["scene"], one["method"]) == (scene, method))
     return [one["psnr"] for one in cells if one["psnr"] is not None]
 
 
 def spread(values: list[float]) -> str:
-    """Mean ± standard deviation over seeds."""
+    """Format mean ± standard deviation over seeds."""
     more = f" ± {number(stdev(values))}" if len(values) > 1 else ""
     return f"{number(fmean(values))}{more}" if values else "–"
 
 
 def ladder(run: dict[str, Any]) -> tuple[str, dict[str, dict[float, list[float]]]]:
-    """The scene of the further methods, and base → unit of density → scores there."""
+    """Return the scene of the further methods, and base → unit of density → scores there."""
     extras = [cell for cell in run["cells"] if cell["method"] not in main_methods(run)]
     scene = extras[0]["scene"] if extras else ""
     found: dict[str, dict[float, list[float]]] = {BASELINE: {}, FAVOURITE: {}}
@@ -170,7 +172,7 @@ def ladder(run: dict[str, Any]) -> tuple[str, dict[str, dict[float, list[float]]
 
 
 def why(published: Published) -> str:
-    """What the unit of density does, and the printed form apart."""
+    """State the effect of the unit of density, and the printed form apart."""
     run = published.run
     scene, rungs = ladder(run) if run else ("", {})
     moved = [
@@ -194,7 +196,7 @@ def why(published: Published) -> str:
 
 
 def further(published: Published) -> str:
-    """The methods that were trained on one scene alone, without the ladder."""
+    """Tabulate the methods that were trained on one scene alone, without the ladder."""
     run = published.run
     scene, _ = ladder(run) if run else ("", {})
     rows = [
@@ -206,7 +208,7 @@ def further(published: Published) -> str:
 
 
 def failed(published: Published) -> str:
-    """How often runs diverged or collapsed."""
+    """State how often runs diverged or collapsed."""
     rates = published.run.get("failures", {}).get("rates", [])
     said = [
         f"`{one['method']}` in {one['diverged'] + one['collapsed']} of {counted(one['runs'], 'run')} (95 % interval "
@@ -220,7 +222,7 @@ def failed(published: Published) -> str:
 
 
 def ledger(published: Published) -> str:
-    """How many printed statements came out how."""
+    """State how many printed statements came out how."""
     claims = published.run.get("claims", [])
     many = Counter(one["verdict"] for one in claims)
     said = listed([f"{many[one]} {one}" for one in VERDICTS if many[one]])
@@ -228,7 +230,7 @@ def ledger(published: Published) -> str:
 
 
 def processors(published: Published) -> str:
-    """How far the same plan and seeds move on another processor."""
+    """State how far the same plan and seeds move on another processor."""
     found = published.read("reduced/processors.json")
     if not found or not found["all"]:
         return ""
@@ -242,7 +244,7 @@ def processors(published: Published) -> str:
 
 
 def environment(published: Published) -> str:
-    """Disk space of what is installed."""
+    """State the disk space of the installation."""
     found = published.read("environment.json")
     if not found:
         return ""
@@ -254,7 +256,7 @@ def environment(published: Published) -> str:
 
 
 def evidence(published: Published) -> str:
-    """The answer of each study, in the words that were made from its figures, and which checks do not hold."""
+    """State the answer of each study, in the words that were made from its figures, and the failing checks."""
     if not published.current("reduced/evidence.json"):
         return ""
     record = read_studies(published.docs / "reduced/evidence.json")
@@ -304,7 +306,7 @@ def speed(published: Published) -> str:
 
 
 def serving(published: Published) -> str:
-    """The view cache and attention (§8)."""
+    """Tabulate the view cache and attention (§8)."""
     found = published.current("reduced/serving.json")
     if not found:
         return ""
@@ -329,7 +331,7 @@ def serving(published: Published) -> str:
 
 
 def left_out(published: Published) -> str:
-    """What each omission changes on each scene: verdicts by the whole interval."""
+    """Tabulate the effect of each omission on each scene: verdicts by the complete interval."""
     rows = published.current("left_out.json").get("omissions", [])
     names = list(dict.fromkeys(one["name"] for one in rows))
     by_cell = {(one["scene"], one["name"]): one for one in rows}
@@ -342,7 +344,7 @@ def left_out(published: Published) -> str:
 
 
 def omission(one: dict[str, Any] | None) -> str:
-    """`−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
+    """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
     if one is None or one["difference"] is None:
         return "–"
     between = f" {interval(one['interval'])}" if one["interval"] else ""
@@ -371,12 +373,12 @@ MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
 def pages(root: Path) -> list[Path]:
-    """Those that may hold blocks."""
+    """Return the pages that may hold blocks."""
     return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
 def rewritten(text: str, published: Published) -> str:
-    """The page with every block as the data have it; raises `KeyError` for a name that no block has."""
+    """Return the page with every block as the data have it; raises `KeyError` for a name that no block has."""
 
     def block(found: re.Match[str]) -> str:
         said = BLOCKS[found[1]](published)
@@ -386,7 +388,7 @@ def rewritten(text: str, published: Published) -> str:
 
 
 def main(root: Path = Path()) -> int:
-    """Prints the pages that changed."""
+    """Print the pages that changed."""
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
         new = rewritten(text, Published(root / "docs"))

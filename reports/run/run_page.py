@@ -1,4 +1,4 @@
-"""Records → report.html: one self-contained file that works offline and asks nothing of anyone."""
+"""Records → report.html: one self-contained file that works offline and makes no requests."""
 
 import re
 from pathlib import Path
@@ -39,7 +39,7 @@ from reports.studies.stability_page import stability
 
 
 def page(records: Records, beside: Beside = ALONE) -> str:
-    """The whole page as text; what lies `beside` the run has sections of its own."""
+    """Return the complete page as text; the measurements `beside` the run have sections of their own."""
     return _page(records, beside, picture_data(records))
 
 
@@ -102,22 +102,22 @@ SHEETS = {
     "attention": ("work.css", "serving.css"),
     "pictures": ("compare.css",),
 }
-"""Section → the style sheets that it needs besides that of the page."""
+"""Map section → the style sheets that it needs besides that of the page."""
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
-"""In this order, in one scope."""
+"""The scripts in this order, in one scope."""
 CHOOSING = ("work", "attention")
-"""Sections in which a reader chooses, with rules of their own."""
+"""The sections in which a reader chooses, with rules of their own."""
 
 
 def _style(content: dict[str, Any]) -> Markup:
-    """What the sections that are there need, each sheet once."""
+    """Return the styles that the present sections need, each sheet once."""
     own = dict.fromkeys(sheet for name, sheets in SHEETS.items() if content[name] for sheet in sheets)
     rules = Markup("").join(content[name].rules for name in CHOOSING if content[name])
     return shell.style("page.css", "explore.css", *own) + rules
 
 
 def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
-    """The sections of what was measured beside the run."""
+    """Return the sections of the measurements beside the run."""
     serving = beside.serving
     return {
         "stability": stability(beside.stability, records.out) if beside.stability else None,
@@ -129,7 +129,7 @@ def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
 
 
 def _content(records: Records, beside: Beside) -> dict[str, Any]:
-    """What each section shows; an empty one is left out with its entry in the contents."""
+    """Return the content of each section; an empty one is left out with its entry in the contents."""
     run, found = records.run, claims(records, beside)
     missing = not_tested(run.not_tested, found)
     return {
@@ -184,7 +184,7 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
 
 
 def reaching(records: Records) -> dict[str, Any] | None:
-    """Time to target, with its curves drawn."""
+    """Return the time to target, with its curves drawn."""
     found = time_to_target(records)
     if found is None:
         return None
@@ -200,7 +200,7 @@ def _some(**parts: list[Plot]) -> dict[str, list[Plot]] | None:
 
 
 def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Groups of name and value: how to get the same again."""
+    """Return groups of name and value: how to get the same again."""
     run = records.run
     groups = [
         (
@@ -220,7 +220,7 @@ def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
-    """Text with the methods' names set in their colours, and commands in backticks as code."""
+    """Return text with the methods' names set in their colours, and commands in backticks as code."""
     return shell.with_code(text, lambda plain: _coloured(plain, colours))
 
 
@@ -239,7 +239,7 @@ def _coloured(text: str, colours: dict[str, palette.Colour]) -> Markup:
 
 
 def write_page(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Beside its place, then renamed: a reader never sees half a page, nor one without its pictures."""
+    """Write beside the place, then rename: a reader never sees half a page, nor one without its pictures."""
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)

@@ -1,4 +1,4 @@
-"""Every run of the report as one piece of data: what the page shows of the runs behind a figure."""
+"""Every run of the report as one piece of data, with which the page shows the runs behind a figure."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -11,15 +11,15 @@ from reports.drawing.traces import rounded
 from reports.page.shell import flat
 
 RUN_SCRIPTS = ("histogram.js", "density.js")
-"""What the page of a run needs besides."""
+"""The further scripts that the page of a run needs."""
 SCORES = ("psnr_train", "psnr_ceiling", "psnr_floor")
 CURVES = ("step", "seconds", "psnr", "rmse_linear", "ssim", "flip", "depth_rmse", "alpha", "beta")
-"""What is known at a checkpoint."""
+"""The values of a checkpoint."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
 
 def runs_data(records: Records) -> dict[str, Any]:
-    """Scores and curves in columns, one list a name, so that no name is repeated a thousand times."""
+    """Return scores and curves in columns, one list per name, so that no name is repeated a thousand times."""
     differing = settings_that_differ(records.cells)
     compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, list(records.run.methods))}
     return {
@@ -39,8 +39,9 @@ def runs_data(records: Records) -> dict[str, Any]:
 
 
 def _targets(records: Records) -> dict[str, Any]:
-    """How soon each run reached the target: scene → method → seed → steps or seconds → time and what is known of it;
-    and until when two methods are compared: scene → method → against → steps or seconds → horizon, if any pair is."""
+    """Return how soon each run reached the target: scene → method → seed → steps or seconds → time and what is known of
+    it; and the horizon of comparisons: scene → method → against → steps or seconds → horizon, if any pair is compared.
+    """
     record = records.targets
     if record is None or record.target is None:
         return {}
@@ -79,7 +80,7 @@ def _cell(cell: CellRecord, differing: dict[str, set[str]]) -> dict[str, Any]:
 
 
 def settings_that_differ(cells: Iterable[CellRecord]) -> dict[str, set[str]]:
-    """Scene → names of the settings that are not the same in all of its runs."""
+    """Map scene → names of the settings that differ among its runs."""
     by_scene: dict[str, list[dict[str, str]]] = {}
     for cell in cells:
         by_scene.setdefault(cell.scene, []).append(dict(flat(cell.settings)))
@@ -90,7 +91,9 @@ def settings_that_differ(cells: Iterable[CellRecord]) -> dict[str, set[str]]:
 
 
 def density_data(records: Records) -> list[dict[str, Any]]:
-    """Histograms of density of each run at its checkpoints; `after` is left out where it is the same as `before`."""
+    """Return histograms of density of each run at its checkpoints; `after` is left out if it is the
+    same as `before`.
+    """
     found = []
     for cell in records.cells:
         points = [point for point in sorted(cell.curve, key=lambda point: point.step) if _is_histogram(point)]

@@ -1,5 +1,5 @@
-"""Work–precision diagrams of training: an error against what it cost, log–log, for every measure and axis that the
-records know.
+"""Work–precision diagrams of training: an error against its cost, log–log, for every measure and axis that the
+records have.
 
 Lines and levels are geometric, as the axes are logarithmic. A band spreads both ways: at a checkpoint it reaches one
 standard deviation over the seeds (of the logarithms) up and down in error, and left and right in cost.
@@ -24,11 +24,11 @@ from reports.drawing.palette import INK, colours_of
 from reports.drawing.traces import Panel, Trace
 
 FURTHEST = 10
-"""A floor this many times below the smallest error would only squeeze the curves: it is said instead."""
+"""The factor below the smallest error beyond which a floor would only squeeze the curves: it is stated instead."""
 SMALL, LARGE = (3.7, 2.6), (6.1, 4.4)
-"""Inches of a scene's panel, and of that of all scenes together."""
+"""The inches of a scene's panel, and of that of all scenes together."""
 FORWARD_AND_BACKWARD = 3
-"""A training step in forward passes, as `harness.training.cell_training` counts it."""
+"""The cost of a training step in forward passes, as `harness.training.cell_training` counts it."""
 EVERYWHERE = "all scenes"
 Key = TypeVar("Key", bound=Any)
 
@@ -44,7 +44,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a checkpoint had cost so far."""
+    """The cost of a checkpoint so far."""
 
     name: str
     label: str
@@ -67,17 +67,17 @@ COSTS = (
 
 @dataclass(frozen=True)
 class Diagram:
-    """One measure against one cost: a panel for all scenes together, where there are several, and one a scene."""
+    """One measure against one cost: a panel for all scenes together, if there are several, and one per scene."""
 
     measure: Measure
     cost: Cost
     panels: list[Panel]
     notes: list[list[str]]
-    """Beside each panel: what diverged, what could not be drawn."""
+    """The notes beside each panel: what diverged, what could not be drawn."""
 
 
 def diagrams(records: Records) -> list[Diagram]:
-    """Every pair of a measure and a cost of which the records know enough for a line."""
+    """Return every pair of a measure and a cost for which the records suffice for a line."""
     floors = noise_floors(records)
     made = [_diagram(records, measure, cost, floors) for measure in MEASURES for cost in COSTS]
     return [one for one in made if one.panels]
@@ -97,7 +97,7 @@ class Point:
 
 
 def points_of(records: Records, measure: Measure, cost: Cost) -> list[Point]:
-    """Every checkpoint whose cost and error are above 0, run by run in the order of training."""
+    """Return every checkpoint whose cost and error are above 0, run by run in the order of training."""
     return [
         Point(cell.scene, cell.method, cell.seed, cell.status, point.step, spent, error)
         for cell in records.cells
@@ -124,9 +124,9 @@ def _diagram(records: Records, measure: Measure, cost: Cost, floors: dict[str, f
 
 
 def over_scenes(every: list[Point], records: Records) -> list[Point]:
-    """Geometric means over the scenes, per method, seed and step, where every scene has a point.
+    """Return geometric means over the scenes, per method, seed and step, where every scene has a point.
 
-    A seed is done where it is in every scene; else it ends where its first scene ended, with that scene's status.
+    A seed is done if it is in every scene; else it ends where its first scene ended, with that scene's status.
     """
     lost = {(cell.method, cell.seed): cell.status for cell in records.cells if cell.status != "done"}
     found = []
@@ -138,7 +138,7 @@ def over_scenes(every: list[Point], records: Records) -> list[Point]:
 
 
 def grouped(every: list[Point], key: Callable[[Point], Key]) -> dict[Key, list[Point]]:
-    """Sorted by `key`."""
+    """Group after sorting by `key`."""
     found: dict[Key, list[Point]] = {}
     for one in every:
         found.setdefault(key(one), []).append(one)
@@ -188,7 +188,9 @@ def _notes(records: Records, title: str, points: list[Point], floor: float | Non
 
 
 def traces_of(points: list[Point], colours: dict[str, str]) -> list[Trace]:
-    """Bands, then every seed as a thin line, then the means of the finished seeds, then a cross where a run ended."""
+    """Return bands, then every seed as a thin line, then the means of the finished seeds, then a cross where a run
+    ended.
+    """
     bands, thin, thick, crosses = [], [], [], []
     scene = next((one.scene for one in points if one.scene != EVERYWHERE), "")
     for method, colour in colours.items():
@@ -217,7 +219,7 @@ ENDS = {"diverged": "diverged", "error": "failed", "not_available": "not availab
 
 @dataclass(frozen=True)
 class Middle:
-    """Geometric mean over seeds at one checkpoint, and the factor that a standard deviation of the logarithm is."""
+    """The geometric mean over seeds at one checkpoint, and the standard deviation of the logarithm as a factor."""
 
     cost: float
     error: float
@@ -227,13 +229,13 @@ class Middle:
 
     @property
     def corners(self) -> list[tuple[float, float]]:
-        """In logarithms."""
+        """Return the corners in logarithms."""
         x, y, dx, dy = map(math.log, (self.cost, self.error, self.cost_factor, self.error_factor))
         return [(x - dx, y - dy), (x + dx, y - dy), (x + dx, y + dy), (x - dx, y + dy)]
 
 
 def middle_of(finished: list[list[Point]]) -> list[Middle]:
-    """At the steps that all of `finished` share, in their order."""
+    """Return the means at the steps that all of `finished` share, in their order."""
     found = []
     for step, group in grouped([one for run in finished for one in run], lambda one: one.step).items():
         if len(group) == len(finished):
@@ -246,8 +248,8 @@ def middle_of(finished: list[list[Point]]) -> list[Middle]:
 
 
 def outline(middle: list[Middle]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The band as polygons with NaN between them, all turning the same way, so that together they fill their union:
-    the hull of the rectangles of every two checkpoints that follow each other.
+    """Return the band as polygons with NaN between them, all turning the same way, so that together they fill their
+    union: the hull of the rectangles of every two consecutive checkpoints.
     """
     pairs = list(pairwise(middle)) or [(middle[0], middle[0])]
     x: list[float] = []
@@ -260,7 +262,7 @@ def outline(middle: list[Middle]) -> tuple[tuple[float, ...], tuple[float, ...]]
 
 
 def hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Corners of the convex hull, anticlockwise (Andrew 1979)."""
+    """Return the corners of the convex hull, anticlockwise (Andrew 1979)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -277,12 +279,12 @@ def hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Above 0 where the way from `a` over `b` to `c` turns left."""
+    """Return a number above 0 if the way from `a` over `b` to `c` turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def noise_floors(records: Records) -> dict[str, float]:
-    """Scene → linear RMSE that the ground truth's own noise causes.
+    """Map scene → linear RMSE that the ground truth's own noise causes.
 
     The ceiling is known in display colour. It is carried over to linear light by the ratio of the two errors
     that the finished cells of the scene show: an estimate, exact only if noise and error lie in the same tones.
@@ -312,7 +314,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class Choice:
-    """What is seen when its measure and its cost are chosen."""
+    """The display for a chosen measure and cost."""
 
     measure: Measure
     cost: Cost
@@ -328,11 +330,11 @@ class Work:
     measures: list[Measure]
     costs: list[Cost]
     choices: list[Choice]
-    """Of these, those for which the records know enough."""
+    """The choices for which the records suffice."""
 
     @property
     def rules(self) -> Markup:
-        """The style that shows what is chosen, and what is missing where nothing can be shown for it."""
+        """Return the style that shows the choice, and the reason if nothing can be shown for it."""
         known = {one.name for one in self.choices}
         pairs = [f"{measure.name}-{cost.name}" for measure in self.measures for cost in self.costs]
         shown = [_chosen(name) + f" .{name if name in known else 'unknown'}" for name in pairs]
@@ -340,7 +342,7 @@ class Work:
 
 
 def work(records: Records) -> Work | None:
-    """None where no cell has a curve."""
+    """Return the section; None if no cell has a curve."""
     made = diagrams(records)
     choices = [
         Choice(
