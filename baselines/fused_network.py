@@ -96,7 +96,7 @@ def _prepared(layout: Layout, features: int, weights: list[Tensor]) -> _Prepared
     inputs = head[0].shape[1]
     first, first_bias = colour[0]
     heads = torch.cat([head[0], first[:, :inputs]])
-    bias = torch.cat([head[1], torch.zeros_like(first_bias)])  # the first colour layer's is added once a ray
+    bias = torch.cat([head[1], torch.zeros_like(first_bias)])  # the first colour layer's bias is added once per ray
     cut = inputs - features if layout.skip == layout.depth - 1 else inputs
     return _Prepared(
         density=stages,
@@ -142,7 +142,7 @@ def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]
     torch.set_num_threads(1)
     try:
         with ThreadPoolExecutor(threads) as pool:
-            # whether gradients are recorded is each thread's own affair
+            # each thread has its own switch for recording gradients
             return list(pool.map(torch.no_grad()(through), [blocks[first::threads] for first in range(threads)]))
     finally:
         torch.set_num_threads(threads)

@@ -149,7 +149,7 @@ def _march(
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)
     found = []
-    shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments that are evaluated already
+    shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments, evaluated already
     for first, last in _segments(keep.shape[1], SEGMENTS if may_stop else 1):
         chosen = keep[:, first:last]
         if first > 0:

@@ -220,7 +220,7 @@ class VoxelField:
         rough = self._roughness(self.types.UInt32(self._flat_integers(smooth)))
         dr.backward(error + smoothing * rough)
         gradients = {name: dr.grad(value) for name, value in self.values.items()}
-        dr.disable_grad(self.values)  # leaves numbers alone behind, whatever comes of this step
+        dr.disable_grad(self.values)  # leaves plain numbers behind, whatever comes of this step
         square = sum(dr.sum(dr.square(gradient)) for gradient in gradients.values())
         dr.eval(error, square, gradients)
         return float(error[0]), float(square[0]), gradients

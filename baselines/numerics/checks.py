@@ -60,7 +60,7 @@ def require_density(sigma: Float[Tensor, "rays samples"]) -> None:
     """Require finite densities >= 0; raises `BadDensity` naming ray and sample."""
     if sigma.numel() == 0:
         return
-    least, most = torch.aminmax(sigma.detach())  # either is NaN where any density is
+    least, most = torch.aminmax(sigma.detach())  # either is NaN if any density is
     if bool((least >= 0) & (most < torch.inf)):
         return
     ray, sample = (int(index) for index in torch.nonzero(~((sigma >= 0) & (sigma < torch.inf)))[0])

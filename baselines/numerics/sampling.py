@@ -72,7 +72,7 @@ def inverse_cdf(
     w, u = w.detach(), u.detach()
     _require_weights(w)
     total = w.sum(dim=-1, keepdim=True)
-    if not bool(torch.isfinite(total).all()):  # of finite weights: their sum alone is beyond all numbers
+    if not bool(torch.isfinite(total).all()):  # the weights are finite: their sum alone overflows
         w = w / w.amax(dim=-1, keepdim=True).clamp(min=1.0)
         total = w.sum(dim=-1, keepdim=True)
     share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
@@ -91,7 +91,7 @@ def inverse_cdf(
 def _require_weights(w: Tensor) -> None:
     if w.numel() == 0:
         return
-    least, most = torch.aminmax(w)  # either is NaN where any weight is
+    least, most = torch.aminmax(w)  # either is NaN if any weight is
     if bool((least >= 0) & (most < torch.inf)):
         return
     finite = torch.isfinite(w)

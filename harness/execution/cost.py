@@ -92,7 +92,7 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
         name = "view cache and attention"
         phases[name] = serving_seconds(plan, paces, (low, high))
         low, high = low + phases[name][0], high + phases[name][1]
-    at_most = {"scoring"} if plan.view_set else set()  # how many test views it has was not read
+    at_most = {"scoring"} if plan.view_set else set()  # the number of test views was not read
     notes = {"rendering": _where_from(plan, extent.missing)}
     found = [f"estimated cost: {span(low, high)}"]
     if probe.delayed > BUSY:

@@ -160,7 +160,7 @@ def _render(
     with tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
         try:
-            coming = iter(tuple(scenes))  # who is told takes finished ones out of the list
+            coming = iter(tuple(scenes))  # a consumer removes finished ones from the list
             now, began = RenderProgress(next(coming), 0, 0, doing="loading"), time.monotonic()
             for message in _messages(process, min(BEAT_SECONDS, (limit or math.inf) / 10)):
                 seconds = time.monotonic() - began
@@ -170,7 +170,7 @@ def _render(
                     now = replace(event, note="")
                     if event.path is not None:
                         now = RenderProgress(next(coming, event.scene), 0, 0, doing="loading")
-                    began = time.monotonic()  # what was done with the event is not the renderer's time
+                    began = time.monotonic()  # the time a consumer spends on the event is not the renderer's
                 elif limit is not None and seconds >= limit:
                     process.kill()
                     where = f"--scene-file {scene_file}" if scene_file else now.scene
@@ -208,7 +208,7 @@ def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[st
     def read() -> None:
         try:
             with said, contextlib.suppress(ValueError, OSError):
-                said.reconfigure(errors="replace")  # a scene of somebody's own may print anything
+                said.reconfigure(errors="replace")  # a user's own scene may print anything
                 for line in said:
                     if (message := _message(line)) is not None:
                         found.put(message)

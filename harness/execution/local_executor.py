@@ -85,7 +85,7 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
         worker.task = waiting.pop(0) if waiting else None
         try:
             worker.connection.send(worker.task)
-        except OSError:  # it died after its last word: nothing of this task was begun
+        except OSError:  # it died after its last message: nothing of this task was begun
             if worker.task is not None:
                 waiting.insert(0, worker.task)
             replace(worker)
@@ -110,7 +110,7 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
                 assert task is not None
                 try:
                     message = worker.connection.recv()
-                except (EOFError, OSError):  # the latter without a number where it died in the middle of a message
+                except (EOFError, OSError):  # the latter without a number if it died in the middle of a message
                     replace(worker)
                     yield from _failed(task, f"the worker process ended with {_ending(worker.process.exitcode)}")
                     continue
@@ -122,7 +122,7 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
                 elif isinstance(message, _Refusal):
                     refusal = message.reason
                     waiting.insert(0, task)
-                    drop(worker)  # another one would find the same
+                    drop(worker)  # it would refuse any other task as well
                 elif isinstance(message, float):
                     yield Event(task, share=message)
                 elif isinstance(message, str):
@@ -160,7 +160,7 @@ def _work(connection: Connection, gpu: dict[str, str], threads: int, driver: _Dr
             _Refusal(f"the sources changed while the run was going on ({wrong}); start it again with --resume")
         )
     else:
-        from harness.machine.device import available_cores  # after the environment: torch asks for GPUs but once
+        from harness.machine.device import available_cores  # after the environment: torch asks for GPUs only once
 
         machine = available_cores()
         with own_cores(threads) as cores:

@@ -93,7 +93,7 @@ def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
             start = start or time.process_time()  # this process has done what a worker does first
             began = time.perf_counter(), time.process_time()
             paces[method] = _pace(learner, plan, clock)
-            # nothing else: imports wait for the disk, and what a child process does is none of our processor's time
+            # nothing else is timed: imports wait for the disk, and a child process uses none of our processor time
             wall, busy = wall + time.perf_counter() - began[0], busy + time.process_time() - began[1]
         except (Diverged, InputError, ValueError, TypeError, RuntimeError) as error:
             untried[method] = " ".join(str(error).split())[:200]
@@ -138,7 +138,7 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     if not isinstance(learner, Trainer) or learner.grid is None:
         later = first
         if isinstance(learner, Trainer) and settings.cells and not learner.whole_rays:
-            learner.step = settings.first_step + 1  # more bins a ray from then on
+            learner.step = settings.first_step + 1  # more bins per ray from then on
             later = _seconds(step, plan.train.rays, learner.device, clock)
         ray = _seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk
         # voxels are coarser before a share of the budget

@@ -137,7 +137,7 @@ class Lines(Quiet):
             self.line(_joined(f"rendering {event.scene}: {done}{event.doing}", left))
 
     def start_training(self, cells: int, missing: int) -> None:
-        self._tally = _Tally(missing)  # there may have been another training before
+        self._tally = _Tally(missing)  # there may have been another training before this one
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
 
@@ -200,7 +200,7 @@ class Bars(Quiet):
         )
 
     def start_training(self, cells: int, missing: int) -> None:
-        self._tally = _Tally(missing)  # there may have been another training before
+        self._tally = _Tally(missing)  # there may have been another training before this one
         self._render, self._scenes_done = None, 0
         self._train = self._bars.add_task("training", total=1.0, left="")
 

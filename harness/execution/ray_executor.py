@@ -128,7 +128,7 @@ def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Even
             for reference in ended:
                 one = running[reference]
                 lost = _lost(reference)
-                # what it delivered before its end has arrived by now
+                # everything that it delivered before its end has arrived by now
                 yield from told()
                 del running[reference]
                 if lost is None or not _missing(one.task):

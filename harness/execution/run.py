@@ -103,7 +103,7 @@ def run(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         write(finished=True)
-    # a method that this machine lacks the means for is no failure; its cells say what is missing
+    # a method that cannot run on this machine is no failure; its cells name what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
     return 0 if ended == len(plan.cells()) and not costs_more(scenes) else 3
 

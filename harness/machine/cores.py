@@ -72,7 +72,7 @@ def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/
         top = root / controllers if controllers else root
         inside = top / path.strip("/")
         for folder in {top, *(one for one in (inside, *inside.parents) if one.is_relative_to(top))}:
-            # "max 100000" where there is none, as -1 in the first version
+            # "max 100000" if there is none, as -1 in the first version
             told = _words(folder / "cpu.max") or [*_words(folder / "cpu.cfs_quota_us"), *_words(folder / PERIOD)]
             if len(told) == 2 and all(word.isdecimal() for word in told) and int(told[1]):
                 found.append(max(1, int(told[0]) // int(told[1])))

@@ -50,7 +50,7 @@ def end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
     if sys.platform == "linux":
         _die_with_parent()
-        if not parent.is_alive():  # before the kernel was told
+        if not parent.is_alive():  # before the kernel was asked
             os._exit(1)
 
 

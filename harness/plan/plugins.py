@@ -63,7 +63,7 @@ def offered() -> dict[str, list[EntryPoint]]:
 def _points() -> Sequence[EntryPoint]:
     try:
         return tuple(entry_points(group=GROUP))
-    except (ValueError, TypeError, OSError):  # one package's, whichever it is: each by itself
+    except (ValueError, TypeError, OSError):  # a fault of one package, whichever it is: read each by itself
         found: list[EntryPoint] = []
         for one in distributions():
             with suppress(ValueError, TypeError, OSError):

@@ -91,7 +91,7 @@ class Plan:
         """Return everything that the results depend on, as JSON."""
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
         if self.scene_file is None:
-            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are the same
+            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are equal
         if self.views.region is None:
             del kept["views"]["region"]
         if not self.extras:
@@ -287,7 +287,7 @@ def planned(
         plan = replace(
             plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
         )
-    if methods is not None:  # who names methods wants these and no others
+    if methods is not None:  # a user who names methods wants these and no others
         plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=())
     require_methods(plan.methods)
     if seeds is not None:

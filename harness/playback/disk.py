@@ -76,7 +76,7 @@ def read_ledger(ledger: int) -> int | None:
 
 
 def write_ledger(ledger: int, held: int) -> None:
-    with suppress(OSError):  # on a full disk the next one counts for itself
+    with suppress(OSError):  # on a full disk the next user counts for itself
         os.ftruncate(ledger, 0)
         os.pwrite(ledger, f"{max(held, 0)}\n".encode(), 0)
 
@@ -198,9 +198,7 @@ class DiskPictures:
         """
         name = name_of(key)
         try:
-            if os.path.lexists(
-                self._key(name)
-            ):  # as a rule not: most keys are digests of all that a picture depends on
+            if os.path.lexists(self._key(name)):  # usually not: most keys are digests of all that a picture depends on
                 self._drop_unless(name, digest_of(picture))
             self._overruled.discard(name)
         except OSError as error:
@@ -286,7 +284,7 @@ class DiskPictures:
                 raise OSError(errno.EFBIG, f"a picture of {added} bytes in a cache of {self.bound}")
             with locked(self.folder) as ledger:
                 held = read_ledger(ledger)
-                os.ftruncate(ledger, 0)  # if we are killed from here on, the next one counts for itself
+                os.ftruncate(ledger, 0)  # if we are killed from here on, the next user counts for itself
                 if held is None or held + added > self.bound:
                     held = self._made_room(added)
                 file, key_file = self._object(digest), self._key(name)

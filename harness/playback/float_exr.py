@@ -102,7 +102,7 @@ def read_exr(file: Path) -> np.ndarray:
         raise Damaged("not a file")
     try:
         return _decoded(file, found.st_size)
-    except UnicodeDecodeError as error:  # OpenImageIO passes a damaged name on in what it says
+    except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
         raise Damaged(f"no text in its header ({error.reason})") from error
 
 
@@ -111,12 +111,12 @@ def _decoded(file: Path, size: int) -> np.ndarray:
     source = oiio.ImageInput.open(str(file))
     if source is None:
         said = _reason(oiio.geterror())
-        os.close(os.open(file, os.O_RDONLY))  # raises where it is the system that refuses, and not the content
+        os.close(os.open(file, os.O_RDONLY))  # raises if the system refuses, and not if the content is damaged
         raise Damaged(said)
     try:
         spec = source.spec()
         shape = (spec.height, spec.width, spec.nchannels)
-        # uncompressed pixels lie in the file as they are: what claims to have more is refused before memory is taken
+        # uncompressed pixels are stored as they are: a larger claim is refused before memory is allocated
         if spec.depth > 1 or not possible(shape) or 4 * spec.width * spec.height * spec.nchannels > size:
             raise Damaged(f"{shape} in {size} bytes")
         if (spec.tile_width, spec.tile_height) != (min(spec.width, TILE), min(spec.height, TILE)):
@@ -131,7 +131,7 @@ def _decoded(file: Path, size: int) -> np.ndarray:
     finally:
         source.close()
         with suppress(UnicodeDecodeError):
-            source.geterror()  # what nobody asked for is printed when it is deleted
+            source.geterror()  # unread messages are printed when it is deleted
 
 
 def _reason(said: str) -> str:

@@ -144,7 +144,7 @@ class FinishedRun:
         given with `--view-set` is where it was. Raises `InputError` if it is not there any more.
         """
         given = self.run.settings.get("view_set")
-        if isinstance(given, list):  # of each scene, where there are several
+        if isinstance(given, list):  # one per scene, if there are several
             given = given[self.run.settings["scenes"].index(scene.name)]
         places = [Path(given)] if given else [cache / scene.view_set, self.out.parent / "view_sets" / scene.view_set]
         found = next((place for place in places if given or transforms_file(place, "train").is_file()), None)

@@ -97,7 +97,7 @@ def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet)
             continue
         finished += 1
         before = read_cell(path).settings.get("view_set") or {}
-        # a folder may be moved: it is what is in it that counts
+        # a folder may be moved: its contents count
         known = [name for name in now if name != "name" and None not in (before.get(name), now[name])]
         if changed := [name for name in known if not _same(before[name], now[name])]:
             what = "; ".join(f"{name} was {_short(before[name])}, is {_short(now[name])}" for name in changed)
@@ -233,7 +233,7 @@ class CellTraining:
         except OSError:
             raise
         except Exception as error:
-            # a method of somebody else's, with what no file of ours holds: no reason to end its training
+            # a user's own method with state that no file of ours holds: no reason to end its training
             self.can_be_kept = False
             said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
             return f"{self.name}: cannot be kept in the middle of its training ({said})"
@@ -326,7 +326,7 @@ class CellTraining:
         except OSError:
             raise
         except Exception as error:
-            # an error of ours costs its own cell, not those that train beside it
+            # an error of ours costs its own cell, not the others of the group
             return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
 
     def _stopped(self, status: Status, reason: str) -> CellRecord:
@@ -389,7 +389,7 @@ class CellTraining:
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
             pictures=self.kept.write(self.out, self.scene, trainer.method, self.seed),
             settings={**settings, "view_set": view_set_facts(self.views)},
-            # those that trained beside it change no bit of it: after an interruption they may be others
+            # the others of the group change no bit of it: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(methods)}
             | ({"resumed_at": self.resumed_at} if self.resumed_at else {}),
         )

@@ -70,7 +70,7 @@ def train_group(
         first = batches.batch(stream, 0, settings.train.rays)
         failed = runner.warm_up(*first)
         if failed is not None:
-            del runner  # its memory is the next one's
+            del runner  # its memory is free for the next one
             yield failed
             continue
         try:
@@ -85,7 +85,7 @@ def train_group(
     keeping = Keeping(keep_every)
     turn = 0
     while active:
-        # who goes first changes, so that nobody always finds the caches that another has filled
+        # the first one changes, so that none always finds the caches that another has filled
         order = active[turn % len(active) :] + active[: turn % len(active)]
         for runner in order:
             rays, truth = batches.batch(stream, runner.trainer.step, settings.train.rays)

@@ -68,7 +68,7 @@ class Trainer:
         self.coarse = field("coarse")
         self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
-        # Listing 4 takes its background from the last point before `far`: it must see every point of the whole ray
+        # Listing 4 takes its background from the last point before `far`: it must see every point of the complete ray
         self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
         self.whole_rays = self.quadrature == "listing4"
         has_grid = on.grid and settings.grid.cells > 0 and not self.whole_rays
@@ -204,7 +204,7 @@ class Trainer:
         state: dict[int, dict[str, Tensor]] = {}
         for place, weight in enumerate(self.fields.parameters()):
             if found := remembered.get(place):
-                # with the strides of the weight: a fused step looks at none
+                # with the strides of the weight: a fused step ignores them
                 moments = {name: torch.empty_like(weight).copy_(found[name]) for name in ("exp_avg", "exp_avg_sq")}
                 state[place] = {"step": found["step"], **moments}
         groups = self.optimiser.state_dict()["param_groups"]
@@ -212,7 +212,7 @@ class Trainer:
 
     def _sampling(self) -> Sampling:
         grid = self.settings.grid
-        # also without the grid, so that switching it off changes nothing but what is left out
+        # also without the grid, so that switching it off changes nothing but the omission
         settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
         return Sampling(
             bins=self.settings.bins if settled else self.settings.first_bins,

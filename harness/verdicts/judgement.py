@@ -255,7 +255,7 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     found = [
         Suspect(
             table.methods[i], table.scenes[j], table.seeds[k], float(values[i, j, k]), float(fit[i, j]),
-            # of a table without any other spread it is as many as one likes
+            # without any other spread the count is arbitrary
             float(residuals[i, j, k] / max(spread[i, j, 0], rounding)),
         )
         for i, j, k in np.argwhere(sizes > np.maximum(least, rounding))

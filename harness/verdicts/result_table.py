@@ -140,7 +140,7 @@ def _json_rows(data: Any, path: Path) -> list[Any]:
     if isinstance(data.get("scenes"), dict):
         return _of_method(data)
     for name in ("methods", "cells"):
-        # our own summary has the names of its methods beside its cells
+        # our own summary lists the names of its methods beside its cells
         if isinstance(data.get(name), list) and all(isinstance(one, dict) for one in data[name]):
             return _json_rows(data[name], path)
     return []

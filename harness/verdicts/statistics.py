@@ -173,7 +173,7 @@ def shift_found(threshold: float, freedom: float, of_interest: float = 0.0) -> f
     freedom, and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's
     own uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
     """
-    # equal to all digits that matter, so that a table and the same one shifted find each other
+    # rounded to all digits that count, so that a table and the same one shifted share a cache entry
     return _shift_found(*(float(f"{value:.7g}") for value in (threshold, freedom, of_interest)))
 
 

@@ -317,6 +317,6 @@ def _per_cent(log_ratio: float) -> float:
 
 
 def _in_per_cent(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    if interval is None or max(interval) > 300:  # beyond what a number holds: no interval to speak of
+    if interval is None or max(interval) > 300:  # overflow: there is no interval
         return None
     return _per_cent(interval[1]), _per_cent(interval[0])

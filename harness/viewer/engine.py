@@ -236,7 +236,7 @@ class _Turn:
             yield self._frame(
                 "whole", *_all(view), share=1.0, rays=rays, evaluations=evaluations, psnr=score, note=note
             )
-        finally:  # also for one who has seen enough
+        finally:  # also if the caller has seen enough
             if self.use_cache:
                 seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
 

@@ -74,7 +74,7 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
         row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
         row.append(Entry(claim.how, claim.note))
         rows.append(row)
-    # without what was judged, it would read as if nothing had been
+    # without the judged ones, it would read as if none had been judged
     return Grid(caption, columns, rows, filtered=False)
 
 

@@ -57,7 +57,7 @@ class Records:
     targets: TargetsRecord | None = None
     """The times at which a score was reached; None in runs recorded before that was noted."""
     left_out: list[str] = field(default_factory=list)
-    """With `--partial`, the damaged files, which are therefore not shown, with the reason, a line each."""
+    """The damaged files that `--partial` excludes, one line each with the reason."""
     extra_cells: list[CellRecord] = field(default_factory=list)
     """The cells of methods that were planned on single scenes: they explain a result and are in no
     table of all scenes.
@@ -139,7 +139,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
     targets = sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: _of_methods(read_targets(out), known))
-    if len(cells) < len(paths):  # both are of cells that are not shown
+    if len(cells) < len(paths):  # both are about cells that are not shown
         comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, [*known, *run.methods]

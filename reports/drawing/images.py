@@ -58,7 +58,7 @@ def read(folder: Path, relative: str) -> Picture | None:
         if int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big") > LARGEST_PIXELS:
             return None
         picture = np.asarray(matplotlib.image.imread(path, format="png"), dtype=np.float64)
-    except Exception:  # what a decoder makes of a damaged file is of many kinds, too large for memory among them
+    except Exception:  # a decoder's errors on a damaged file are of many kinds, among them too large for memory
         return None
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=-1)

@@ -152,7 +152,7 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
     if not shown:
         return None
     colour = colours_of(records.methods)[rival].light
-    # of a family, the interval that the verdict is taken from
+    # in a family, the interval that the verdict is taken from
     with_interval = [(place, pair) for place, one in shown if (pair := one.simultaneous or one.interval)]
     behind = {place: behind_difference(one) for place, one in shown}
     traces = [

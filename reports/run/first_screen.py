@@ -86,7 +86,7 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
 
 
 def _line(words: str, claim: Claim, here: str) -> Line:
-    # its first sentence; what else is to be known of a study's cells stands with the study
+    # its first sentence; the other notes on a study's cells stand with the study
     elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
     return Line(
         words,

@@ -197,7 +197,7 @@ def headline(first: Output, found: list[Against]) -> str:
         else:
             known = methods_of([first, one.other])
             places = {_place(first, one, method) for method in known} - {None}
-            # said once where it is the same for all
+            # stated once if it is the same for all
             where = ", ".join(filter(None, [*(places if len(places) == 1 else []), _extent(one)]))
             verdicts = [f"{method} {_verdict(first, one, method, placed=len(places) > 1)}" for method in known]
             said.append(f"{one.other.name} against {first.name}{', ' if where else ''}{where}: {listed(verdicts)}")

@@ -58,7 +58,7 @@ def _python_scene(file: Path) -> Scene:
         raise InputError(f"{file}: cannot be imported; name a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     folder = str(file.resolve().parent)
-    sys.path.insert(0, folder)  # as for a script: what lies beside it can be imported
+    sys.path.insert(0, folder)  # as for a script: files beside it can be imported
     try:
         spec.loader.exec_module(module)
     finally:
@@ -81,7 +81,7 @@ def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Ite
     except InputError as error:
         if file is None or str(file) in str(error):
             raise
-        raise InputError(f"{file}: {error}") from error  # what is told of a part alone
+        raise InputError(f"{file}: {error}") from error  # the message is about a part alone
     except (Exception, SystemExit) as error:
         if file is None:
             raise

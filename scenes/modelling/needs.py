@@ -247,7 +247,7 @@ def _hdr_metrics(description: Description) -> Need:
     if len(around):
         usual = float(np.median(around))
     else:
-        # what does not glow itself gives back no more than its albedo of what lights it
+        # a surface that does not glow reflects no more than its albedo of the light on it
         albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not _glows(shape)]
         usual = float(np.median(glowing)) * min([1.0, *albedos])
     ratio = brightest / usual if usual > 0 else math.inf

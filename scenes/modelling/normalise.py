@@ -119,7 +119,7 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
     box = box_of(known)
     if box is None or _within(box, FRAMED, FRAMED[1]):
         return description, None
-    # only now need every entry be of a kind that can be moved
+    # only now must every entry be of a kind that can be moved
     box = box_of(description)
     assert box is not None
     change = to_unit(box)

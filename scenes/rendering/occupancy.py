@@ -140,7 +140,7 @@ def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _joined(vertices: np.ndarray) -> np.ndarray:
-    """Number [vertices] the places: equal places have equal numbers."""
+    """Return the number [vertices] of each vertex's place: equal places have equal numbers."""
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     whole = np.round((vertices - vertices.min(axis=0)) / max(size * FINEST, 1e-30)).astype(np.int64)
     key = (whole[:, 0] << 42) + (whole[:, 1] << 21) + whole[:, 2]

@@ -98,7 +98,7 @@ def ensure_view_set(
     wanted = known_variant(variant)
     cache = Path(cache_folder)
     for name in VARIANTS if wanted is None else (wanted,):
-        with mistakes_in(own):  # what is no plain data has no digest
+        with mistakes_in(own):  # a description that is no plain data has no digest
             stored = _folder(cache, order, name)
         if is_complete(stored):
             return with_occupancy(stored, order)
@@ -116,7 +116,7 @@ def ensure_view_set(
                     write_view_set(partial, order, chosen, progress, donors)
                 _move_into_place(partial, target)
             except (BrokenPipeError, KeyboardInterrupt):
-                raise  # whoever asked is gone: what is rendered is the next one's
+                raise  # the caller is gone: the rendered views are kept for the next one
             except BaseException:
                 remove(partial)
                 raise

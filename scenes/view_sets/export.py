@@ -43,7 +43,7 @@ def export(path: Path, form: str, out: Path) -> list[str]:
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
     finally:
-        if os.path.lexists(beside):  # unlike a path's own methods it says no to a name that is too long
+        if os.path.lexists(beside):  # unlike a path's own methods it refuses a name that is too long
             shutil.rmtree(beside) if beside.is_dir() else beside.unlink()
     return notes
 

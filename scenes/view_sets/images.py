@@ -40,7 +40,7 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         _check_png(file)
     try:
         return _decoded(file)
-    except UnicodeDecodeError as error:  # OpenImageIO passes a damaged name on in what it says
+    except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
         raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
 
 
@@ -152,7 +152,7 @@ def _cause(file: Path) -> int:
 
 
 def _reason(said: str) -> str:
-    printable = "".join(letter if letter.isprintable() else " " for letter in said)  # it passes on what files hold
+    printable = "".join(letter if letter.isprintable() else " " for letter in said)  # messages include file contents
     return " ".join(printable.split())[:200] or "no reason given"
 
 

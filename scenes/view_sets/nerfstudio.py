@@ -99,7 +99,7 @@ def read_nerfstudio(folder: Path) -> Source:
         where = f"{file}: frame {number}"
         if not isinstance(frame, dict):
             raise InputError(f"{where} is {shown(frame)}; it must be an object with file_path and transform_matrix")
-        # what stands at the top holds for all views, as in nerfstudio
+        # keys at the top hold for all views, as in nerfstudio
         camera = {**frame, **{key: value for key, value in data.items() if key != "frames"}}
         image = image_file(folder, frame.get("file_path"), where)
         if image in shapes:

@@ -55,7 +55,7 @@ def shares(attention: np.ndarray) -> np.ndarray:
     """Return attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
     found = checked(attention)
     largest = found.max()
-    # first by the largest, so that the sum neither overflows nor is 0
+    # divide by the largest first, so that the sum neither overflows nor is 0
     relative = found / largest if largest > 0.0 else np.ones_like(found)
     return relative / relative.sum()
 

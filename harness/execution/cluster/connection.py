@@ -90,7 +90,7 @@ def connect(address: str | None) -> None:
                 logging_level="ERROR",
                 **({} if wanted else {"include_dashboard": False, "num_cpus": physical_cores()}),
             )
-        # twenty lines of a dead node's log; what happened is said by the executor
+        # twenty lines of a dead node's log; the executor reports what happened
         ray._private.worker._worker_logs_enabled = False
     except ray.exceptions.AuthenticationError as error:
         raise InputError(
@@ -132,7 +132,7 @@ def disconnect() -> None:
     import sys
 
     if not _given_up and (ray := sys.modules.get("ray")) is not None:
-        ray.shutdown()  # of a cluster that refused us as well
+        ray.shutdown()  # also for a cluster that refused us
 
 
 def give_up() -> None:
@@ -263,6 +263,6 @@ def _our_signals() -> Iterator[None]:
 
 @contextmanager
 def _without_chatter() -> Iterator[None]:
-    """Silence Ray's greeting on standard error; its errors it raises."""
+    """Silence Ray's greeting on standard error; Ray raises its errors."""
     with contextlib.redirect_stderr(io.StringIO()):
         yield

@@ -80,7 +80,7 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
         sent: set[Path] = set()
 
         def on_cell(cell: CellRecord) -> None:
-            # waits until the driver's node has it: whatever happens here then, this cell is not trained again
+            # waits until the driver's node has it: this cell is then never trained again
             awaited(mailbox.put.remote(Delivered(key, order.attempt, cell, _new_files(scratch, sent))))
 
         def on_notice(text: str) -> None:

@@ -75,7 +75,7 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
             _fetched(copy / relative, relative, size, fetch)
         if listed(copy).digest != listing.digest:
             raise InputError(f"{listing.folder}: changed while it was copied to a node; leave it alone during a run")
-        shutil.rmtree(target.parent, ignore_errors=True)  # what was there is incomplete
+        shutil.rmtree(target.parent, ignore_errors=True)  # the existing copy is incomplete
         try:
             partial.rename(target.parent)
         except OSError:

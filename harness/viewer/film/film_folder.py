@@ -35,7 +35,7 @@ def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None])
     now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for part in folder.glob(f".{RECORD}.*.part"):  # of a writer that was killed
+        for part in folder.glob(f".{RECORD}.*.part"):  # left by a writer that was killed
             part.unlink()
         used = any(one.name not in (LOCK_FILE, DAMAGED) for one in folder.iterdir())
         if used and not (folder / RECORD).exists() and any(folder.glob(f"*/*/{LISTING}")):

@@ -50,7 +50,7 @@ class Tally:
 def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
     """Film scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
     tallies = {part.method: Tally() for part in plan.parts}
-    total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan says what is there
+    total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan knows which frames exist
     for name in dict.fromkeys(part.take.scene.name for part in plan.parts):
         parts = [part for part in plan.parts if part.take.scene.name == name]
         for part in parts:

@@ -71,7 +71,7 @@ def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int
         duration=round(1000 / fps),
         loop=0,
         lossless=True,
-        quality=50,  # of a lossless file: how hard it is tried
+        quality=50,  # in a lossless file the effort of the compressor
         method=4,
     )
     beside = file.with_name(f".{file.stem}.part{file.suffix}")
@@ -82,7 +82,7 @@ def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int
             os.fsync(target.fileno())
         beside.replace(file)
     except OSError as error:
-        # a failed write does not say of which file
+        # a failed write does not name its file
         raise OSError(error.errno, error.strerror, str(file)) from error
     finally:
         beside.unlink(missing_ok=True)

@@ -1,4 +1,6 @@
-"""Nothing, black, white, and a wall: balls that glow by themselves, whose images have no noise but at their borders."""
+"""An empty scene, a black and a white ball, and a wall: balls that glow by themselves, whose images have no noise but
+at their borders.
+"""
 
 import numpy as np
 

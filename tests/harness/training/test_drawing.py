@@ -72,8 +72,8 @@ def test_seed_and_step_alone_decide() -> None:
 
 
 @pytest.mark.parametrize("u", [0.0, 0.5, 1.0 - 2.0**-53])
-def test_no_lot_falls_where_nothing_is_attended(u: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not even the smallest, where the first image is of one colour."""
+def test_no_pixel_is_drawn_where_nothing_is_attended(u: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even by the smallest variate, where the first image is of one colour."""
     rgba = images()[[1, 0, 2]]
     monkeypatch.setattr(batches.torch, "rand", lambda *_, **__: torch.full((3, 1), u, dtype=torch.float64))
     drawn = AttendedPixels.by_gradients(rgba).draw(1, torch.Generator())
