@@ -54,7 +54,7 @@ class OccupancyGrid:
         return len(chosen)
 
     def _threshold(self) -> None:
-        """Return the density above which a cell is occupied: a ray through it loses more than this share of what it
+        """Mark the occupied cells: those in which a ray loses more than `opacity_threshold` of what it
         loses in the densest one.
 
         Relative, because methods differ in the density that they can reach: what is thin fog to one is all that

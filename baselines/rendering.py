@@ -33,7 +33,7 @@ class Sampling:
 
     bins: int
     fine_bins: int = 0
-    """The further fenceposts by importance, used with a second (fine) field."""
+    """The number of further fenceposts by importance, used with a second (fine) field."""
     quadrature: str = "midpoint"
     clip_to_box: bool = True
     """Whether rays are cut to the box, else from near to far; the listing-4 quadrature needs its last

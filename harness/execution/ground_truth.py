@@ -40,7 +40,7 @@ class RenderProgress:
     doing: str = ""
     """The current work of the renderer."""
     kept: int = 0
-    """The finished views that were there before."""
+    """The number of finished views that were there before."""
     share: float = 0.0
     """The finished share of the samples that were to be taken."""
 

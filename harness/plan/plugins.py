@@ -210,7 +210,7 @@ def sources_digest(point: EntryPoint) -> str:
 
 
 def _files(point: EntryPoint) -> set[tuple[str, Path]]:
-    """Yield (name, file)."""
+    """Return pairs (name, file)."""
     places = _places(importlib.util.find_spec(point.module.partition(".")[0]))
     listed = []
     if _is_editable(point):

@@ -38,11 +38,11 @@ class VoxelSettings:
     """The explicit field `voxels_drjit`, which has no network to be sized by `NetworkSize`."""
 
     finest: int = 128
-    """The voxels along the longest side of the box in the end; a quarter of them at first."""
+    """The number of voxels along the longest side of the box in the end; a quarter of them at first."""
     halves: tuple[float, float] = (0.1, 0.3)
     """The shares of the budget after which the grid has half of them, and all."""
     bins: int = 192
-    """The points along a ray: one and a half per voxel, as their colour and density are nearly linear
+    """The number of points along a ray: one and a half per voxel, as their colour and density are nearly linear
     between centres.
     """
     rate_factor: float = 20.0
@@ -94,11 +94,11 @@ class ScoreSettings:
     earliest: float = 0.02
     """The share of the budget at the first checkpoint."""
     chunk: int = 4096
-    """The rays rendered at a time; part of the result if a method's density depends on the chunk."""
+    """The number of rays rendered at a time; part of the result if a method's density depends on the chunk."""
     train_views: int = 4
-    """The training views scored at the end, so that train and test stand together."""
+    """The number of training views scored at the end, so that train and test stand together."""
     stored_views: int = 2
-    """The test views kept as pictures for the report."""
+    """The number of test views kept as pictures for the report."""
 
 
 @dataclass(frozen=True)

@@ -111,17 +111,17 @@ class DiskCounts:
     """Counts of events in the folder since it was opened here."""
 
     evicted: int = 0
-    """The pictures that made room."""
+    """The number of pictures that made room."""
     damaged: int = 0
-    """The pictures and keys with other bytes than those written; each was dropped."""
+    """The number of pictures and keys with other bytes than those written; each was dropped."""
     dangling: int = 0
-    """The keys whose picture was gone; each was dropped."""
+    """The number of keys whose picture was gone; each was dropped."""
     leftovers: int = 0
-    """The files of writers that were killed, and pictures that no key names any more; each was removed."""
+    """The number of files of writers that were killed, and pictures that no key names any more; each was removed."""
     unreadable: int = 0
-    """The reads that the system refused, or of damaged files that could not be dropped."""
+    """The number of reads that the system refused, or of damaged files that could not be dropped."""
     failed: int = 0
-    """The writes, and drops of outdated values, that failed."""
+    """The number of writes, and drops of outdated values, that failed."""
     reason: str | None = None
     """The reason of the last of them."""
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)

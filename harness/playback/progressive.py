@@ -125,9 +125,9 @@ class ErrorEstimate:
     error: np.ndarray
     """The root mean square over the channels of the difference of two coarse frames, float64 [height, width]."""
     rays: int
-    """The rays rendered for it, beside the existing frame."""
+    """The number of rays rendered for it, beside the existing frame."""
     network_evaluations: int
-    """The evaluations spent on them."""
+    """The number of evaluations spent on them."""
 
 
 def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
@@ -317,9 +317,9 @@ class RegionCost:
     by_region: np.ndarray
     """The estimated network evaluations for all rays of each region, int [count], at least 1, at `bins` per ray."""
     rays: int
-    """The rays rendered for the estimate."""
+    """The number of rays rendered for the estimate."""
     network_evaluations: int
-    """The evaluations spent on the estimate."""
+    """The number of evaluations spent on the estimate."""
     view: View
     """The coarse frame that they are the pixels of."""
 

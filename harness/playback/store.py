@@ -118,15 +118,15 @@ class StoreStatistics:
     bytes: dict[int, int]
     """Map level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
     too_large: int
-    """The pictures that memory could not hold."""
+    """The number of pictures that memory could not hold."""
     damaged: int
-    """The files with other bytes than those written: dropped, and a miss."""
+    """The number of files with other bytes than those written: dropped, and a miss."""
     dangling: int
-    """The keys on disk whose picture was gone."""
+    """The number of keys on disk whose picture was gone."""
     leftovers: int
-    """The files of killed writers that were removed."""
+    """The number of files of killed writers that were removed."""
     unreadable: int
-    """The reads that the system refused: a miss."""
+    """The number of reads that the system refused: a miss."""
     failed_writes: int
     last_failure: str | None
     """The reason why the last of them failed."""

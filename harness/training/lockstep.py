@@ -119,7 +119,7 @@ def needs_view_direction(views: ViewSet) -> bool:
 
 
 def needs_view_direction_of(left_out: list[str]) -> bool:
-    """Decide by a list of what a scene does not need."""
+    """Return whether a list of omissions, in words, keeps the view direction."""
     return "view-direction branch" not in left_out
 
 

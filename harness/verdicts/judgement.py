@@ -64,7 +64,7 @@ def without_line(record: JudgementRecord) -> str:
 
 
 def lines(record: JudgementRecord) -> Iterator[str]:
-    """Return the table of a terminal, suspect results, missing ones, and notes for the reader."""
+    """Yield the table of a terminal, suspect results, missing ones, and notes for the reader."""
     yield headline(record)
     last = "groups" if record.baseline is None else f"against {record.baseline}"
     rows = [("method", f"mean {record.metric}", "scenes", last)]

@@ -51,7 +51,7 @@ class TwoRuns:
     origins: dict[str, tuple[list[str], list[str]]]
     """The differences between the machines."""
     identical: int
-    """The cells of the same scores to the last bit."""
+    """The number of cells of the same scores to the last bit."""
     lost: list[str]
     """The cells that have a score in one output alone."""
     by_method: list[Apart]

@@ -105,9 +105,11 @@ class FreshPixels:
     work: float
     """The part of these spent on this method."""
     rays: int = 0
-    """The rays rendered so far, with those of the coarse frame and of an estimate of its error."""
+    """The number of rays rendered so far, with those of the coarse frame and of an estimate of its error."""
     evaluations: int = 0
-    """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
+    """The number of network evaluations so far, without those of the coarse frame, with those of an estimate of its
+    error.
+    """
     stride: int | None = None
     """The stride of a coarse frame."""
     level: int | None = None

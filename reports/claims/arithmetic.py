@@ -77,7 +77,7 @@ def means_of_rows(bench: Bench, entry: Printed) -> Finding:
 
 
 def _counted(entry: Printed, how: str, right: dict[str, bool]) -> Finding:
-    """Count how many of several things are as printed, and name those that are not."""
+    """Judge several things: how many are as printed, and which are not."""
     if not right:
         return _absent(how)
     wrong = [name for name, one in right.items() if not one]

@@ -204,7 +204,7 @@ def _scenes(bench: Bench, scene: str) -> int:
 
 
 def _rivals(bench: Bench, method: str, against: str) -> list[tuple[str, str]]:
-    """State the comparisons beside Q-NeRF's gain: the rest of it once bandwidth is matched, and the printed form's."""
+    """Return the comparisons beside Q-NeRF's gain: the rest of it once bandwidth is matched, and the printed form's."""
     if (method, against) != ("qnerf", "nerf"):
         return []
     control = roles(bench.records).control

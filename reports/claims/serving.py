@@ -134,7 +134,7 @@ def _undecided(one: Race) -> bool:
 
 
 def _earliest(found: list[Race], measure: Measure) -> str:
-    """Return the earliest time, if attention has not chosen what is measured."""
+    """State in how many races attention is earlier, if attention has not chosen what is measured."""
     known = [one for one in found if _both_timed(one, measure)]
     return f"earlier in {sum(_ahead(one, measure) for one in known)} of {len(known)}"
 

@@ -173,7 +173,7 @@ def find_record(
 
 
 def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
-    """Return the comparisons of scenes and seeds with every method: no others are compared."""
+    """Return the cells of scenes and seeds that have every method: no others are compared."""
     ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
 

@@ -197,7 +197,7 @@ def _of_first_frame(one: FirstFrame) -> Iterator[str]:
 
 
 def _strays(folder: Path, record: AttentionRecord) -> Iterator[str]:
-    """Return pictures that are missing, or would bring something foreign to the run into the page."""
+    """Yield pictures that are missing, or would bring something foreign to the run into the page."""
     for frame in record.frames:
         path = (folder / frame.image).resolve()
         if not path.is_relative_to(folder.resolve()):

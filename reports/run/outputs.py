@@ -59,9 +59,9 @@ class Against:
 
     other: Output
     identical: int
-    """The cells with every score and every weight count the same to the last bit."""
+    """The number of cells with every score and every weight count the same to the last bit."""
     shared: int
-    """The cells that both have."""
+    """The number of cells that both have."""
     alone: list[str]
     """The cells that only one of them has, in words."""
     unlike: dict[str, str]

@@ -120,7 +120,7 @@ def _attention(record: ServingRecord) -> dict[str, Any] | None:
 
 
 def _short(value: float) -> float:
-    """Round to five digits, more than such a figure has, and half as long."""
+    """Round to five digits: more than such a figure holds, and half as long to write."""
     return float(f"{value:.5g}")
 
 

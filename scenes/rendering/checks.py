@@ -28,7 +28,7 @@ class Comparison:
     seconds: dict[str, float]
     """The seconds of rendering all views, by integrator, without compilation."""
     samples: int
-    """The camera paths of all views together, per integrator."""
+    """The number of camera paths of all views together, per integrator."""
     squared: list[float]
     """The squared difference of each view: the mean over blocks and channels for the two mean display colours over
     white, less the part that noise adds to it: unbiased, and below 0 by chance where nothing differs.
@@ -82,7 +82,7 @@ LARGEST = {"resolution": 512, "spp": 65536, "count": 10_000}
 def repeated(
     scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None = None
 ) -> Iterator[np.ndarray]:
-    """Return `count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are
+    """Yield `count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are
     independent.
 
     Raises `InputError` for an unknown scene or variant, a missing view and invalid sizes.

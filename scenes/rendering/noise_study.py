@@ -127,7 +127,7 @@ def errors(
 def errors_of(
     loaded: Renderer, pose: np.ndarray, spp: Sequence[int], reference_spp: int, repeats: int
 ) -> Iterator[tuple[int, list[float], dict[str, list[float]], int, dict[str, float]]]:
-    """Return the fields of `Errors` that follow from a renderer. One render more than `repeats` is
+    """Yield the fields of `Errors` that follow from a renderer. One render more than `repeats` is
     made, and not timed.
     """
     half = math.ceil(reference_spp / 2)

@@ -38,7 +38,7 @@ class Hardware:
 
     gpus: int
     cores: int
-    """The schedulable cores: those that the nodes offer to Ray."""
+    """The number of schedulable cores: those that the nodes offer to Ray."""
     bfloat16: bool
     """Whether every node that would run a cell multiplies bfloat16."""
     nodes: int
@@ -196,7 +196,9 @@ def crowded(offered: Mapping[str, float], answers: list[dict[str, Any]]) -> tupl
 
 
 def gpus_multiply_bfloat16() -> bool:
-    """Ask one GPU of the cluster; raises `InputError` if the node that offers it has none for torch."""
+    """Ask one GPU of the cluster whether it multiplies bfloat16; raises `InputError` if the node that offers it has
+    none for torch.
+    """
     import ray
 
     reference = ray.remote(num_gpus=1, num_cpus=0, max_retries=0)(_gpu_multiplies_bfloat16).remote()

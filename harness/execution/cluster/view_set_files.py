@@ -103,7 +103,9 @@ def node_folder() -> Path:
 
 
 def _same(folder: Path, listing: Listing) -> bool:
-    """Compare sizes first, so that a large set that is not there costs nothing."""
+    """Return whether the files are those listed. Sizes are compared first, so that a large missing set
+    costs nothing.
+    """
     try:
         if any((folder / relative).stat().st_size != size for relative, size in listing.files.items()):
             return False
