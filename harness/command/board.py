@@ -5,7 +5,6 @@ on; its *Wall* axis means nothing. A score that a record does not have is left o
 """
 
 import importlib.util
-import os
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from harness.records.cells import CellRecord, Checkpoint, records_folder
 from harness.records.pictures import read_renders, read_truth, truth_pictures
+from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,9 +45,7 @@ def write_board(out: Path, cell: CellRecord) -> Path:
     from torch.utils.tensorboard import SummaryWriter
 
     folder = board_folder(out, cell)
-    beside = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    shutil.rmtree(beside, ignore_errors=True)
-    try:
+    with replacing(folder) as beside:
         writer = SummaryWriter(str(beside))
         try:
             _curve(writer, cell.curve)
@@ -57,9 +55,6 @@ def write_board(out: Path, cell: CellRecord) -> Path:
         finally:
             writer.close()
         shutil.rmtree(folder, ignore_errors=True)
-        beside.replace(folder)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
     return folder
 
 

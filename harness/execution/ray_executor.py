@@ -27,8 +27,8 @@ from harness.execution.group import GroupTask, failed_cells
 from harness.execution.local_executor import Event
 from harness.machine.provenance import versions
 from harness.records.cells import cell_path, write_cell
-from harness.records.json_record import write_whole
 from harness.records.snapshot import drop_ended, unfinished_path
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 MOST_ATTEMPTS = 6
@@ -202,7 +202,7 @@ def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Eve
                 drop_ended(task.out, cell)
                 continue
             for relative, content in message.files.items():
-                write_whole(task.out / relative, content)
+                write_atomically(task.out / relative, content)
             write_cell(task.out, cell)
             drop_ended(task.out, cell)
             yield Event(task, cell=cell)
@@ -210,7 +210,7 @@ def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Eve
             continue
         elif isinstance(message, Kept):
             for relative, content in message.files.items():
-                write_whole(task.out / relative, content)
+                write_atomically(task.out / relative, content)
         elif isinstance(message, Said):
             yield Event(task, notice=message.text)
         elif isinstance(message, Began):

@@ -21,6 +21,7 @@ from scipy.stats import t as student
 from harness.gate.gates import Gate, Kind, settings_of
 from harness.records.json_record import load_json
 from harness.verdicts.statistics import POWER, shift_found
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 LEVEL = 0.01 / 80
@@ -176,10 +177,7 @@ def write_limits(file: Path, limits: LimitsFile) -> None:
         "limits": {name: asdict(limit) for name, limit in limits.limits.items()},
         "values": limits.values,
     }
-    file.parent.mkdir(parents=True, exist_ok=True)
-    beside = file.with_name(f".{file.name}.part")
-    beside.write_text(a_line_each(text), encoding="utf-8")
-    beside.replace(file)
+    write_atomically(file, a_line_each(text))
 
 
 def a_line_each(data: dict[str, Any]) -> str:

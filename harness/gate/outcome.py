@@ -12,7 +12,7 @@ from harness.execution.progress import Progress
 from harness.gate.gates import KINDS, Gate
 from harness.gate.limits import Limit, LimitsFile, excess_of, figure_of
 from harness.gate.references import References
-from harness.records.json_record import write_whole
+from scenes.files.atomic import write_atomically
 
 
 @dataclass(frozen=True)
@@ -137,4 +137,4 @@ def write_junit(
                 failure = ElementTree.SubElement(case, "failure", type="gate", message=message)
                 failure.text = f"{line_of(one)}\n{replay.get(one.gate.name, '')}\n"
     ElementTree.indent(top)
-    write_whole(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))
+    write_atomically(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))

@@ -13,7 +13,8 @@ from scipy.stats import kendalltau, spearmanr
 
 from harness.gate.gates import WIDER, Gate, Kind, settings_of
 from harness.gate.limits import KindFacts, a_line_each
-from harness.records.json_record import load_json, write_json, write_whole
+from harness.records.json_record import load_json, write_json
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 SCHEMA = 1
@@ -116,7 +117,7 @@ def write_references(folder: Path, found: References) -> None:
     """Raises `OSError` where it cannot be written."""
     data = {"schema": SCHEMA, **asdict(found)}
     del data["known"]
-    write_whole(references_file(folder, found.name), a_line_each(data).encode())
+    write_atomically(references_file(folder, found.name), a_line_each(data))
 
 
 def _course(found: dict[str, Any]) -> Course:

@@ -3,17 +3,16 @@
 import hashlib
 import json
 import math
-import os
 import stat
 import types
 import typing
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import readable
 
 DIGEST = "digest"
@@ -105,25 +104,7 @@ def _refuse(name: str) -> float:
 
 def write_json(path: Path, data: Any) -> None:
     """Whole or not at all, also under `kill -9`; raises `ValueError` on NaN or Infinity."""
-    write_whole(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False).encode("utf-8"))
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Whole or not at all, also under `kill -9`; raises `OSError`, naming the file, where it cannot be written."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        # a failed write does not say of which file
-        raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        with suppress(OSError):  # what went wrong before is what is said
-            beside.unlink()
+    write_atomically(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))
 
 
 def read_record(path: Path, kind: type, schema: int, formerly: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from harness.records.json_record import DamagedRecord, write_whole
+from harness.records.json_record import DamagedRecord
+from scenes.files.atomic import write_atomically
 
 Tensors = dict[str, NDArray[Any]]
 
@@ -162,7 +163,7 @@ def _write(path: Path, kind: str, rows: list[dict[str, Any]], pictures: list[Any
             return
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
-    write_whole(path, data)
+    write_atomically(path, data)
 
 
 def _read(

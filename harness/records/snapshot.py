@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.records.cells import CellRecord
-from harness.records.json_record import DamagedRecord, write_whole
+from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Tensors, sealed, unsealed
+from scenes.files.atomic import write_atomically
 
 FOLDER = "unfinished"
 """Under OUT."""
@@ -39,7 +40,7 @@ def unfinished_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 def write_unfinished(path: Path, cell: Unfinished) -> None:
     """Whole or not at all. Raises `OSError`, naming the file."""
-    write_whole(path, sealed(LISTING, {"schema": SCHEMA, **cell.listing}, cell.tensors))
+    write_atomically(path, sealed(LISTING, {"schema": SCHEMA, **cell.listing}, cell.tensors))
 
 
 def read_unfinished(path: Path) -> Unfinished:

@@ -25,6 +25,7 @@ from harness.records.snapshot import ENDED, read_unfinished, unfinished_path
 from harness.records.snapshot import FOLDER as UNFINISHED
 from harness.records.targets import TARGETS_FILE, read_targets
 from harness.run_folder.folder_lock import remove_abandoned
+from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import InputError
 
 DAMAGED = "damaged"
@@ -39,10 +40,7 @@ def sweep(out: Path) -> int:
 
     Nobody else can be writing to the former: the folder is ours.
     """
-    parts = [part for folder in (".", *FOLDERS) for part in (out / folder).glob(".*.part") if part.is_file()]
-    for part in parts:
-        part.unlink(missing_ok=True)
-    return len(parts) + remove_abandoned(out)
+    return sum(remove_leftovers(out / folder) for folder in (".", *FOLDERS)) + remove_abandoned(out)
 
 
 def mend(out: Path, plan: Plan, say: Say) -> None:

@@ -4,7 +4,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +14,7 @@ from harness.records.cells import records_folder
 from harness.records.json_record import DamagedRecord, load_record, shown, write_record
 from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells, reason_of, sweep
+from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
 
 LEAST_FREE_BYTES = 200 << 20
@@ -36,13 +37,8 @@ def point_latest_to(out: Path) -> None:
     if out.resolve().parent != Path("out").resolve():
         return
     link = Path("out/latest")
-    beside = link.with_name(".latest.part")
-    try:
-        beside.unlink(missing_ok=True)
+    with suppress(OSError), replacing(link) as beside:  # without links: the folder's name was printed
         beside.symlink_to(out.resolve().name)
-        beside.replace(link)
-    except OSError:
-        pass  # a file system without links: the folder's name was printed
 
 
 def latest_folder() -> Path | None:

@@ -20,8 +20,8 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from harness.records.cells import checkpoint_name
-from harness.records.json_record import write_whole
 from harness.records.snapshot import Unfinished
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
 def save_checkpoint(learner: "Learner", path: Path) -> None:
     """Write a checkpoint atomically; raises `OSError`, naming the file, if it cannot be written."""
     # not by safetensors itself, whose own error would hide a full disk
-    write_whole(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
+    write_atomically(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
 
 def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:

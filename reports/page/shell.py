@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -203,13 +202,3 @@ def groups_of(
     """Return the origin of a record, as groups of name and value; empty ones are left out."""
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]
-
-
-def write_whole(text: str, path: Path) -> None:
-    """Write beside the place, then rename: a reader never sees half a page."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

@@ -25,6 +25,7 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 from reports.page.script import content_policy
 from reports.page.shell import flat
 from reports.run.run_page import named as in_colours
+from scenes.files.atomic import write_atomically
 
 EVERYWHERE = "all"
 FIRST, OTHER = "first", "other"
@@ -457,7 +458,7 @@ def outputs_page(found: list[Records]) -> str:
 
 
 def write_outputs_page(found: list[Records], path: Path) -> str:
-    """Write beside the place, then rename; returns the headline."""
-    shell.write_whole(outputs_page(found), path)
+    """Beside its place, then renamed; gives the headline."""
+    write_atomically(path, outputs_page(found), fsync=False)
     outputs = named(found)
     return headline(outputs[0], [against(outputs[0], other) for other in outputs[1:]])

@@ -23,7 +23,7 @@ from reports.data.packing import Packed
 from reports.data.wording import counted, number
 from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
 from reports.drawing.palette import colours_of
-from reports.page.shell import write_whole
+from scenes.files.atomic import write_atomically
 
 SCRIPTS = (
     "chunks.js",
@@ -394,7 +394,7 @@ def write_files(files: dict[str, str], folder: Path) -> None:
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(text, path)
+        write_atomically(path, text, fsync=False)
 
 
 def remove_others(files: dict[str, str], folder: Path) -> None:

@@ -36,6 +36,7 @@ from reports.studies.evidence_page import evidence as evidence_shown
 from reports.studies.serving_attention import about, attention
 from reports.studies.serving_cache import cache
 from reports.studies.stability_page import stability
+from scenes.files.atomic import write_atomically
 
 
 def page(records: Records, beside: Beside = ALONE) -> str:
@@ -243,5 +244,5 @@ def write_page(records: Records, path: Path, beside: Beside = ALONE) -> None:
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)
-    shell.write_whole(_page(records, beside, pixels), path)
+    write_atomically(path, _page(records, beside, pixels), fsync=False)
     remove_others(files, path.parent)

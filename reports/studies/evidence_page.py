@@ -14,6 +14,7 @@ from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid, tables_grids
 from reports.page.script import content_policy
 from reports.studies.effects_plot import BUDGETS, Forest, forests, metric_of, scene_said
+from scenes.files.atomic import write_atomically
 
 AT_ONCE = 4
 """Findings in sight besides the answer."""
@@ -228,5 +229,5 @@ def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
 def write_evidence_page(record: Studies, out: Path) -> Path:
     """Into `out`; gives the page's path."""
     path = out / shell.EVIDENCE_PAGE
-    shell.write_whole(evidence_page(record), path)
+    write_atomically(path, evidence_page(record), fsync=False)
     return path

@@ -16,6 +16,7 @@ from reports.drawing.traces import Panel, Trace
 from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid
 from reports.page.script import content_policy
+from scenes.files.atomic import write_atomically
 
 MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
 TURNED = {"better": "worse", "worse": "better"}
@@ -243,5 +244,5 @@ def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]
 def write_judgement_page(record: JudgementRecord, out: Path) -> Path:
     """Into `out`; gives the page's path."""
     path = out / JUDGEMENT_PAGE
-    shell.write_whole(judgement_page(record), path)
+    write_atomically(path, judgement_page(record), fsync=False)
     return path

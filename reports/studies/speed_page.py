@@ -14,6 +14,7 @@ from reports.drawing.series_charts import Chart, charts
 from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid, tables_grids
 from reports.page.script import content_policy
+from scenes.files.atomic import write_atomically
 
 SMALL_FACTOR = 2.0
 """Up to here a distance from the target is a percentage, beyond it a factor."""
@@ -283,5 +284,10 @@ def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
     return shell.groups_of(record.provenance, record.settings, [*spent, *total])
 
 
-def write_speed_page(record: Studies, path: Path, beside_report: bool = False) -> None:
-    shell.write_whole(speed_page(record, beside_report), path)
+def _named(key: str) -> str:
+    """Seconds are kept by a question's number."""
+    return question(int(key)) if key.isascii() and key.isdecimal() else key
+
+
+def write_speed_page(record: SpeedRecord, path: Path, beside_report: bool = False) -> None:
+    write_atomically(path, speed_page(record, beside_report), fsync=False)

@@ -29,6 +29,7 @@ from reports.studies.stability_matrix import (
     wanted,
     written,
 )
+from scenes.files.atomic import write_atomically
 
 BUDGET_BYTES = 3_000_000
 """Of all pictures together, in base64."""
@@ -222,5 +223,5 @@ def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
 def write_stability_page(record: Studies, out: Path, beside_report: bool = False) -> Path:
     """Into `out`, where the pictures of the record are; gives the page's path."""
     path = out / shell.STABILITY_PAGE
-    shell.write_whole(stability_page(record, out, beside_report), path)
+    write_atomically(path, stability_page(record, out, beside_report), fsync=False)
     return path

@@ -9,7 +9,6 @@ sees. A body of fog is inside as one of stone is.
 import base64
 import hashlib
 import json
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Description
 from scenes.rendering.order import Order
@@ -202,12 +202,5 @@ def _checksum(content: dict[str, Any], bits: bytes) -> str:
 
 def _write(file: Path, content: dict[str, Any], bits: bytes) -> None:
     whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": _checksum(content, bits)}
-    beside = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(json.dumps(whole), encoding="ascii")
-        beside.replace(file)
-    except OSError:
-        pass  # a cache that others keep: what is inside then stays unknown, and the report says so
-    finally:
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
+    with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
+        write_atomically(file, json.dumps(whole), fsync=False)

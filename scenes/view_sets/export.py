@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
 from scenes.view_sets.foreign import LARGEST_BYTES, source_of, write_tiny_nerf
 from scenes.view_sets.images import write_png
@@ -35,17 +36,11 @@ def export(path: Path, form: str, out: Path) -> list[str]:
         raise InputError(f"--out {out}: is there already; name a new {'file' if form == 'npz' else 'folder'}")
     if form == "npz" and out.suffix != ".npz":
         raise InputError(f"--out {out}: a tiny-NeRF file ends in .npz")
-    beside = out.with_name(f".{out.name}.{os.getpid()}.part")
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        notes = _write(path, form, beside)
-        beside.rename(out)
+        with replacing(out) as beside:
+            return _write(path, form, beside)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
-    finally:
-        if os.path.lexists(beside):  # unlike a path's own methods it refuses a name that is too long
-            shutil.rmtree(beside) if beside.is_dir() else beside.unlink()
-    return notes
 
 
 def _write(path: Path, form: str, out: Path) -> list[str]:

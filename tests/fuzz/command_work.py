@@ -132,14 +132,14 @@ def _page_stand_ins(package: str) -> list[tuple[Any, str, Any]]:
     """Pages are files of a line: where they go is checked, what is in them is for `tests.fuzz.pages`."""
     if package != "reports":
         return []
-    from reports.page import shell
     from reports.run import outputs, publish, run_page
+    from scenes.files.atomic import write_atomically
 
     def of_run(records: Any, path: Path, beside: Any = None) -> None:
-        shell.write_whole("a page", path)
+        write_atomically(path, "a page")
 
     def of_outputs(found: Any, path: Path) -> str:
-        shell.write_whole("a page", path)
+        write_atomically(path, "a page")
         return "a title"
 
     def published(records: Any, folder: Path, beside: Any = None) -> list[Path]:

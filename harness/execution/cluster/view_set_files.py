@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
 
 PIECE_BYTES = 32 << 20
@@ -63,26 +64,22 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
     """
     if _same(listing.folder, listing):
         return listing.folder
-    cache = node_folder() / "view_sets"
-    target = cache / listing.digest[:32] / listing.folder.name
+    target = node_folder() / "view_sets" / listing.digest[:32] / listing.folder.name
     if _same(target, listing):
         return target
-    cache.mkdir(parents=True, exist_ok=True)
-    partial = Path(tempfile.mkdtemp(prefix=f".{listing.digest[:8]}.", dir=cache))
     try:
-        copy = partial / listing.folder.name
-        for relative, size in listing.files.items():
-            _fetched(copy / relative, relative, size, fetch)
-        if listed(copy).digest != listing.digest:
-            raise InputError(f"{listing.folder}: changed while it was copied to a node; leave it alone during a run")
-        shutil.rmtree(target.parent, ignore_errors=True)  # the existing copy is incomplete
-        try:
-            partial.rename(target.parent)
-        except OSError:
-            if not _same(target, listing):  # or another cell of this node was faster
-                raise
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with replacing(target.parent) as partial:
+            copy = partial / listing.folder.name
+            for relative, size in listing.files.items():
+                _fetched(copy / relative, relative, size, fetch)
+            if listed(copy).digest != listing.digest:
+                raise InputError(
+                    f"{listing.folder}: changed while it was copied to a node; leave it alone during a run"
+                )
+            shutil.rmtree(target.parent, ignore_errors=True)  # what was there is incomplete
+    except OSError:
+        if not _same(target, listing):  # or another cell of this node was faster
+            raise
     return target
 
 

@@ -16,6 +16,7 @@ from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE
 from harness.run_folder.integrity import DAMAGED, aside
 from harness.viewer.film.frames import LISTING
+from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,8 +36,7 @@ def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None])
     now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for part in folder.glob(f".{RECORD}.*.part"):  # left by a writer that was killed
-            part.unlink()
+        remove_leftovers(folder, f"{RECORD}.*")
         used = any(one.name not in (LOCK_FILE, DAMAGED) for one in folder.iterdir())
         if used and not (folder / RECORD).exists() and any(folder.glob(f"*/*/{LISTING}")):
             say(f"{folder / RECORD}: missing: written again")
@@ -44,6 +44,8 @@ def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None])
             raise InputError(f"--to {folder}: the folder is in use by something else; name another one")
         elif used:
             _same_film(folder, now, say)
+        for inner in folder.glob("**/"):
+            remove_leftovers(inner)
         write_record(folder / RECORD, now)
     except OSError as error:
         raise InputError(f"--to {folder}: cannot be written ({error.strerror}); name another folder") from error

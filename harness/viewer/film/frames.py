@@ -6,13 +6,13 @@ FOLDER/frames.json   frame → key of the view and digests of both files, writte
 """
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from harness.records.json_record import load_json, write_json
 from harness.training.evaluate import View
+from scenes.files.atomic import replacing
 from scenes.view_sets.images import read_image, write_channels, write_png
 from scenes.view_sets.pixels import decode_srgb
 
@@ -51,8 +51,10 @@ class FrameFolder:
         """Write atomically; raises `OSError` if it cannot be written."""
         self.path.mkdir(parents=True, exist_ok=True)
         png, exr = self._files(number)
-        _in_place(png, lambda file: write_png(file, np.clip(view.colour, 0.0, 1.0)))
-        _in_place(exr, lambda file: write_channels(file, exr_channels(view)))
+        with replacing(png, png.suffix) as file:
+            write_png(file, np.clip(view.colour, 0.0, 1.0))
+        with replacing(exr, exr.suffix) as file:
+            write_channels(file, exr_channels(view))
         self._listed[_stem(number)] = {"key": key, **{file.suffix: _digest(file) or "" for file in (png, exr)}}
         write_json(self.path / LISTING, self._listed)
 
@@ -70,18 +72,9 @@ def as_levels(display: np.ndarray) -> np.ndarray:
 
 
 def write_levels(file: Path, levels: np.ndarray) -> None:
-    """Write uint8 [h, w, 3] atomically as a PNG; raises `OSError`."""
-    _in_place(file, lambda beside: write_png(beside, levels / 255.0))
-
-
-def _in_place(file: Path, write: Callable[[Path], None]) -> None:
-    """Write beside the place first, then rename; images are told apart by their suffix, so that stays."""
-    beside = file.with_name(f".{file.stem}.part{file.suffix}")
-    try:
-        write(beside)
-        beside.replace(file)
-    finally:
-        beside.unlink(missing_ok=True)
+    """uint8 [h, w, 3] as a PNG, whole or not at all; raises `OSError`."""
+    with replacing(file, file.suffix) as beside:
+        write_png(beside, levels / 255.0)
 
 
 def _stem(number: int) -> str:

@@ -1,12 +1,13 @@
 """Pictures side by side, each with its name above it, and an animation of them."""
 
 import io
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from scenes.files.atomic import write_atomically
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont, ImageFont
@@ -74,18 +75,7 @@ def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int
         quality=50,  # in a lossless file the effort of the compressor
         method=4,
     )
-    beside = file.with_name(f".{file.stem}.part{file.suffix}")
-    try:
-        with beside.open("wb") as target:
-            target.write(encoded.getvalue())
-            target.flush()
-            os.fsync(target.fileno())
-        beside.replace(file)
-    except OSError as error:
-        # a failed write does not name its file
-        raise OSError(error.errno, error.strerror, str(file)) from error
-    finally:
-        beside.unlink(missing_ok=True)
+    write_atomically(file, encoded.getvalue())
     return len(encoded.getvalue())
 
 

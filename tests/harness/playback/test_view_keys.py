@@ -215,6 +215,7 @@ NOT_RENDERING = {
     "harness.records.pictures",
     "harness.records.snapshot",
     "harness.training.checkpoints",
+    "scenes.files.atomic",
     "scenes.files.errors",
     "scenes.view_sets.image_stack",
     "scenes.view_sets.pixels",

@@ -174,19 +174,3 @@ def test_a_file_over_the_bound_is_neither_written_nor_read(tmp_path: Path, monke
         write_renders(tmp_path / "b", renders())
     assert caught.value.errno == errno.EFBIG
     assert not (tmp_path / "b").exists()
-
-
-def test_a_disk_that_refuses_is_named_and_the_old_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.safetensors"
-    write_renders(path, renders())
-    before = path.read_bytes()
-
-    def full(number: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space left") as caught:
-        write_renders(path, renders()[:1])
-    assert caught.value.filename == str(path)
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["a.safetensors"]

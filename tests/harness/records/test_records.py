@@ -2,9 +2,6 @@
 
 import json
 import math
-import signal
-import subprocess
-import sys
 import tempfile
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -231,34 +228,6 @@ def test_a_damaged_run_record_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"run\.json"):
         read_run(tmp_path)
-
-
-@pytest.mark.parametrize("killed_at", ["os.fsync", "pathlib.Path.replace"])
-def test_a_killed_write_leaves_the_old_file_whole(killed_at: str, tmp_path: Path) -> None:
-    write_cell(tmp_path, one_cell())
-    code = (
-        "import os, pathlib\n"
-        "from harness.records.json_record import write_json\n"
-        f"{killed_at} = lambda *_: os.kill(os.getpid(), 9)\n"
-        f"write_json(pathlib.Path({str(cell_path(tmp_path, 'lego', 'qnerf', 2))!r}), ['new'])\n"
-    )
-    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert ran.returncode == -signal.SIGKILL, ran.stderr
-    assert list(read_cells(tmp_path)) == [one_cell()]
-
-
-def test_a_write_that_fails_leaves_the_old_file_and_no_litter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.json"
-    write_json(path, ["old"])
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space left"):
-        write_json(path, ["new"])
-    assert [file.name for file in tmp_path.iterdir()] == ["a.json"]
-    assert json.loads(path.read_text()) == ["old"]
 
 
 def test_a_record_holds_nothing_that_json_has_not() -> None:

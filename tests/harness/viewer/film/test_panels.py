@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from harness.viewer.film.panels import GREY, HEADER, MARGIN, side_by_side, size_of, write_animation
@@ -45,20 +44,3 @@ def test_an_animation_is_its_pictures_bit_for_bit_and_loops(tmp_path: Path) -> N
             film.load()
             assert film.info["duration"] == 50
             np.testing.assert_array_equal(np.asarray(film.convert("RGB")), expected)
-
-
-def test_a_failed_write_names_the_file_and_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = tmp_path / "film.webp"
-    write_animation(file, [picture(0)], 20)
-    before = file.read_bytes()
-
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match=r"No space.*film\.webp"):
-        write_animation(file, [picture(1)], 20)
-    assert file.read_bytes() == before
-    assert [one.name for one in tmp_path.iterdir()] == ["film.webp"]
