@@ -5,6 +5,7 @@ Each check is a function of a tree that gives a list of complaints, so that each
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -170,7 +171,16 @@ def names_twice(root: Path) -> Iterator[str]:
     yield from (f"{count} classes are called {name}" for name, count in classes.items() if count > 1)
 
 
-CHECKS = [wrong_arrows, circles, full_rooms, drawers, long_files, names_twice]
+def second_writers(root: Path) -> Iterator[str]:
+    """One lock and one atomic writer: no other module locks a file, or names one that is not complete."""
+    for name, file in modules(root).items():
+        if name not in ("scenes.files.lock", "scenes.files.atomic"):
+            text = file.read_text(encoding="utf-8")
+            found = re.findall(r'fcntl|filelock|mkstemp|NamedTemporaryFile|\.part["{]', text)
+            yield from (f"{name} has {one} of its own" for one in found)
+
+
+CHECKS = [wrong_arrows, circles, full_rooms, drawers, long_files, names_twice, second_writers]
 Check = Callable[[Path], Iterator[str]]
 
 
@@ -229,6 +239,9 @@ TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "
         (names_twice, {"harness/plan/a.py": "", "harness/machine/a.py": ""}, "2 modules are called a"),
         (names_twice, {"harness/plan/a.py": "class A: ...", "harness/plan/b.py": "class A: ..."},
          "2 classes are called A"),
+        (second_writers, {"reports/page/a.py": "b.with_name(f'.{c}.part{d}').replace(b)"},
+         "reports.page.a has .part{ of its own"),
+        (second_writers, {"harness/plan/a.py": LAZY + "import fcntl"}, "harness.plan.a has fcntl of its own"),
     ],
 )  # fmt: skip
 def test_a_bad_house_is_complained_about(check: Check, files: dict[str, str], said: str, tmp_path: Path) -> None:

@@ -4,12 +4,10 @@ A ledger file tells the users of the folder who may change it, and how many byte
 """
 
 import errno
-import fcntl
 import os
 import re
 import secrets
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -32,6 +30,7 @@ from harness.playback.names import (
     touch,
 )
 from scenes.files.errors import InputError
+from scenes.files.lock import LockTaken, acquire, is_held
 
 LOCK_SECONDS = 5.0
 """The seconds after which a write gives up; the lock is held for milliseconds."""
@@ -39,34 +38,22 @@ LOCK_SECONDS = 5.0
 
 @contextmanager
 def locked(folder: Path, seconds: float | None = None) -> Iterator[int]:
-    """Open the ledger of a folder, locked for us alone; raises `OSError` if somebody else does not release it within
-    `seconds`, `LOCK_SECONDS` if that is None.
+    """The ledger of a folder, open and ours alone; raises `OSError` where somebody else does not let go of it within
+    `seconds`, `LOCK_SECONDS` where that is None, and where there are no locks.
     """
     patience = LOCK_SECONDS if seconds is None else seconds
-    handle = _opened(folder / "ledger")
     try:
-        until = time.monotonic() + patience
-        while True:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    raise OSError(errno.EAGAIN, f"another process held it for {patience:g} s") from None
-                time.sleep(0.001)
-        yield handle
-    finally:
-        let_go(handle)
-
-
-def _opened(ledger: Path) -> int:
-    """Open the ledger, made if necessary. Raises `OSError`, for a link in words that a user can follow."""
-    try:
-        return os.open(ledger, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        lock = acquire(folder / "ledger", patience, 0o666)
+    except LockTaken:
+        raise OSError(errno.EAGAIN, f"another process held it for {patience:g} s") from None
     except OSError as error:
         if error.errno == errno.ELOOP:
-            raise OSError(errno.ELOOP, f"{ledger.name} is a link; remove it") from error
+            raise OSError(errno.ELOOP, "ledger is a link; remove it") from error
         raise
+    try:
+        yield lock.handle
+    finally:
+        lock.release()
 
 
 def read_ledger(ledger: int) -> int | None:
@@ -79,25 +66,6 @@ def write_ledger(ledger: int, held: int) -> None:
     with suppress(OSError):  # on a full disk the next user counts for itself
         os.ftruncate(ledger, 0)
         os.pwrite(ledger, f"{max(held, 0)}\n".encode(), 0)
-
-
-def is_abandoned(part: str) -> bool:
-    """Return whether the process that was writing it is gone."""
-    handle = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    finally:
-        let_go(handle)
-    return True
-
-
-def let_go(handle: int) -> None:
-    """Unlock explicitly: a process that was forked meanwhile has the handle, too, and would keep the lock."""
-    with suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_UN)
-    os.close(handle)
 
 
 FILLED_AGAIN = 0.9
@@ -313,7 +281,7 @@ class DiskPictures:
         """Remove all pictures that no key leads to and all keys that lead nowhere; returns the rest. Needs the lock."""
         for entry in entries(self._parts):
             with suppress(OSError):
-                if is_abandoned(entry.path):
+                if entry.is_symlink() or is_held(Path(entry.path)) is False:
                     Path(entry.path).unlink()
                     self.counts.add("leftovers")
         pictures = {}
@@ -355,16 +323,12 @@ class DiskPictures:
 
     @contextmanager
     def _part(self) -> Iterator[Path]:
-        """Make an empty file, ours for as long as we live, removed at the end unless it was renamed."""
-        path = self._parts / f"{secrets.token_hex(16)}.exr"
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        """A new empty file, ours for as long as we live, gone at the end unless it was renamed."""
+        lock = acquire(self._parts / f"{secrets.token_hex(16)}.exr", LOCK_SECONDS, 0o666)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
-            yield path
+            yield lock.path
         finally:
-            with suppress(OSError):
-                path.unlink()
-            let_go(handle)
+            lock.release(remove=True)
 
 
 class _DamagedPicture(Damaged):

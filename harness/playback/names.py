@@ -65,7 +65,8 @@ def entries(folder: Path, wanted: re.Pattern[str] | None = None) -> Iterator[os.
 
 def rename(part: Path, file: Path) -> None:
     drop_link(file.parent)
-    file.parent.mkdir(exist_ok=True)
+    if not file.parent.is_dir():  # as a rule it is, and `mkdir` takes longer to say so
+        file.parent.mkdir(exist_ok=True)
     if file.is_dir() and not file.is_symlink():
         remove(file)
     part.replace(file)

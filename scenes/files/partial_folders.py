@@ -2,19 +2,17 @@
 
 CACHE/.<view set>.<…>.partial        in work, or left by a process that was killed
 CACHE/.<view set>.<…>.partial.lock   beside it, there before the folder and for as long
-
-The lock is `flock`: the system lets go of it when its holder dies, and containers that share the cache see it.
 """
 
-import errno
 import glob
-import os
 import secrets
 import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from scenes.files.lock import acquire, is_held
 
 STALE_SECONDS = 48 * 3600
 PARTIAL = ".partial"
@@ -25,15 +23,16 @@ LOCK = ".lock"
 def working_folder(cache: Path, name: str) -> Iterator[Path]:
     """A fresh temporary folder for one view set, known to be in work until this is left; who uses it removes it."""
     partial = cache / f".{name}.{secrets.token_hex(4)}{PARTIAL}"
-    file = _locked(_lock_of(partial))
+    lock = acquire(_lock_of(partial))
+    if not lock.is_held:
+        lock.path.unlink(missing_ok=True)
     try:
         partial.mkdir(mode=0o755)
         yield partial
     finally:
-        if file is not None:
-            os.close(file)
+        lock.release()
         if not partial.exists():
-            _lock_of(partial).unlink(missing_ok=True)
+            lock.path.unlink(missing_ok=True)
 
 
 def remove(partial: Path) -> None:
@@ -47,7 +46,7 @@ def remove_stale(cache: Path, but: str | None = None) -> None:
     tell nothing; those of the view set `but` stay while they are young, as the next process takes over what they hold.
     """
     for partial in {*cache.glob(f".*{PARTIAL}"), *(one.with_suffix("") for one in cache.glob(f".*{PARTIAL}{LOCK}"))}:
-        held = _is_held(partial)
+        held = is_held(_lock_of(partial))
         try:
             old = time.time() - partial.stat().st_mtime > STALE_SECONDS
         except OSError:
@@ -63,46 +62,8 @@ def remove_stale(cache: Path, but: str | None = None) -> None:
 def abandoned(cache: Path, name: str) -> list[Path]:
     """Temporary folders of one view set whose process has died."""
     found = sorted(cache.glob(f".{glob.escape(name)}.*{PARTIAL}"))
-    return [partial for partial in found if _is_held(partial) is False]
+    return [partial for partial in found if is_held(_lock_of(partial)) is False]
 
 
 def _lock_of(partial: Path) -> Path:
     return partial.with_name(f"{partial.name}{LOCK}")
-
-
-def _locked(path: Path) -> int | None:
-    """An open file of that name with its lock; None where the system or its file system has no locks."""
-    try:
-        import fcntl
-    except ImportError:  # not a system of the Unix kind
-        return None
-    while True:
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.fstat(file).st_ino == path.stat().st_ino:
-                return file
-        except FileNotFoundError:
-            pass  # somebody tidied up before it was locked
-        except OSError:
-            path.unlink(missing_ok=True)
-            os.close(file)
-            return None
-        os.close(file)
-
-
-def _is_held(partial: Path) -> bool | None:
-    """None where that cannot be known."""
-    try:
-        import fcntl
-
-        file = os.open(_lock_of(partial), os.O_RDWR | os.O_CLOEXEC)
-    except (ImportError, OSError):
-        return None
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        return True if error.errno in (errno.EAGAIN, errno.EACCES) else None
-    finally:
-        os.close(file)
-    return False

@@ -174,7 +174,7 @@ def test_names_that_are_none_and_folders_in_use(
     lock = lock_folder(tmp_path / "two")
     said = refused(capsys, "--limits", limits, "--out", tmp_path / "two", "--quiet", command="gate")
     assert "in use by process" in said
-    lock.release()
+    lock.release(remove=True)
 
 
 def test_names_are_chosen_by_their_beginning() -> None:

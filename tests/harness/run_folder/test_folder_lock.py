@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.run_folder.folder_lock import LOCK_FILE, is_locked, lock_folder, locked_folder
+from harness.run_folder.folder_lock import LOCK_FILE, lock_folder, locked_folder
 from scenes.files.errors import InputError
+from scenes.files.lock import is_held
 
 
 def holder(out: Path) -> int:
@@ -36,10 +37,10 @@ def test_the_second_is_refused_and_told_who_has_it(tmp_path: Path) -> None:
     try:
         with pytest.raises(InputError, match=rf"in use by process {child} on .*; let that end"):
             lock_folder(tmp_path)
-        assert is_locked(tmp_path)
+        assert is_held(tmp_path / LOCK_FILE)
     finally:
         killed(child)
-    assert not is_locked(tmp_path)
+    assert not is_held(tmp_path / LOCK_FILE)
 
 
 def test_a_killed_holder_leaves_nothing_to_clear_away(tmp_path: Path) -> None:
@@ -47,7 +48,7 @@ def test_a_killed_holder_leaves_nothing_to_clear_away(tmp_path: Path) -> None:
     assert (tmp_path / LOCK_FILE).exists()
     lock = lock_folder(tmp_path)
     assert lock.is_held
-    lock.release()
+    lock.release(remove=True)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -58,26 +59,6 @@ def test_a_folder_that_stays_empty_is_removed_and_one_that_was_there_stays(tmp_p
     with locked_folder(tmp_path):
         pass
     assert tmp_path.exists()
-
-
-def test_a_lock_that_was_let_go_while_it_was_being_opened_is_not_taken_for_ours(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first, opened = lock_folder(tmp_path), []
-    plain = os.open
-
-    def open_then_released(path: Path, *rest: int) -> int:
-        file = plain(path, *rest)
-        if not opened:
-            first.release()  # the file that was opened has no name any more
-        opened.append(file)
-        return file
-
-    monkeypatch.setattr("harness.run_folder.folder_lock.os.open", open_then_released)
-    lock = lock_folder(tmp_path)
-    assert len(opened) == 2
-    assert is_locked(tmp_path)
-    lock.release()
 
 
 def test_without_locks_it_is_not_held_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,7 +77,7 @@ def test_a_file_elsewhere_is_not_written_through_a_link(link: Callable[[Path, Pa
     link(out / LOCK_FILE, tmp_path / "precious")
     with pytest.raises(InputError, match=r"\.lock: is no plain file of this folder alone; remove it"):
         lock_folder(out)
-    assert not is_locked(out)
+    assert not is_held(out / LOCK_FILE)
     assert (tmp_path / "precious").read_text() == "mine"
 
 
@@ -104,3 +85,12 @@ def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(InputError, match="is a file; name a folder"):
         lock_folder(tmp_path / "file")
+
+
+@pytest.mark.parametrize("note", [b"", b"{", b'{"process": 1e999, "host": ""}', b"\xff", b"[[" * 400])
+def test_a_holder_that_says_nothing_that_can_be_read_is_another_process(note: bytes, tmp_path: Path) -> None:
+    with locked_folder(tmp_path) as lock:
+        os.truncate(tmp_path / LOCK_FILE, 0)
+        os.pwrite(lock.handle, note, 0)
+        with pytest.raises(InputError, match="in use by another process; let that end"):
+            lock_folder(tmp_path)

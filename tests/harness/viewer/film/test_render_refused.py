@@ -80,7 +80,7 @@ def test_a_folder_of_something_else_or_of_another_film_is_refused(
     lock = lock_folder(tmp_path / "film")
     said = refused(capsys, *ask, tmp_path / "film", command="render")
     assert said.startswith(f"error: --to {tmp_path / 'film'}: in use by process ")
-    lock.release()
+    lock.release(remove=True)
     assert contents(mine) == {"letter.txt": b"mine"}
 
 
@@ -89,8 +89,12 @@ def test_a_film_that_was_killed_in_its_first_moments_is_gone_on_with(out: Path, 
     (film / "damaged").mkdir(parents=True)
     (film / "damaged" / "film.json.1").write_text("{")
     (film / ".film.json.1234.part").write_text("{")
-    assert "2 rendered" in render(out, "--frames", "2", "--methods", "nerf", "--no-cache", "--to", film)
+    ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache", "--to", film)
+    assert "2 rendered" in render(*ask)
     assert {one.name for one in film.iterdir()} == {"damaged", "film.json", "ball"}
+    (film / "ball" / "nerf" / ".0001.exr.1234.part.exr").write_text("half")
+    assert "2: 2 there" in render(*ask)
+    assert not list(film.rglob(".*.part*"))
 
 
 def test_a_full_disk_is_said_and_what_is_finished_is_kept(
