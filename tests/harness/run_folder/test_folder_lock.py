@@ -4,7 +4,6 @@ import errno
 import os
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -70,11 +69,10 @@ def test_without_locks_it_is_not_held_and_said(tmp_path: Path, monkeypatch: pyte
         assert not lock.is_held
 
 
-@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-def test_a_file_elsewhere_is_not_written_through_a_link(link: Callable[[Path, Path], None], tmp_path: Path) -> None:
+def test_a_file_elsewhere_is_not_written_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("mine")
     (out := tmp_path / "out").mkdir()
-    link(out / LOCK_FILE, tmp_path / "precious")
+    (out / LOCK_FILE).hardlink_to(tmp_path / "precious")
     with pytest.raises(InputError, match=r"\.lock: is no plain file of this folder alone; remove it"):
         lock_folder(out)
     assert not is_held(out / LOCK_FILE)
