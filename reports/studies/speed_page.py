@@ -284,10 +284,5 @@ def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
     return shell.groups_of(record.provenance, record.settings, [*spent, *total])
 
 
-def _named(key: str) -> str:
-    """Seconds are kept by a question's number."""
-    return question(int(key)) if key.isascii() and key.isdecimal() else key
-
-
-def write_speed_page(record: SpeedRecord, path: Path, beside_report: bool = False) -> None:
+def write_speed_page(record: Studies, path: Path, beside_report: bool = False) -> None:
     write_atomically(path, speed_page(record, beside_report), fsync=False)

@@ -210,7 +210,8 @@ EVERYTHING = Studies(
                                  spread=(0.9, 1.1), id="a.b"),
          Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, "inconclusive", None, 3, 0),
          Series("panel", 1, "line", "x", "y", [1.0, 2.0], [None, 1.0], None, [1.0, 2.0], False, True),
-         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]]), Picture(1, "t", "c", f"{PICTURES_FOLDER}/p.png")],
+         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]]),
+         Picture(1, "t", "c", f"{PICTURES_FOLDER}/p.png")],
         1.5)], True,
 )  # fmt: skip
 
