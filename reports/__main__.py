@@ -116,7 +116,8 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
                 )
             if serving is not None and not is_whole(serving):
                 raise NotForPublishing(
-                    f"{out / SERVING_FILE}: not whole; run `python -m harness serving {out}`, or leave out --publish"
+                    f"{out / SERVING_FILE}: not whole; run `python -m harness study serving {out}`, or leave out "
+                    "--publish"
                 )
         if not studies and out.is_dir() and not records_folder(out).is_dir():
             raise NoRecords(

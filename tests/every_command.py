@@ -29,7 +29,7 @@ nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
 python -m reports {here}/run --partial
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness compare {here}/run {here}/run
-python -m harness serving {here}/run --methods qnerf --width 16 --quick {sets}
+python -m harness study serving {here}/run --methods qnerf --width 16 --quick {sets}
 python -m harness tensorboard {here}/run
 python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {sets}
 python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
@@ -55,15 +55,15 @@ nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --s
 nox -s tests_thorough -- --collect-only -q
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness gate --list
-python -m harness evidence --list
-python -m harness stability --list
-python -m harness conformance --list
-python -m harness sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {other_sets}
-python -m harness equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {other_sets}
-python -m harness omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {other_sets} → 3
-python -m harness repair --quick --out {here}/repair.json {other_sets}
+python -m harness study evidence --list
+python -m harness study stability --list
+python -m harness study conformance --list
+python -m harness study sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {other_sets}
+python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {other_sets}
+python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {other_sets} → 3
+python -m harness study repair --quick --out {here}/repair.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
-python -m harness scaling
+python -m harness study scaling
 python -m harness doctor
 python -m harness completion bash
 """

@@ -1,8 +1,8 @@
 """Candidates for a Q-NeRF that keeps the paper's idea and works: φ frequencies, φ skip, Eq. 4 on density with a
 learnable contrast. Each can be opaque, and in each density is a function of the point, whatever shares the chunk.
 
-They were fixed before any of them was trained. `python -m harness repair` compares them on validation views, by the
-rule in `harness.studies.choices.repair_search`; `REPAIRED` is the one that it chose.
+They were fixed before any of them was trained. `python -m harness study repair` compares them on validation views, by
+the rule in `harness.studies.choices.repair_search`; `REPAIRED` is the one that it chose.
 """
 
 from dataclasses import replace

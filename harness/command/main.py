@@ -45,6 +45,17 @@ COMMANDS: dict[str, Command] = {
     "view": Command("look at a finished run in the browser", look_commands.add_view_options, look_commands.run_view),
     "render": Command("a camera path through a finished run, its methods side by side",
                       look_commands.add_render_options, look_commands.run_render),
+    "study": Command("measure a question: evidence, stability, speed, serving, conformance, …",
+                     lambda command: _add_studies(command),
+                     lambda options, show: STUDIES[options.study].call(options, show)),
+    "doctor": Command("what this machine has, and how to get the rest",
+                      doctor_command.add_doctor_options, doctor_command.run_doctor),
+    "tensorboard": Command("write a run's cells for TensorBoard",
+                           tensorboard_command.add_tensorboard_options, tensorboard_command.run_tensorboard),
+    "completion": Command("print a completion script for your shell",
+                          completion.add_completion_options, completion.run_completion),
+}
+STUDIES: dict[str, Command] = {
     "evidence": Command("the studies that a verdict rests on",
                         study_commands.add_evidence_options, study_commands.run_evidence),
     "stability": Command("try the catalogue of stiff and extreme cases",
@@ -65,13 +76,8 @@ COMMANDS: dict[str, Command] = {
                          settings_commands.add_omissions_options, settings_commands.run_omissions),
     "scaling": Command("the paper's full table on GPUs, on paper",
                        study_commands.add_scaling_options, study_commands.run_scaling),
-    "doctor": Command("what this machine has, and how to get the rest",
-                      doctor_command.add_doctor_options, doctor_command.run_doctor),
-    "tensorboard": Command("write a run's cells for TensorBoard",
-                           tensorboard_command.add_tensorboard_options, tensorboard_command.run_tensorboard),
-    "completion": Command("print a completion script for your shell",
-                          completion.add_completion_options, completion.run_completion),
 }
+"""`python -m harness study NAME`, and `python -m harness NAME` for short."""
 # fmt: on
 
 
@@ -79,17 +85,32 @@ def parser() -> argparse.ArgumentParser:
     """The options of each command; those of `run` are the same in every nox session."""
     top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, command in COMMANDS.items():
+    _add(commands, COMMANDS)
+    return top
+
+
+def _add_studies(command: argparse.ArgumentParser) -> None:
+    _add(command.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES)
+
+
+def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:
+    for name, command in table.items():
         one = commands.add_parser(name, help=command.help)
         command.add_options(one)
         one.allow_abbrev = False  # `--with` is no `--without`
-    return top
+
+
+def parsed(arguments: list[str]) -> argparse.Namespace:
+    """The options that `arguments` choose; the name of a study stands for `study NAME`."""
+    top = parser()
+    options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
+    options.parser = top
+    return options
 
 
 def main(arguments: list[str]) -> int:
     """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
-    top = parser()
-    options = top.parse_args(arguments)
+    options = parsed(arguments)
     # after the parsing, so that --help and a mistyped option answer at once
     from harness.execution.progress import chosen_progress
     from harness.records.json_record import DamagedRecord, as_text
@@ -98,7 +119,6 @@ def main(arguments: list[str]) -> int:
     show = chosen_progress(getattr(options, "quiet", False) or getattr(options, "dry_run", False))
     try:
         options.line = as_text(shlex.join(["python", "-m", "harness", *arguments]))
-        options.parser = top
         return COMMANDS[options.command].call(options, show)
     except (InputError, DamagedRecord) as mistake:
         show.close()

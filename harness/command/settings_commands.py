@@ -1,4 +1,4 @@
-"""`python -m harness sweep | repair | equivalence | omissions`: what a setting changes, each as one JSON file."""
+"""`python -m harness study sweep | repair | equivalence | omissions`: what a setting changes, each as one JSON file."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""`python -m harness evidence | stability | speed | serving | conformance | scaling`: their options, and what they do.
+"""`python -m harness study evidence | stability | speed | serving | conformance | scaling`: their options, and what
+they do.
 
 Nothing heavy is imported to show the help.
 """

@@ -292,7 +292,7 @@ def read_serving(path: Path) -> ServingRecord:
         }
         return sound(ServingRecord(**{**data, **made}), ServingRecord)
     except (OSError, RecursionError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise DamagedRecord(f"{path}: {error}; run `python -m harness serving {path.parent}` again") from error
+        raise DamagedRecord(f"{path}: {error}; run `python -m harness study serving {path.parent}` again") from error
 
 
 def _cache(row: dict[str, Any]) -> CacheRecord:

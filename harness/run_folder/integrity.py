@@ -159,7 +159,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out), "computed again"),
         f"records/{TARGETS_FILE}": (lambda _: read_targets(out), "computed again"),
-        SERVING_FILE: (_serving, f"moved aside; `python -m harness serving {out}` measures it again"),
+        SERVING_FILE: (_serving, f"moved aside; `python -m harness study serving {out}` measures it again"),
     }
     for name, (read, remedy) in tries.items():
         if (out / name).exists():

@@ -152,8 +152,8 @@ def page(speed: Studies) -> str:
         [
             "# What the paper's full table costs",
             "",
-            "Printed by `python -m harness scaling`; give it your own machine's figures with `--speed`. The table is "
-            f"{len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} steps at "
+            "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. The table "
+            f"is {len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} steps at "
             f"{plan.views.resolution} × {plan.views.resolution}: {work.cells} cells in {work.groups} groups (a scene "
             "and a seed, its methods in lockstep).",
             "",

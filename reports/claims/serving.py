@@ -7,7 +7,7 @@ from reports.data.wording import NARROW, UNTESTED, Verdict, counted, listed, sig
 from reports.studies.evidence_page import plain
 from reports.studies.serving_said import SHARE, TIMED, Race, earlier, races
 
-COMMAND = "python -m harness serving OUT"
+COMMAND = "python -m harness study serving OUT"
 LEAST_SCENES = 3
 """The fewest scenes that settle anything."""
 ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}

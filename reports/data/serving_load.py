@@ -38,7 +38,7 @@ MISSED: Verdict = "not seen at this scale"
 
 def find_serving(out: Path) -> ServingRecord | None:
     """Read the serving record under `out`, None if there is none; raises `DamagedRecord`."""
-    remedy = f"run `python -m harness serving {out}` again"
+    remedy = f"run `python -m harness study serving {out}` again"
     return find_record(
         out / SERVING_FILE, ServingRecord, read_serving, partial(_contradiction, records_folder(out)), remedy
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.command.main import parser
+from harness.command.main import COMMANDS, STUDIES, parsed
 from harness.records.cells import read_cells
 from harness.records.json_record import write_json
 from tests.every_command import blocks
@@ -48,7 +48,7 @@ def test_commands_parse(page: Path) -> None:
         else:
             words = words[3:]
         with pytest.raises(SystemExit) if "--help" in words else nullcontext() as stop:
-            parser().parse_args(words)
+            parsed(words)
         assert stop is None or stop.value.code == 0, command
 
 
@@ -58,9 +58,10 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     assert in_ci is not None
     sessions = {words[2] for words in typed if words[0] == "nox"}
     assert sessions | set(in_ci.group(1).split()) == SESSIONS
-    run = {THROUGH.get(name, name) for name in sessions} | {words[3] for words in typed if words[2] == "harness"}
-    (known,) = [action.choices for action in parser()._actions if isinstance(action.choices, dict)]
-    assert set(known) <= run
+    run = {THROUGH.get(name, name) for name in sessions}
+    run |= {words[3 + (words[3] == "study")] for words in typed if words[2] == "harness"}
+    assert {*COMMANDS, *STUDIES} - {"study"} <= run
+    assert len(COMMANDS) <= 10, "what a newcomer can look through"
 
 
 def test_contributing_fits_one_screen() -> None:
@@ -100,7 +101,7 @@ def test_a_page_with_commands_of_python_says_in_which_environment(page: Path) ->
 
 def test_some_command_was_looked_at() -> None:
     assert sum(len(commands(page)) for page in PAGES) >= 15
-    assert "python -m harness conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
+    assert "python -m harness study conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
 
 
 @pytest.fixture(scope="module")

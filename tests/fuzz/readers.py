@@ -78,11 +78,9 @@ def _records(folder: Path) -> None:
 def _beside(find: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         from reports.data.serving_load import find_serving
-        from reports.data.studies_load import find_evidence, find_speed, find_stability
+        from reports.data.studies_load import find_studies
 
-        {"speed": find_speed, "stability": find_stability, "evidence": find_evidence, "serving": find_serving}[find](
-            folder
-        )
+        find_serving(folder) if find == "serving" else find_studies(folder, find)
 
     return read
 

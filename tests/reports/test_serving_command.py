@@ -52,7 +52,7 @@ def test_without_it_the_keys_are_there_and_empty_and_the_remedy_is_named(run, tm
     assert main([str(out), "--quiet"]) == 0
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert (summary["cache"], summary["attention"]) == (None, None)
-    assert any("python -m harness serving OUT" in one for one in summary["not_tested"])
+    assert any("python -m harness study serving OUT" in one for one in summary["not_tested"])
     report = (out / "report.html").read_text(encoding="utf-8")
     assert 'id="cache"' not in report
     assert 'id="attention"' not in report
@@ -64,7 +64,7 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
     assert main([str(out)]) == 2
     caught = capsys.readouterr()
     assert caught.err.startswith(str(out / SERVING_FILE))
-    assert f"run `python -m harness serving {out}` again" in caught.err
+    assert f"run `python -m harness study serving {out}` again" in caught.err
     assert len(caught.err.splitlines()) == 1
     assert not (out / "report.html").exists()
 
@@ -146,7 +146,7 @@ def test_what_no_measurement_gives_is_named(out, capsys, place, value, said):
     assert main([str(out)]) == 2
     caught = capsys.readouterr().err
     assert said in caught
-    assert f"run `python -m harness serving {out}` again" in caught
+    assert f"run `python -m harness study serving {out}` again" in caught
     assert len(caught.splitlines()) == 1
 
 

@@ -100,7 +100,7 @@ class Search:
 
 
 def read_search(path: Path = PUBLISHED) -> Search:
-    """Raises `InputError` where the file is not what `python -m harness repair` writes."""
+    """Raises `InputError` where the file is not what `python -m harness study repair` writes."""
     try:
         data = load_json(path)
         rows, table = (data[name] for name in ("rows", "standings"))
@@ -113,7 +113,7 @@ def read_search(path: Path = PUBLISHED) -> Search:
         )
         return sound(found, Search)
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{path}: {error}; write it with `python -m harness repair --out {path}`") from error
+        raise InputError(f"{path}: {error}; write it with `python -m harness study repair --out {path}`") from error
 
 
 def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:

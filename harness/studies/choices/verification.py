@@ -1,4 +1,4 @@
-"""Every omission verified on the real thing: `python -m harness omissions` and `run --verify-omissions`."""
+"""Every omission verified on the real thing: `python -m harness study omissions` and `run --verify-omissions`."""
 
 import json
 import math

@@ -321,7 +321,7 @@ def _estimate(situation: ServingContext, most_seconds: float | None, survive: bo
         return True
     situation.leave_out(
         f"nothing was measured at the end of the run: it would have taken about {seconds / 60:.0f} min; "
-        "`python -m harness serving OUT` does it"
+        "`python -m harness study serving OUT` does it"
     )
     return False
 

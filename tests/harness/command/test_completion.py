@@ -26,14 +26,14 @@ def bash_script() -> str:
 @pytest.mark.parametrize(
     ("words", "some", "none"),
     [
-        ("harness ''", ["run", "doctor", "conformance", "view"], ["--methods"]),
+        ("harness ''", ["run", "doctor", "study", "view"], ["--methods"]),
         ("harness do", ["doctor"], ["run"]),
         ("harness run --tens", ["--tensorboard"], ["--seeds"]),
         ("harness run --profile re", ["reduced"], ["smoke"]),
         ("harness run --scenes l", ["lego"], ["hotdog"]),
         ("harness run --methods nerf qnerf_t", ["qnerf_theorem"], ["nerf"]),
         ("harness run --device c", ["cpu", "cuda"], ["auto"]),
-        ("harness conformance voxels", ["voxels_drjit"], ["nerf"]),
+        ("harness study conformance voxels", ["voxels_drjit"], ["nerf"]),
     ],
 )
 def test_bash_completes(words: str, some: list[str], none: list[str]) -> None:

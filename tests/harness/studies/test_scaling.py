@@ -73,5 +73,5 @@ def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
 
 def test_the_page_of_the_repository_is_printed_again(speed: Studies) -> None:
     assert page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
-        "python -m harness scaling > docs/scaling.md"
+        "python -m harness study scaling > docs/scaling.md"
     )

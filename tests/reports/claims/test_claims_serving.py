@@ -37,9 +37,9 @@ def hit(source: str, ratio: float, spread: float = 1.1):
 def test_what_was_not_measured_is_not_tested_and_the_remedy_is_named(whole: Records, serving):
     found = judged(whole, serving)
     assert {found[name].verdict for name in MINE} == {UNTESTED}
-    assert all("`python -m harness serving OUT`" in found[name].note for name in MINE)
+    assert all("`python -m harness study serving OUT`" in found[name].note for name in MINE)
     (said,) = [one for one in not_tested([], list(found.values())) if "serving" in one]
-    assert said == "4 claims need `python -m harness serving OUT`."
+    assert said == "4 claims need `python -m harness study serving OUT`."
     assert not [one for one in not_tested([], claims(whole, Beside(serving=fake_serving()))) if "serving" in one]
 
 

@@ -62,7 +62,7 @@ def test_a_library_that_is_at_work_for_long_is_ended(number: signal.Signals) -> 
     ("command", "work"),
     [
         ("harness run --dry-run", "harness.plan.profiles.planned"),
-        ("reports out", "reports.data.studies_load.find_speed"),
+        ("reports out", "reports.data.studies_load.find_studies"),
         ("scenes render lego", "scenes.rendering.store.ensure_view_set"),
     ],
 )

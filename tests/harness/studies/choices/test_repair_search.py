@@ -175,5 +175,5 @@ def test_a_search_that_does_not_say_what_was_changed_is_refused(tmp_path: Path) 
 def test_a_file_that_is_no_search_is_named(tmp_path: Path, content: str) -> None:
     file = tmp_path / "search.json"
     file.write_text(content)
-    with pytest.raises(InputError, match="python -m harness repair"):
+    with pytest.raises(InputError, match="python -m harness study repair"):
         read_search(file)

@@ -1,4 +1,4 @@
-"""python -m harness serving, and what `python -m harness run` does of it at its end."""
+"""python -m harness study serving, and what `python -m harness run` does of it at its end."""
 
 from pathlib import Path
 from typing import Any

@@ -91,7 +91,7 @@ def test_a_damaged_record_is_refused(copy: Path, damage: Callable[[dict[str, Any
     data.pop("digest", None)
     damage(data)
     path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=f"run `python -m harness serving {copy}` again"):
+    with pytest.raises(DamagedRecord, match=f"run `python -m harness study serving {copy}` again"):
         read_serving(path)
 
 

@@ -1,4 +1,4 @@
-"""`python -m harness speed`: its own options, and every question at sizes that mean nothing."""
+"""`python -m harness study speed`: its own options, and every question at sizes that mean nothing."""
 
 import json
 from functools import partial

@@ -1,4 +1,4 @@
-"""`python -m harness stability`: the table of cases, its own options, and a case that trains in the folder."""
+"""`python -m harness study stability`: the table of cases, its own options, and a case that trains in the folder."""
 
 from collections.abc import Iterator
 from functools import partial
