@@ -12,15 +12,12 @@ from functools import partial as partial_of
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.records.cells import records_folder
-from harness.records.json_record import DamagedRecord
-from harness.records.judgements import JUDGEMENT_FILE, read_judgement
-from harness.records.serving_record import SERVING_FILE
-from harness.records.study import SHELVES, Studies
+from scenes.files.errors import DamagedRecord
 from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
+    from harness.records.study import Studies
     from reports.data.beside import Beside
     from reports.data.load import Records
 
@@ -84,6 +81,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -> int:
     """Reads, writes, prints, with `partial` of a damaged run what is sound; what is heavy is imported last."""
+    from harness.records.cells import records_folder
+    from harness.records.judgements import JUDGEMENT_FILE
+    from harness.records.serving_record import SERVING_FILE
+    from harness.records.study import SHELVES
+
     if (out / JUDGEMENT_FILE).is_file():
         code = build_judgement(out)
         others = (out / file for file in (*SHELVES.values(), records_folder(out).name))
@@ -182,19 +184,20 @@ def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Pat
 
 def holds_run(out: Path) -> bool:
     """Whether a run lies beside another record: its own file and at least one finished cell."""
-    folder = records_folder(out)
+    folder = out / "records"
     return (folder / "run.json").is_file() and any((folder / "cells").glob("*.json"))
 
 
 def build_judgement(out: Path) -> int:
     """The page about somebody's table; raises `DamagedRecord`."""
+    from harness.records.judgements import JUDGEMENT_FILE, read_judgement
     from reports.studies.judgement import write_judgement_page
 
     print(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
     return 0
 
 
-def build_speed(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_speed(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """The page about speed."""
     from reports.page.shell import SPEED_PAGE
     from reports.studies.speed_page import write_speed_page
@@ -208,7 +211,7 @@ def build_speed(record: Studies, out: Path, quiet: bool, publish: Path | None, b
     return 0
 
 
-def build_stability(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_stability(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """The page about stability; 3 where something of ours failed."""
     from reports.studies.stability_matrix import headline
     from reports.studies.stability_page import failure, write_stability_page
@@ -226,7 +229,7 @@ def build_stability(record: Studies, out: Path, quiet: bool, publish: Path | Non
     return SOME_FAILED if record.broken else 0
 
 
-def build_evidence(record: Studies, out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_evidence(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
     """What the studies found, on a page of its own where no report is built; 3 where a check does not hold."""
     from reports.studies.evidence_page import check_said, headline
 

@@ -113,8 +113,7 @@ def main(arguments: list[str]) -> int:
     options = parsed(arguments)
     # after the parsing, so that --help and a mistyped option answer at once
     from harness.execution.progress import chosen_progress
-    from harness.records.json_record import DamagedRecord, as_text
-    from scenes.files.errors import InputError, readable
+    from scenes.files.errors import DamagedRecord, InputError, as_text, readable
 
     show = chosen_progress(getattr(options, "quiet", False) or getattr(options, "dry_run", False))
     try:

@@ -10,32 +10,32 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.studies.evidence import evidence_studies
-from harness.studies.framework import Shelf, list_lines
-from harness.studies.speed import questions
-from harness.studies.stability import cases
+from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
+    from harness.studies.framework import Shelf
 
 
-def _add_study_options(command: argparse.ArgumentParser, shelf: Shelf, beside: str = "") -> None:
+def _add_study_options(
+    command: argparse.ArgumentParser, shelf: str, noun: str, former: tuple[str, ...] = (), beside: str = ""
+) -> None:
     """The options that every shelf of studies has, named the same way."""
     add = command.add_argument
-    former = {"stability": ["--cases"], "speed": ["--items"]}.get(shelf.name, [])
-    some = " ".join(list(shelf.studies)[:3])
-    add("--studies", *former, nargs="+", metavar="NAME", help=f"{some} …: {shelf.noun} to do (default: all)")
+    add("--studies", *former, nargs="+", metavar="NAME", help=f"{noun} to do; --list prints them (default: all)")
     add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
     add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--out", type=Path, metavar="DIR", help=f"output folder{beside} (default: a fresh out/{shelf.name}-TIME)")
+    add("--out", type=Path, metavar="DIR", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
     add("--resume", action="store_true", help="do what --out lacks")
-    add("--list", action="store_true", help=f"print the {shelf.noun}, do nothing")
+    add("--list", action="store_true", help=f"print the {noun}, do nothing")
     add("--quiet", action="store_true", help="no progress")
 
 
-def _asked(options: argparse.Namespace, shelf: Shelf) -> list[str] | None:
+def _asked(options: argparse.Namespace, shelf: "Shelf") -> list[str] | None:
     """The studies to do; `None` where they were to be listed alone. Raises `InputError`."""
     if options.list:  # before anything that imports torch
+        from harness.studies.framework import list_lines
+
         sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
         return None
     from harness.plan.profiles import known_names
@@ -48,7 +48,9 @@ def _asked(options: argparse.Namespace, shelf: Shelf) -> list[str] | None:
 
 
 def add_evidence_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(command, evidence_studies.SHELF, "; that of a finished run gets the studies into its report")
+    _add_study_options(
+        command, "evidence", "studies", beside="; that of a finished run gets the studies into its report"
+    )
     add = command.add_argument
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
     add("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
@@ -56,7 +58,9 @@ def add_evidence_options(command: argparse.ArgumentParser) -> None:
 
 def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
     """0, or 3 where a check fails; raises `InputError` for what cannot be."""
-    studies = _asked(options, shelf := evidence_studies.SHELF)
+    from harness.studies.evidence.evidence_studies import SHELF
+
+    studies = _asked(options, SHELF)
     if studies is None:
         return 0
     from harness.machine.device import available_cores, chosen_device
@@ -74,12 +78,12 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
     out = options.out or fresh_folder("evidence", resume=False)
     with locked_folder(out):
         code = run(studies, out, options.view_sets, machine, options.quick, options.resume, show)
-    show.line(f"studies in {out / shelf.file}")
+    show.line(f"studies in {out / SHELF.file}")
     return code
 
 
 def add_stability_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(command, cases.SHELF)
+    _add_study_options(command, "stability", "cases", ("--cases",))
     command.add_argument(
         "--methods", nargs="+", metavar="METHOD", help="methods to try them on (default: those worth comparing)"
     )
@@ -87,7 +91,9 @@ def add_stability_options(command: argparse.ArgumentParser) -> None:
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """0, or 3 where a case that must pass failed; raises `InputError` for what cannot be."""
-    studies = _asked(options, shelf := cases.SHELF)
+    from harness.studies.stability.cases import SHELF
+
+    studies = _asked(options, SHELF)
     if studies is None:
         return 0
     from baselines.catalog import CATALOG
@@ -100,21 +106,23 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     out = options.out or fresh_folder("stability", resume=False)
     with locked_folder(out):
         code = run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
-    show.line(f"outcomes in {out / shelf.file}")
+    show.line(f"outcomes in {out / SHELF.file}")
     return code
 
 
 def add_speed_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(command, questions.SHELF)
+    _add_study_options(command, "speed", "questions", ("--items",))
     add = command.add_argument
-    usual = f"{questions.PLAIN_SECONDS:g}"
-    add("--plain-seconds", type=float, metavar="S", help=f"training of the plain side, question 3 ({usual})")
+    usual = f"training of the plain side, question 3 ({PLAIN_SECONDS:g})"
+    add("--plain-seconds", type=float, metavar="S", help=usual)
     add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     """0; raises `InputError` for what cannot be."""
-    studies = _asked(options, shelf := questions.SHELF)
+    from harness.studies.speed.questions import SHELF
+
+    studies = _asked(options, SHELF)
     if studies is None:
         return 0
     from harness.machine.device import chosen_device
@@ -124,7 +132,7 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
 
     seconds = options.plain_seconds
     if seconds is None:
-        seconds = questions.QUICK_PLAIN_SECONDS if options.quick else questions.PLAIN_SECONDS
+        seconds = QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS
     if not (math.isfinite(seconds) and 1.0 <= seconds <= 86400.0):
         raise InputError(f"--plain-seconds {seconds:g}: must lie between 1 and 86400")
     device = chosen_device(options.device)
@@ -134,7 +142,7 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     out = options.out or fresh_folder("speed", resume=False)
     with locked_folder(out):
         code = run(studies, out, device, options.view_sets, seconds, options.quick, options.resume, show)
-    show.line(f"figures in {out / shelf.file}")
+    show.line(f"figures in {out / SHELF.file}")
     return code
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from harness.plan.schedule import checkpoint_fractions
-from harness.records.cells import CellRecord
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from harness.execution.ground_truth import RenderProgress
     from harness.execution.group import GroupTask
+    from harness.records.cells import CellRecord
 
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
@@ -86,7 +86,7 @@ class Progress(Protocol):
 
     def trained(self, task: "GroupTask", share: float) -> None: ...
 
-    def cell(self, cell: CellRecord) -> None: ...
+    def cell(self, cell: "CellRecord") -> None: ...
 
     def part(self, what: str, done: int, total: int) -> None:
         """Report on anything else that has parts: how many of them are done, and which is being done."""
@@ -106,7 +106,7 @@ class Quiet:
 
     def trained(self, task: "GroupTask", share: float) -> None: ...
 
-    def cell(self, cell: CellRecord) -> None: ...
+    def cell(self, cell: "CellRecord") -> None: ...
 
     def part(self, what: str, done: int, total: int) -> None: ...
 
@@ -146,7 +146,7 @@ class Lines(Quiet):
         if self._due():
             self.line(_joined(f"trained {self._tally.share():.0%}", left))
 
-    def cell(self, cell: CellRecord) -> None:
+    def cell(self, cell: "CellRecord") -> None:
         self.line(cell_line(cell))
 
     def part(self, what: str, done: int, total: int) -> None:
@@ -209,7 +209,7 @@ class Bars(Quiet):
         if self._train is not None:
             self._bars.update(self._train, completed=self._tally.share(), left=left)
 
-    def cell(self, cell: CellRecord) -> None:
+    def cell(self, cell: "CellRecord") -> None:
         self.line(cell_line(cell))
 
     def part(self, what: str, done: int, total: int) -> None:
@@ -316,8 +316,8 @@ def _joined(text: str, left: str) -> str:
     return f"{text}, {left}" if left else text
 
 
-def cell_line(cell: CellRecord) -> str:
-    """Return one line on a finished cell."""
+def cell_line(cell: "CellRecord") -> str:
+    """One line of a finished cell."""
     name = f"{cell.scene} {cell.method} seed {cell.seed}"
     if cell.status != "done":
         return f"{name}: {cell.status.upper()}, {cell.reason}"

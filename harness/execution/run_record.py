@@ -62,4 +62,4 @@ def scene_record(plan: Plan, name: str, folder: Path, out: Path) -> SceneRecord:
 def _left_out(row: dict[str, Any]) -> LeftOut:
     """Return the manifest's omissions, as far as it has them: an older one knows no bounds."""
     known = ("name", "concerns", "bound", "unit")
-    return LeftOut(row["what"], row["reason"], **{key: row[key] for key in known if key in row})
+    return LeftOut(row["what"], row["reason"], None, None, None, **{key: row[key] for key in known if key in row})

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from msgspec import structs
 from scipy.stats import norm
 
 from harness.execution.ground_truth import read_views
@@ -221,7 +222,7 @@ def headline_sample(name: str, cells: Sequence[CellRecord], stored: References) 
     if name not in stored.statistics:
         return Sample([None], "it is not among the stored comparisons")
     # scores alone are stored: a collapsed cell counts here as it does there, and is no failure of its own
-    ended = [replace(cell, warnings=[]) for cell in cells if cell.status == "done"]
+    ended = [structs.replace(cell, warnings=[]) for cell in cells if cell.status == "done"]
     found = statistics_of(ended).get(name) if len(ended) == len(cells) else None
     if found is None:
         return Sample([None], "a cell did not end")

@@ -10,3 +10,5 @@ attention after a run.
 """
 SERVING_SECONDS, SERVING_SHARE = 240.0, 0.05
 """The time that a run may spend on them: so many seconds, or this share of its own time if that is more."""
+PLAIN_SECONDS, QUICK_PLAIN_SECONDS = 420.0, 1.5
+"""The training of the plain side of the speed study's question 3, on its own clock."""

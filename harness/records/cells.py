@@ -1,23 +1,24 @@
 """What a run leaves behind: one JSON file a cell, one for the run, one for its comparisons."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
+
+from msgspec import field
+from msgspec.structs import replace
 
 from harness.records.json_record import (
-    damaged,
+    REMEDY,
+    DamagedRecord,
+    Record,
+    as_promised,
     file_digest,
-    first_mismatch,
-    load_record,
     read_record,
-    sound,
     write_record,
 )
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(Record, frozen=True):
     """What is known of a difference in one of two senses: `on_these_scenes`, or on scenes like these."""
 
     interval: tuple[float, float] | None
@@ -34,8 +35,7 @@ class Estimate:
     means."""
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(Record, frozen=True):
     """A paired difference `method` − `against` with its interval.
 
     Over all scenes it is estimated in both senses. What stands beside the difference itself is that of scenes like
@@ -56,56 +56,41 @@ class Comparison:
     pairs: int
     unpaired: int
     """Pairs that cannot be judged because one of the two diverged, collapsed, failed or is missing."""
-    simultaneous: tuple[float, float] | None = None
-    family: int = 1
-    on_these_scenes: Estimate | None = None
+    simultaneous: tuple[float, float] | None
+    family: int
+    on_these_scenes: Estimate | None
     """Error from seeds alone; None without any pair."""
-    scenes_like_these: Estimate | None = None
+    scenes_like_these: Estimate | None
     """Scenes are drawn, too: Student's t over their means. None for a single scene."""
 
 
-def comparison_of(row: dict[str, Any]) -> Comparison:
-    known = {one.name for one in fields(Comparison)}
-    if wrong := sorted(known ^ set(row)):
-        raise ValueError(f"a comparison of another version of this program (unexpected or missing {', '.join(wrong)})")
-    estimates = {name: estimate_of(row[name]) for name in ("on_these_scenes", "scenes_like_these")}
-    return Comparison(**{**with_pairs(row), **estimates})
+class Comparisons(Record, frozen=True):
+    """Those of a run."""
 
-
-def estimate_of(row: dict[str, Any] | None) -> Estimate | None:
-    """An estimate as JSON holds it; raises `TypeError` or `KeyError` where it is none."""
-    return None if row is None else Estimate(**with_pairs(row))
-
-
-def with_pairs(row: dict[str, Any]) -> dict[str, Any]:
-    """Intervals as pairs, which JSON holds as lists."""
-    return {**row, **{name: _pair(row[name]) for name in ("interval", "simultaneous")}}
-
-
-def _pair(value: list[float] | None) -> tuple[float, float] | None:
-    return None if value is None else (value[0], value[1])
+    rows: list[Comparison]
 
 
 SCHEMA = 1
 
-PAPER_TABLES: dict[str, Any] = {
-    "table1": dict[str, float],
-    "table2": dict[str, dict[str, float]],
-    "table3": dict[str, Any],
-    "table4": list[dict[str, Any]],
-    "original_nerf": dict[str, float],
-    "ledger": list[dict[str, Any]],
-    "parameters_measured": dict[str, float],
-    "sloc_measured": float,
-    "sloc_files": dict[str, float],
-}
-"""What of `RunRecord.paper` a report reads, and of what kind it is where it is there."""
+
+class PaperTables(TypedDict, total=False):
+    """What of `RunRecord.paper` a report reads."""
+
+    table1: dict[str, float] | None
+    table2: dict[str, dict[str, float]] | None
+    table3: dict[str, Any] | None
+    table4: list[dict[str, Any]] | None
+    original_nerf: dict[str, float] | None
+    ledger: list[dict[str, Any]] | None
+    parameters_measured: dict[str, float] | None
+    sloc_measured: float | None
+    sloc_files: dict[str, float] | None
+
 
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
-@dataclass(frozen=True)
-class Checkpoint:
+class Checkpoint(Record, frozen=True):
     """One scoring of the whole fixed test set."""
 
     step: int
@@ -116,7 +101,7 @@ class Checkpoint:
     psnr: float | None
     rmse_linear: float | None
     ssim: float | None
-    density: dict[str, list[float]] | None = None
+    density: dict[str, list[int | float]] | None = None
     """`edges` [bins + 1], `before` [bins], `after` [bins]: shares of points (sum 1, clipped into the outer bins)
     over the scene's box, of the density entering the amplifier and of the density that is rendered.
 
@@ -131,8 +116,7 @@ class Checkpoint:
     """In scene units; None where the view set has no depth, or the run was recorded before it was scored here."""
 
 
-@dataclass(frozen=True)
-class ViewScore:
+class ViewScore(Record, frozen=True):
     """Scores of one test view at the end of training."""
 
     view: str
@@ -146,17 +130,16 @@ class ViewScore:
     psnr_ceiling: float | None
 
 
-@dataclass(frozen=True)
-class LeftOut:
+class LeftOut(Record, frozen=True):
     """Something that a scene does not need and that was therefore not done."""
 
     what: str
     reason: str
-    seconds_saved: float | None = None
+    seconds_saved: float | None
     """None where it was not measured (`--verify-omissions`), as below."""
-    difference: float | None = None
+    difference: float | None
     """dB: test PSNR with it left out less with it done, so that less than 0 is a loss. colour: what changed at most."""
-    interval: tuple[float, float] | None = None
+    interval: tuple[float, float] | None
     """95 %."""
     name: str = ""
     """Of the need in `scenes.modelling.needs`."""
@@ -172,8 +155,7 @@ class LeftOut:
     """within its bound, costs more or inconclusive."""
 
 
-@dataclass(frozen=True)
-class CellRecord:
+class CellRecord(Record, frozen=True):
     """scene × method × seed: everything needed to reproduce it and to plot it."""
 
     scene: str
@@ -194,7 +176,7 @@ class CellRecord:
     optimiser got; runs recorded before it was noted have none), alpha, beta, samples_per_ray."""
     parameters: dict[str, int]
     """Weights by component: density_net, density_head, colour_net, amplifier, total."""
-    properties: dict[str, float | str | None]
+    properties: dict[str, int | float | str | None]
     """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
     occupied_share, clipped_share (of the steps, of which the gradient was clipped), …"""
@@ -210,8 +192,7 @@ class CellRecord:
     schema: int = SCHEMA
 
 
-@dataclass(frozen=True)
-class SceneRecord:
+class SceneRecord(Record, frozen=True):
     """What a view set was, as far as a reader needs it."""
 
     name: str
@@ -234,8 +215,7 @@ class SceneRecord:
     left_out: list[LeftOut]
 
 
-@dataclass(frozen=True)
-class RunRecord:
+class RunRecord(Record, frozen=True):
     """The run as a whole."""
 
     profile: str
@@ -274,7 +254,7 @@ def cell_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 
 def write_cell(out: Path, cell: CellRecord) -> None:
-    write_record(cell_path(out, cell.scene, cell.method, cell.seed), asdict(cell))
+    write_record(cell_path(out, cell.scene, cell.method, cell.seed), cell)
 
 
 def checkpoint_name(scene: str, method: str, seed: int) -> str:
@@ -290,21 +270,15 @@ def with_files(out: Path, cell: CellRecord) -> CellRecord:
 
 
 def write_run(out: Path, run: RunRecord) -> None:
-    write_record(records_folder(out) / "run.json", asdict(run))
+    write_record(records_folder(out) / "run.json", run)
 
 
 def write_comparisons(out: Path, comparisons: list[Comparison]) -> None:
-    write_record(records_folder(out) / "comparisons.json", {"rows": [asdict(one) for one in comparisons]})
+    write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons))
 
 
 def read_cell(path: Path) -> CellRecord:
-    data = read_record(path, CellRecord, SCHEMA, formerly=("images",))
-    try:
-        data["curve"] = [Checkpoint(**one) for one in data["curve"]]
-        data["views"] = [ViewScore(**one) for one in data["views"]]
-        return sound(CellRecord(**data), CellRecord)
-    except (TypeError, ValueError) as error:  # keys missing or unknown further in
-        raise damaged(path, error) from error
+    return read_record(path, CellRecord, SCHEMA, formerly=("images",))
 
 
 def read_cells(out: Path) -> Iterator[CellRecord]:
@@ -325,37 +299,20 @@ def cell_files(out: Path) -> list[Path]:
 
 def read_run(out: Path) -> RunRecord:
     path = records_folder(out) / "run.json"
-    data = read_record(path, RunRecord, SCHEMA)
-    scenes = []
+    run = read_record(path, RunRecord, SCHEMA)
     try:
-        for scene in data["scenes"]:
-            left_out = [LeftOut(**{**one, "interval": _pair(one["interval"])}) for one in scene["left_out"]]
-            scenes.append(SceneRecord(**{**scene, "left_out": left_out}))
-        run = sound(RunRecord(**{**data, "scenes": scenes}), RunRecord)
-        _require_tables(run.paper)
-        return run
-    except (TypeError, KeyError, IndexError, ValueError) as error:
-        raise damaged(path, error) from error
-
-
-def _require_tables(paper: dict[str, Any]) -> None:
-    """Raises `ValueError` where a table of the paper is not as `RunRecord.paper` says."""
-    for name, kind in PAPER_TABLES.items():
-        if paper.get(name) is not None and (wrong := first_mismatch(paper[name], kind, f"paper.{name}")):
-            raise ValueError(wrong)
-    for scene, row in (paper.get("table2") or {}).items():
+        as_promised(run.paper, PaperTables)
+    except ValueError as error:
+        raise DamagedRecord(f"{path}: paper: {error}; {REMEDY}") from error
+    for scene, row in (run.paper.get("table2") or {}).items():
         if not {"nerf", "qnerf"} <= set(row):
-            raise ValueError(f"paper.table2.{scene} lacks nerf or qnerf")
+            raise DamagedRecord(f"{path}: paper.table2.{scene} lacks nerf or qnerf; {REMEDY}")
+    return run
 
 
 def read_comparisons(out: Path) -> list[Comparison]:
     path = records_folder(out) / "comparisons.json"
-    if not path.exists():
-        return []
-    try:
-        return sound([comparison_of(row) for row in load_record(path)["rows"]], list[Comparison])
-    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
-        raise damaged(path, error) from error
+    return read_record(path, Comparisons, None).rows if path.exists() else []
 
 
 def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:

@@ -1,22 +1,21 @@
 """What `python -m harness judge` leaves behind: `judgement.json`.
 
-This module imports the standard library, `harness.records.cells` and what those import alone, as reports read it.
+This module imports modules of records alone, as reports read it.
 """
 
-from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from harness.records.cells import Estimate, estimate_of
-from harness.records.json_record import DamagedRecord, load_record, sound, write_record
+from harness.records.cells import Estimate
+from harness.records.json_record import DamagedRecord, Record, read_record, write_record
 
 JUDGEMENT_SCHEMA = 1
 JUDGEMENT_FILE = "judgement.json"
+REMEDY = "run `python -m harness judge` again"
 
 
-@dataclass(frozen=True)
-class Pair:
+class Pair(Record, frozen=True):
     """`method` less `against`, over the scenes that both have."""
 
     method: str
@@ -37,8 +36,7 @@ class Pair:
         return self.verdict in ("better", "worse")
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(Record, frozen=True):
     """A method in the order of its mean."""
 
     method: str
@@ -51,8 +49,7 @@ class Place:
     """Numbers of the groups that it is in, from 1; empty against a baseline."""
 
 
-@dataclass(frozen=True)
-class Ranking:
+class Ranking(Record, frozen=True):
     """Methods from best to worst, every pair that is judged (the better-placed method first), and what follows."""
 
     places: list[Place]
@@ -68,8 +65,7 @@ class Ranking:
         return [pair for pair in self.pairs if frozenset((pair.method, pair.against)) in wanted]
 
 
-@dataclass(frozen=True)
-class Suspect:
+class Suspect(Record, frozen=True):
     """A result far from what its method and its scene let one expect."""
 
     method: str
@@ -81,8 +77,7 @@ class Suspect:
     """The residual of a fit by medians in robust standard deviations of its method, scene or table, the largest."""
 
 
-@dataclass(frozen=True)
-class JudgementRecord:
+class JudgementRecord(Record, frozen=True):
     """A table of results, judged."""
 
     source: str
@@ -122,30 +117,12 @@ def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
 
 
 def write_judgement(path: Path, record: JudgementRecord) -> None:
-    write_record(path, asdict(record))
+    write_record(path, record)
 
 
 def read_judgement(path: Path) -> JudgementRecord:
     """Raises `DamagedRecord` where the file is not what this version writes."""
-    try:
-        data = load_record(path)
-        if data.get("schema") != JUDGEMENT_SCHEMA or set(data) != {one.name for one in fields(JudgementRecord)}:
-            raise ValueError(f"not a judgement of schema {JUDGEMENT_SCHEMA}")
-        data["suspects"] = [Suspect(**one) for one in data["suspects"]]
-        data["given"] = _ranking(data["given"])
-        if data["without_suspects"] is not None:
-            data["without_suspects"] = _ranking(data["without_suspects"])
-        record = sound(JudgementRecord(**data), JudgementRecord)
-        if not record.given.places:
-            raise ValueError("it has no method")
-        return record
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise DamagedRecord(f"{path}: {error}; run `python -m harness judge` again") from error
-
-
-def _ranking(row: dict[str, Any]) -> Ranking:
-    return Ranking([Place(**one) for one in row["places"]], [_pair(one) for one in row["pairs"]], row["family"])
-
-
-def _pair(row: dict[str, Any]) -> Pair:
-    return Pair(**{**row, **{name: estimate_of(row[name]) for name in ("scenes_like_these", "on_these_scenes")}})
+    record = read_record(path, JudgementRecord, JUDGEMENT_SCHEMA, remedy=REMEDY)
+    if not record.given.places:
+        raise DamagedRecord(f"{path}: it has no method; {REMEDY}")
+    return record

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from harness.records.json_record import DamagedRecord
+from harness.records.json_record import DamagedRecord, Record, as_promised, plain
 from scenes.files.atomic import write_atomically
 
 Tensors = dict[str, NDArray[Any]]
@@ -34,7 +36,8 @@ def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
     """What `sealed` was given; raises `ValueError` for anything else."""
     try:
         tensors = load(data)  # checks the header's bounds
-        listing = json.loads(json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"][key])
+        header = msgspec.json.decode(data[8 : 8 + int.from_bytes(data[:8], "little")])
+        listing = msgspec.json.decode(header["__metadata__"][key])
         claimed = listing.pop("digest")
     except (SafetensorError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(str(error) or type(error).__name__) from error
@@ -102,6 +105,22 @@ RENDER = {"colour": 3, "opacity": None, "depth": None}
 """Tensor → its channels, None where it is [h, w]."""
 
 
+class ListedPicture(Record, frozen=True, kw_only=True):
+    """A view and the tensors that there are of it; the truth has no step."""
+
+    view: str
+    step: int | UnsetType = UNSET
+    parts: list[str]
+
+
+class PicturesListing(Record, frozen=True):
+    """What a file of pictures says of its tensors."""
+
+    schema: int
+    kind: str
+    pictures: list[ListedPicture]
+
+
 def half(values: np.ndarray) -> Half:
     """As float16, clipped to what that holds. Raises `ValueError` where a value is NaN."""
     if np.isnan(values).any():
@@ -121,25 +140,27 @@ def truth_pictures(scene: str) -> str:
 
 def write_truth(path: Path, views: list[Truth]) -> None:
     """Nothing is written where the file holds just that already. Raises `OSError` naming the file."""
-    rows = [{"view": one.view, "parts": [name for name in TRUTH if getattr(one, name) is not None]} for one in views]
+    parts = [[name for name in TRUTH if getattr(one, name) is not None] for one in views]
+    rows = [ListedPicture(view=one.view, parts=names) for one, names in zip(views, parts, strict=True)]
     _write(path, "truth", rows, views)
 
 
 def write_renders(path: Path, renders: list[Render]) -> None:
     """As `write_truth`."""
-    rows = [{"view": one.view, "step": one.step, "parts": list(RENDER)} for one in renders]
+    rows = [ListedPicture(view=one.view, step=one.step, parts=list(RENDER)) for one in renders]
     _write(path, "renders", rows, renders)
 
 
 def read_truth(path: Path) -> list[Truth]:
     """Raises `DamagedRecord`, naming the file, the reason and the remedy, for anything that `write_truth` does not
     write."""
-    return [Truth(row["view"], **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
+    return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
 
 
 def read_renders(path: Path) -> list[Render]:
     """In the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
-    return [Render(row["view"], row["step"], **parts) for row, parts in _read(path, "renders", RENDER, set(RENDER))]
+    rows = _read(path, "renders", RENDER, set(RENDER))
+    return [Render(row.view, row.step, **parts) for row, parts in rows if row.step is not UNSET]
 
 
 def last_of(renders: list[Render]) -> list[Render]:
@@ -148,16 +169,15 @@ def last_of(renders: list[Render]) -> list[Render]:
     return [one for one in renders if one.step == step]
 
 
-def _write(path: Path, kind: str, rows: list[dict[str, Any]], pictures: list[Any]) -> None:
+def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any]) -> None:
     tensors = {
         f"{place:04}.{name}": np.ascontiguousarray(getattr(one, name), dtype=np.float16)
         for place, (row, one) in enumerate(zip(rows, pictures, strict=True))
-        for name in row["parts"]
+        for name in row.parts
     }
-    listing = {"schema": SCHEMA, "kind": kind, "pictures": rows}
     if sum(one.nbytes for one in tensors.values()) > LARGEST_BYTES - HEADER_BYTES:
         raise OSError(errno.EFBIG, f"pictures of more than {LARGEST_BYTES} bytes; store fewer views", str(path))
-    data = sealed(LISTING, listing, tensors)
+    data = sealed(LISTING, plain(PicturesListing(SCHEMA, kind, rows)), tensors)
     try:
         if path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data:
             return
@@ -168,39 +188,40 @@ def _write(path: Path, kind: str, rows: list[dict[str, Any]], pictures: list[Any
 
 def _read(
     path: Path, kind: str, channels: dict[str, int | None], needed: set[str]
-) -> list[tuple[dict[str, Any], dict[str, Half]]]:
+) -> list[tuple[ListedPicture, dict[str, Half]]]:
     try:
         if not path.is_file():
             raise ValueError("missing")
         if path.stat().st_size > LARGEST_BYTES:
             raise ValueError(f"larger than {LARGEST_BYTES} bytes")
-        found, tensors = unsealed(LISTING, path.read_bytes())
-        if (found["schema"], found["kind"]) != (SCHEMA, kind):
-            raise ValueError(f"{found['kind']} of schema {found['schema']}, not {kind} of schema {SCHEMA}")
-        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(found["pictures"])]
+        listing, tensors = unsealed(LISTING, path.read_bytes())
+        found: PicturesListing = as_promised(listing, PicturesListing)
+        if (found.schema, found.kind) != (SCHEMA, kind):
+            raise ValueError(f"{found.kind} of schema {found.schema}, not {kind} of schema {SCHEMA}")
+        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(found.pictures)]
         if len(tensors) != sum(len(parts) for _, parts in rows):
             raise ValueError("tensors that its listing does not know")
         return rows
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError) as error:
         said = " ".join(str(error).split())[:200] or type(error).__name__
         remedy = f"delete it and {REMEDY}" if os.path.lexists(path) else REMEDY
         raise DamagedRecord(f"{path}: not the pictures of a run ({said}); {remedy}") from error
 
 
 def _parts(
-    place: int, row: dict[str, Any], tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
+    place: int, row: ListedPicture, tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
 ) -> dict[str, Half]:
     """The tensors of one picture, all of one size."""
-    if not isinstance(row["view"], str) or type(row["step"] if channels is RENDER else 0) is not int:
-        raise ValueError("a view without a name or a checkpoint without a step")
-    if not needed <= set(row["parts"]) <= set(channels):
-        raise ValueError(f"parts {row['parts']}")
-    parts = {name: tensors[f"{place:04}.{name}"] for name in row["parts"]}
+    if (row.step is UNSET) is (channels is RENDER):
+        raise ValueError("a checkpoint without a step, or a truth with one")
+    if not needed <= set(row.parts) <= set(channels):
+        raise ValueError(f"parts {row.parts}")
+    parts = {name: tensors[f"{place:04}.{name}"] for name in row.parts}
     size = parts["opacity"].shape
     for name, tensor in parts.items():
         wanted = size if channels[name] is None else (*size, channels[name])
         if tensor.dtype != np.float16 or len(size) != 2 or min(size) < 1 or tensor.shape != wanted:
-            raise ValueError(f"{name} of view {row['view']} is {tensor.dtype} {tensor.shape}, not float16 {wanted}")
+            raise ValueError(f"{name} of view {row.view} is {tensor.dtype} {tensor.shape}, not float16 {wanted}")
         if not np.isfinite(tensor).all():
-            raise ValueError(f"{name} of view {row['view']} is not finite")
+            raise ValueError(f"{name} of view {row.view} is not finite")
     return parts

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+from msgspec import field
 
 from harness.records.cells import Estimate
-from harness.records.json_record import DamagedRecord, load_record, write_record
+from harness.records.json_record import DamagedRecord, Record, as_promised, load_record, write_record
 
 SCHEMA = 2
 SHELVES = {"evidence": "evidence.json", "stability": "stability.json", "speed": "speed.json"}
@@ -44,10 +45,6 @@ Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "
 """`measured`: a figure without a limit."""
 Values = Sequence[float | None]
 """`None` where a figure was not finite: a gap in the line, which a chart marks."""
-
-
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of all that is written: frozen, and refused where a file has a field that it has not."""
 
 
 class Answer(Record, frozen=True, tag="answer"):
@@ -177,7 +174,7 @@ class StudyInfo(Record, frozen=True):
     """One sentence that ends with a question mark."""
     method: str = ""
     """How it is answered, in two or three sentences; scenes, steps and seeds stand in `StudyRecord.scale`."""
-    facts: dict[str, str] = {}
+    facts: dict[str, str] = field(default_factory=dict)
     """What else the report says of it, by its title: `input`, `danger`, `reference`, `bar` of a stiff case."""
 
 
@@ -187,7 +184,7 @@ class StudyRecord(Record, frozen=True):
     info: StudyInfo
     scale: str = ""
     """The scale at which it was measured, in one line: scenes, seeds, steps, pixels."""
-    findings: list[Finding] = []
+    findings: list[Finding] = field(default_factory=list)
     seconds: float = 0.0
 
     @property
@@ -221,7 +218,7 @@ class Studies(Record, frozen=True):
     shelf: str
     provenance: dict[str, Any]
     settings: dict[str, Any]
-    studies: list[StudyRecord] = []
+    studies: list[StudyRecord] = field(default_factory=list)
     finished: bool = False
     schema: int = SCHEMA
 
@@ -300,7 +297,8 @@ def read_studies(path: Path) -> Studies:
             data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
-        return msgspec.convert(data, Studies)
+        found: Studies = as_promised(data, Studies)
+        return found
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:

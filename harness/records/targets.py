@@ -1,15 +1,14 @@
 """How soon each run of a benchmark reached a PSNR: `OUT/records/targets.json`, as `harness.verdicts.survival` computes
 it.
 
-This module imports the standard library and `harness.records.cells` alone, as reports read it.
+This module imports modules of records alone, as reports read it.
 """
 
-from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from harness.records.cells import Estimate, estimate_of, records_folder
-from harness.records.json_record import DamagedRecord, load_record, sound, write_record
+from harness.records.cells import Estimate, records_folder
+from harness.records.json_record import Record, read_record, write_record
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
@@ -19,8 +18,7 @@ Axis = Literal["steps", "seconds"]
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 
-@dataclass(frozen=True)
-class Reach:
+class Reach(Record, frozen=True):
     """When one run first reached the target, as far as that is known. Every run has one for each axis."""
 
     scene: str
@@ -36,8 +34,7 @@ class Reach:
     """Of `never`: ended below the target, diverged, or failed."""
 
 
-@dataclass(frozen=True)
-class ReachCurve:
+class ReachCurve(Record, frozen=True):
     """Kaplan–Meier: the share of a method's runs that have reached the target by a time. A step function."""
 
     method: str
@@ -52,8 +49,7 @@ class ReachCurve:
     """Runs that were watched and below the target just before each time, equally long."""
 
 
-@dataclass(frozen=True)
-class TargetComparison:
+class TargetComparison(Record, frozen=True):
     """How much sooner `method` reaches the target than `against`, paired over scenes and seeds.
 
     What is compared is the restricted time min(T, horizon): all that a time can say that was only watched until then.
@@ -92,18 +88,17 @@ class TargetComparison:
     """Runs among the pairs that had reached it by their first checkpoint: of `method`, of `against`."""
     unpaired: int
     """Pairs of which a run does not exist, or failed for reasons that are not its method's."""
-    at_least: float | None = None
+    at_least: float | None
     """Per cent that `method` saves of the time to the target itself, or more, with 97.5 % confidence. None where a time
     of the two that was not seen whole may have made it less."""
-    at_most: float | None = None
-    on_these_scenes: Estimate | None = None
+    at_most: float | None
+    on_these_scenes: Estimate | None
     """In per cent, with error from seeds alone."""
-    scenes_like_these: Estimate | None = None
+    scenes_like_these: Estimate | None
     """None for a single scene."""
 
 
-@dataclass(frozen=True)
-class TargetsRecord:
+class TargetsRecord(Record, frozen=True):
     """The target, when everybody reached it, and who was sooner."""
 
     target: float | None
@@ -114,9 +109,9 @@ class TargetsRecord:
     """The method from whose runs alone the target was chosen."""
     declared: str
     """How it was chosen, in a sentence."""
-    reaches: list[Reach] = field(default_factory=list)
-    curves: list[ReachCurve] = field(default_factory=list)
-    comparisons: list[TargetComparison] = field(default_factory=list)
+    reaches: list[Reach]
+    curves: list[ReachCurve]
+    comparisons: list[TargetComparison]
     schema: int = TARGETS_SCHEMA
 
     def comparison(self, scene: str, method: str, against: str, axis: str) -> TargetComparison | None:
@@ -127,29 +122,10 @@ class TargetsRecord:
 
 def write_targets(out: Path, record: TargetsRecord) -> None:
     """Raises `ValueError` where a figure is not finite."""
-    write_record(records_folder(out) / TARGETS_FILE, asdict(record))
+    write_record(records_folder(out) / TARGETS_FILE, record)
 
 
 def read_targets(out: Path) -> TargetsRecord | None:
     """None for a run recorded before there was one. Raises `DamagedRecord` for what this version does not write."""
     path = records_folder(out) / TARGETS_FILE
-    if not path.exists():
-        return None
-    try:
-        data = load_record(path)
-        if data.get("schema") != TARGETS_SCHEMA or set(data) != {one.name for one in fields(TargetsRecord)}:
-            raise ValueError(f"not a record of schema {TARGETS_SCHEMA}")
-        lists = {
-            "reaches": [Reach(**one) for one in data["reaches"]],
-            "curves": [ReachCurve(**one) for one in data["curves"]],
-            "comparisons": [TargetComparison(**_with_pairs(one)) for one in data["comparisons"]],
-        }
-        return sound(TargetsRecord(**{**data, **lists}), TargetsRecord)
-    except (OSError, RecursionError, ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise DamagedRecord(f"{path}: {error}; delete it and run again with --resume") from error
-
-
-def _with_pairs(row: dict[str, Any]) -> dict[str, Any]:
-    names = ("interval", "simultaneous", "difference_interval", "never", "earlier")
-    pairs = {name: None if row[name] is None else (row[name][0], row[name][1]) for name in names}
-    return {**row, **pairs, **{name: estimate_of(row[name]) for name in ("on_these_scenes", "scenes_like_these")}}
+    return read_record(path, TargetsRecord, TARGETS_SCHEMA) if path.exists() else None

@@ -1,8 +1,9 @@
 """What the record of a run holds already when the run is gone on with: clocks, notices, what omissions cost."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
 from harness.records.json_record import DamagedRecord

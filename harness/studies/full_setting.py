@@ -152,10 +152,10 @@ def page(speed: Studies) -> str:
         [
             "# What the paper's full table costs",
             "",
-            "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. The table "
-            f"is {len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} steps at "
-            f"{plan.views.resolution} × {plan.views.resolution}: {work.cells} cells in {work.groups} groups (a scene "
-            "and a seed, its methods in lockstep).",
+            "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. "
+            f"The table is {len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} "
+            f"steps at {plan.views.resolution} × {plan.views.resolution}: {work.cells} cells in {work.groups} groups "
+            "(a scene and a seed, its methods in lockstep).",
             "",
             "**Measured**: rates of this processor. **Counted**: floating-point operations of the matrix products, "
             "every sample of every ray, so that the true figure is lower where rays miss the scene's box. **Assumed**: "

@@ -16,7 +16,7 @@ from harness.plan.plugins import origins
 from harness.plan.schedule import Budget, checkpoint_fractions
 from harness.plan.settings import ScoreSettings, TrainSettings
 from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cell_path, read_cell
-from harness.records.json_record import DamagedRecord
+from harness.records.json_record import DamagedRecord, as_promised, plain
 from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training import evaluate
@@ -250,7 +250,7 @@ class CellTraining:
             "made_with": self._made_with(),
             "resumed_at": self.resumed_at,
             "due": len(self.due),
-            "curve": [asdict(point) for point in self.curve],
+            "curve": plain(self.curve),
             "renders": [[render.view, render.step] for render in self.kept.renders],
         }
         write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
@@ -283,7 +283,7 @@ class CellTraining:
         if not 0 < listing["due"] <= len(self.due):
             raise ValueError(f"{listing['due']} checkpoints to come of {len(self.due)}")
         self.due = self.due[len(self.due) - listing["due"] :]
-        self.curve = [Checkpoint(**point) for point in listing["curve"]]
+        self.curve = as_promised(listing["curve"], list[Checkpoint])
         self.kept.renders = [
             Render(view, step, **{part: arrays[f"{place}.{part}"] for part in RENDER})
             for place, (view, step) in enumerate(listing["renders"])

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from msgspec import structs
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
@@ -233,7 +234,9 @@ def _grouped(ranked: Ranking) -> Ranking:
         else:
             runs.append((first, last))
     groups = [[number for number, (a, b) in enumerate(runs, 1) if a <= place <= b] for place in range(len(names))]
-    return replace(ranked, places=[replace(one, groups=of) for one, of in zip(ranked.places, groups, strict=True)])
+    return structs.replace(
+        ranked, places=[structs.replace(one, groups=of) for one, of in zip(ranked.places, groups, strict=True)]
+    )
 
 
 def suspects(table: ResultTable, margin: float) -> list[Suspect]:

@@ -4,7 +4,6 @@ An ambiguous table is refused with a one-line message.
 """
 
 import csv
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from harness.records.json_record import LARGEST_FILE, load_json
@@ -109,7 +109,7 @@ def _from_json(path: Path) -> Rows:
     try:
         data = load_json(path)
     except (OSError, ValueError) as error:
-        why = f"is no JSON ({error})" if isinstance(error, json.JSONDecodeError) else str(error)
+        why = f"is no JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
         raise InputError(f"{path}: {why}; where there is no result, write null") from error
     lower: frozenset[str] = frozenset()
     if isinstance(data, dict) and "metrics" in data and isinstance(data["metrics"], list):

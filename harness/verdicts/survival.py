@@ -50,7 +50,7 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
     baseline = "nerf" if "nerf" in methods else methods[0]
     target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
     if target is None:
-        return TargetsRecord(None, False, baseline, declared)
+        return TargetsRecord(None, False, baseline, declared, [], [], [])
     scenes = sorted({cell.scene for cell in runs})
     reaches = [reach(cell, axis, target) for axis in AXES for cell in runs]
     curves = [

@@ -21,13 +21,12 @@ from harness.records.cells import (
     read_run,
     records_folder,
 )
-from harness.records.json_record import DamagedRecord, first_mismatch, shown
+from harness.records.json_record import REMEDY, DamagedRecord, shown
 from harness.records.study import Series, Table
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
 from harness.verdicts.comparisons import compare
 
 One = TypeVar("One")
-REMEDY = "delete it and run again with --resume"
 
 
 class NoRecords(ValueError):
@@ -126,20 +125,16 @@ def read_records(out: Path, partly: bool = False) -> Records:
         raise NoRecords(f"{folder}: no finished cell yet; finish the run (python -m harness run --resume)")
     if not (folder / "run.json").is_file():
         raise NoRecords(f"{folder / 'run.json'}: missing; finish the run (python -m harness run --resume)")
-    run = _sound(folder / "run.json", RunRecord, lambda: read_run(out))
+    run = read_run(out)
     left_out: list[str] | None = [] if partly else None
-
-    def sound(path: Path, hint: Any, read: Callable[[], Any], without: Any = None) -> Any:
-        return if_sound(lambda: _sound(path, hint, read), without, left_out)
-
-    cells = [cell for path in paths if (cell := sound(path, CellRecord, partial(read_cell, path))) is not None]
+    cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
         raise NoRecords(f"{folder}: no finished cell is sound; finish the run (python -m harness run --resume)")
-    comparisons = sound(folder / "comparisons.json", list[Comparison], lambda: read_comparisons(out), [])
+    comparisons: list[Comparison] = if_sound(partial(read_comparisons, out), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
-    targets = sound(folder / TARGETS_FILE, TargetsRecord | None, lambda: _of_methods(read_targets(out), known))
-    if len(cells) < len(paths):  # both are about cells that are not shown
+    targets = if_sound(partial(_targets, out, known), None, left_out)
+    if len(cells) < len(paths):  # both are of cells that are not shown
         comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, [*known, *run.methods]
@@ -156,18 +151,15 @@ def read_records(out: Path, partly: bool = False) -> Records:
     )
 
 
-def find_record(
-    path: Path, kind: type[One], read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str
-) -> One | None:
-    """Read a record that lies beside a run, None if there is none; raises `DamagedRecord`.
+def find_record(path: Path, read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str) -> One | None:
+    """A record that lies beside a run, None where there is none; raises `DamagedRecord`.
 
     `wrong` finds the first thing that no run writes, though every type is right.
     """
     if not path.is_file():
         return None
     record = read(path)
-    problem = first_mismatch(record, kind) or wrong(record)
-    if problem is not None:
+    if (problem := wrong(record)) is not None:
         raise DamagedRecord(f"{path}: {problem}; {remedy}")
     return record
 
@@ -178,30 +170,18 @@ def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRec
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
 
 
-def _of_methods(found: TargetsRecord | None, methods: list[str]) -> TargetsRecord | None:
-    """Check the methods; raises `ValueError` for a curve of another one."""
+def _targets(out: Path, methods: list[str]) -> TargetsRecord | None:
+    """Raises `DamagedRecord` also where a curve is of none of the methods."""
+    found = read_targets(out)
     stray = next((one.method for one in found.curves if one.method not in methods), None) if found else None
     if stray is not None:
-        raise ValueError(f"a curve is of {shown(stray)}, which is no method of the run")
+        path = records_folder(out) / TARGETS_FILE
+        raise DamagedRecord(f"{path}: a curve is of {shown(stray)}, which is no method of the run; {REMEDY}")
     return found
 
 
 def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
-
-
-def _sound(path: Path, hint: Any, read: Callable[[], Any]) -> Any:
-    """Return the result of `read`, if it is of its type; otherwise raise an error that names the file."""
-    try:
-        value = read()
-    except DamagedRecord:
-        raise
-    except (TypeError, KeyError, AttributeError, ValueError, IndexError, OSError) as error:
-        raise DamagedRecord(f"{path}: {error}; {REMEDY}") from error
-    wrong = first_mismatch(value, hint)
-    if wrong is not None:
-        raise DamagedRecord(f"{path}: {wrong}; {REMEDY}")
-    return value
 
 
 def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:

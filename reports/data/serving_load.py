@@ -37,11 +37,9 @@ MISSED: Verdict = "not seen at this scale"
 
 
 def find_serving(out: Path) -> ServingRecord | None:
-    """Read the serving record under `out`, None if there is none; raises `DamagedRecord`."""
+    """What serving was measured to do under `out`, None where it was not; raises `DamagedRecord`."""
     remedy = f"run `python -m harness study serving {out}` again"
-    return find_record(
-        out / SERVING_FILE, ServingRecord, read_serving, partial(_contradiction, records_folder(out)), remedy
-    )
+    return find_record(out / SERVING_FILE, read_serving, partial(_contradiction, records_folder(out)), remedy)
 
 
 def is_quick(record: ServingRecord) -> bool:

@@ -3,7 +3,7 @@
 from collections import Counter
 from pathlib import Path
 
-from harness.records.json_record import DamagedRecord, first_mismatch
+from harness.records.json_record import DamagedRecord, as_promised
 from harness.records.study import SHELVES, Effect, Studies, StudyRecord, read_studies
 from reports.data.load import uneven
 
@@ -24,8 +24,10 @@ def _contradiction(record: Studies, shelf: str) -> str | None:
     if record.shelf != shelf:
         return f"holds studies of {record.shelf!r}"
     interest = record.settings.get("smallest_of_interest")
-    if interest is not None and (wrong := first_mismatch(interest, dict[str, float], "smallest_of_interest")):
-        return wrong
+    try:
+        as_promised(interest, dict[str, float] | None)
+    except ValueError as error:
+        return f"smallest_of_interest: {error}"
     twice = [name for name, many in Counter(study.info.id for study in record.studies).items() if many > 1]
     if twice:
         return f"{twice[0]!r} is there twice"

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.records.cells import CellRecord
-from harness.records.json_record import finite_or_none, write_json
+from harness.records.json_record import finite_or_none, plain, write_json
 from harness.records.serving_record import CacheRecord, ServingRecord
 from reports.claims.claim_list import claims
 from reports.claims.estimands import found_failures
@@ -60,12 +60,12 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
             for scene in run.scenes
         ],
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
-        "comparisons": [asdict(one) for one in (*records.comparisons, *records.extra_comparisons)],
+        "comparisons": [plain(one) for one in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
         "claims": [_claim(one.__dict__) for one in found],
         "cache": _cache(beside.serving.cache) if beside.serving and beside.serving.cache else None,
         "attention": _attention(beside.serving) if beside.serving else None,
-        "left_out": [{"scene": scene.name, **asdict(one)} for scene in run.scenes for one in scene.left_out],
+        "left_out": [{"scene": scene.name, **plain(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": not_tested(run.not_tested, found),
         "phases": run.phases,

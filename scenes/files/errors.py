@@ -1,4 +1,4 @@
-"""The one exception for a user's mistake."""
+"""The exceptions whose message is all that a user is shown."""
 
 LONGEST = 1500
 """Characters of a message."""
@@ -15,8 +15,20 @@ class InputError(ValueError):
         super().__init__(readable(str(message)))
 
 
+class DamagedRecord(ValueError):
+    """A file of records is not what this version writes: the message names the file, the reason and the remedy."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(readable(str(message)))
+
+
 def readable(text: str) -> str:
     """`text` as a terminal can show it: printable, and its middle left out beyond `LONGEST` characters."""
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 3]} … {text[-LONGEST // 2 :]}"
     return "".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in text)
+
+
+def as_text(text: str) -> str:
+    """With the halves of characters written out, which a name that is not UTF-8 has and no file can hold."""
+    return text.encode(errors="backslashreplace").decode()

@@ -3,12 +3,13 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct, convert, field, to_builtins
 
 from scenes.files.errors import InputError
-from scenes.view_sets.transforms import read_json
+from scenes.view_sets.transforms import read_json, shown
 
 FORMAT = "radiance-verdict view set"
 SCHEMA = 1
@@ -40,16 +41,16 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError(f"{file}: not a manifest of {FORMAT!r}; remove it to read the folder as anyone's view set")
     if content.get("schema") != SCHEMA:
         raise InputError(
-            f"{file}: schema {_shown(content.get('schema'))}, this version reads {SCHEMA}; render the view set again "
+            f"{file}: schema {shown(content.get('schema'))}, this version reads {SCHEMA}; render the view set again "
             "with this version, or remove the manifest to read its PNG files alone"
         )
     claimed = content.pop("checksum", None)
     if claimed != _own_checksum(content):
         raise DamagedViewSet(f"{file}: its checksum is wrong, so it was changed or damaged; render the view set again")
-    for key, (fits, what) in _KEYS.items():
-        if (key in content or key not in _LATER) and not fits(content.get(key)):
-            found = _shown(content.get(key))
-            raise DamagedViewSet(f"{file}: {key} is {found}; it must be {what}: render the view set again")
+    try:
+        _require_printable(to_builtins(convert(content, _Manifest)))
+    except ValueError as error:
+        raise DamagedViewSet(f"{file}: {str(error)[:400]}: render the view set again") from error
     return content
 
 
@@ -88,76 +89,70 @@ def checksum(file: Path) -> str:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e30
+Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
+Text = Annotated[str, Meta(max_length=500)]
+Name = Annotated[str, Meta(max_length=500, pattern=r"^(?!\.{0,2}$)[^/\\]*$")]
+"""Fit for a part of a file's name."""
+Corner = tuple[Number, Number, Number]
 
 
-def _is_corner(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
+class _View(Struct, frozen=True):
+    """What is told of a view."""
+
+    noise_mse: Number
+    seconds: Number = 0.0
+    seen: bool = True
+    lit: bool = True
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and len(value) <= 500 and (value.isprintable() or not value)
+class _Line(_View, frozen=True, kw_only=True):
+    """A view in the journal."""
+
+    order: str
+    name: str
+    files: dict[str, str]
 
 
-def _is_name(value: Any) -> bool:
-    """Return whether a text is fit for a part of a file's name."""
-    return _is_text(value) and value not in ("", ".", "..") and not set(value) & set("/\\")
+class _Need(Struct, frozen=True, forbid_unknown_fields=True):
+    name: Text
+    needed: bool
+    reason: Text
+    kept: Text
 
 
-def _are_texts(value: Any) -> bool:
-    return isinstance(value, dict) and all(map(_is_text, value)) and all(map(_is_text, value.values()))
+class _LeftOut(Struct, frozen=True):
+    """Older versions knew no bounds."""
+
+    what: Text
+    reason: Text
+    name: Text = ""
+    concerns: Text = ""
+    bound: Number | None = None
+    unit: Text = ""
 
 
-def _are_views(value: Any) -> bool:
-    return isinstance(value, dict) and all(
-        isinstance(view, dict) and _is_number(view.get("noise_mse")) for view in value.values()
-    )
+class _Manifest(Struct, frozen=True):
+    """What is read of a manifest whose checksum is right, which whoever writes a folder can make right; the rest says
+    how the views came about. Older versions wrote none of what has a default."""
+
+    files: dict[Text, Text]
+    scene: Name
+    title: Text
+    near: Number
+    far: Number
+    bounds: tuple[Corner, Corner]
+    views: dict[str, _View]
+    empty_splits: list[Text] = field(default_factory=list)
+    needs: list[_Need] = field(default_factory=list)
+    left_out: list[_LeftOut] = field(default_factory=list)
 
 
-def _are_needs(value: Any) -> bool:
-    keys = {"name", "needed", "reason", "kept"}
-    return _are_rows(value) and all(set(row) == keys and _is_text(row["name"]) for row in value)
-
-
-def _are_left_out(value: Any) -> bool:
-    return _are_rows(value) and all(_is_text(row.get("what")) for row in value)
-
-
-def _are_rows(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(row, dict) and all(map(_is_plain, row.values())) for row in value)
-
-
-def _is_plain(value: Any) -> bool:
-    return value is None or isinstance(value, bool) or _is_number(value) or _is_text(value) or _is_number_list(value)
-
-
-def _is_number_list(value: Any) -> bool:
-    return isinstance(value, list) and all(map(_is_number, value))
-
-
-_KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "files": (_are_texts, "an object of checksums by path"),
-    "scene": (_is_name, "the name of a scene"),
-    "title": (_is_text, "a line of text"),
-    "near": (_is_number, "a number"),
-    "far": (_is_number, "a number"),
-    "bounds": (lambda v: isinstance(v, list) and len(v) == 2 and all(map(_is_corner, v)), "two corners of a box"),
-    "views": (_are_views, "an object of views, each with its noise_mse"),
-    "empty_splits": (lambda v: isinstance(v, list) and all(map(_is_text, v)), "a list of splits"),
-    "needs": (_are_needs, "a list of needs"),
-    "left_out": (_are_left_out, "a list of what was left out"),
-}
-"""The keys that are read of a manifest, with checks: anyone who writes a folder can make its checksum right."""
-_LATER = ("empty_splits", "needs", "left_out")
-"""The keys that older versions did not write."""
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "missing or null"
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:79]}…"
+def _require_printable(value: Any) -> None:
+    """Raises `ValueError` for a text that a terminal would obey."""
+    if isinstance(value, str) and not value.isprintable():
+        raise ValueError(f"{shown(value)} is not printable")
+    for one in (*value, *value.values()) if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _require_printable(one)
 
 
 def _own_checksum(content: dict[str, Any]) -> str:
@@ -209,8 +204,8 @@ def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
         try:
             line = json.loads(row)
             claimed = line.pop("digest")
-            if claimed == _digest(line) and line["order"] == order and line["files"] and _is_sound(line):
-                found[str(line["name"])] = line
+            if claimed == _digest(line) and convert(line, _Line).order == order:
+                found[line["name"]] = line
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             continue
     return found
@@ -225,18 +220,9 @@ def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
         return {
             name: {**told, "files": {suffix: manifest["files"][f"{name}{suffix}"] for suffix in SUFFIXES}}
             for name, told in manifest["views"].items()
-            if _is_sound(told)
         }
     except (InputError, OSError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _is_sound(facts: dict[str, Any]) -> bool:
-    """Return whether facts are as `note` takes them: the facts of a view go into a manifest."""
-    numbers = [facts.get("noise_mse"), facts.get("seconds", 0.0)]
-    return all(type(one) in (int, float) and abs(one) < 1e30 for one in numbers) and all(
-        isinstance(facts.get(name, True), bool) for name in ("seen", "lit")
-    )
 
 
 def _digests(folder: Path, name: str) -> dict[str, str | None]:

@@ -2,10 +2,10 @@
 
 import json
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from tests.fuzz.viewer_requests import REQUEST
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball

@@ -3,13 +3,13 @@
 import json
 import warnings
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tests.fuzz import material
 from tests.harness.ball import ball_view, pose
+from tests.replacing import replace
 from tests.reports.fake_evidence import write_fake_evidence
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import write_fake_serving

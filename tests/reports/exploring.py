@@ -2,9 +2,10 @@
 
 import csv
 import io
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from harness.records.cells import CellRecord
 from reports.data.load import Records, read_records

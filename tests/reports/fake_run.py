@@ -6,10 +6,10 @@ python -m tests.reports.fake_run OUT    writes eight scenes × three methods × 
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from harness.records.cells import (
     CellRecord,

@@ -116,7 +116,14 @@ def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
-LIGHT = {"scenes", "scenes.files", "scenes.files.errors", "scenes.files.installed", "scenes.files.stopping"}
+LIGHT = {
+    "scenes",
+    "scenes.files",
+    "scenes.files.errors",
+    "scenes.files.atomic",
+    "scenes.files.installed",
+    "scenes.files.stopping",
+}
 HEAVY = (
     f"print(sorted(name for name in set(sys.modules) - {LIGHT!r} "
     "if name.split('.')[0] in ('torch', 'mitsuba', 'drjit', 'baselines', 'scenes')))"

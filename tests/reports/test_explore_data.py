@@ -3,10 +3,10 @@
 import json
 import math
 import re
-from dataclasses import replace
 
 import pytest
 from markupsafe import Markup
+from msgspec.structs import replace
 
 from harness.records.cells import cell_path
 from reports.claims.psnr_table import scores_grid

@@ -1,7 +1,5 @@
 """A method whose library is missing: shown with its reason, counted as nobody's failure, and in nobody's way."""
 
-from dataclasses import replace
-
 import pytest
 
 from reports.__main__ import main
@@ -10,6 +8,7 @@ from reports.claims.psnr_table import scores_grid
 from reports.data.load import Records, read_records
 from reports.run.metrics_table import metrics_grid
 from reports.run.run_page import page
+from tests.replacing import replace
 from tests.reports.fake_run import GAIN, METHODS, SLOWNESS, write_fake_run
 
 REASON = "no shared library of LLVM 16 or newer"

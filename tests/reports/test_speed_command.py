@@ -65,7 +65,7 @@ def test_a_number_that_is_not_finite_is_damage(tmp_path, capsys):
     text = (out / "speed.json").read_text(encoding="utf-8").replace("7.418", "NaN")
     (out / "speed.json").write_text(text, encoding="utf-8")
     assert main([str(out)]) == 2
-    assert "NaN is no number" in capsys.readouterr().err
+    assert "JSON is malformed" in capsys.readouterr().err
 
 
 def test_a_word_in_place_of_a_number_is_named(tmp_path, capsys):

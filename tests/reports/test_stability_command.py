@@ -72,7 +72,7 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, content):
     ("was", "becomes", "said"),
     [
         ('"value": 0.0003', '"value": "high"', "got `str` - at `$.studies[8].findings[5].value`"),
-        ('"value": 0.0003', '"value": NaN', "NaN is no number of JSON"),
+        ('"value": 0.0003', '"value": NaN', "JSON is malformed"),
         ('"status": "not_available"', '"status": "lost"', "Invalid enum value 'lost'"),
     ],
 )

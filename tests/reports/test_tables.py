@@ -1,7 +1,5 @@
 """Tables as data, against literals."""
 
-from dataclasses import replace
-
 import pytest
 
 from harness.records.cells import Comparison, LeftOut
@@ -10,6 +8,7 @@ from reports.data.load import Records, read_records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.page.grid import Entry
 from reports.run.metrics_table import failures_grid, left_out_grid, metrics_grid, properties_grid
+from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 
 
@@ -56,7 +55,9 @@ def test_differences_are_those_of_the_comparisons(records: Records):
 
 
 def test_a_comparison_without_pairs_shows_no_number():
-    one = Comparison("lego", "qnerf", "nerf", "psnr", "steps", None, None, "inconclusive", None, 0, 3)
+    one = Comparison(
+        "lego", "qnerf", "nerf", "psnr", "steps", None, None, "inconclusive", None, 0, 3, None, 1, None, None
+    )
     assert difference_entry(one) == Entry("–", "inconclusive\n3 pairs not judged", "inconclusive")
 
 
@@ -98,7 +99,10 @@ def test_properties_show_mean_and_range(tmp_path):
 
 def test_columns_that_no_scene_fills_are_left_out(tmp_path):
     def unmeasured(run):
-        scenes = [replace(one, left_out=[LeftOut("volumetric integrator", "no medium")]) for one in run.scenes]
+        scenes = [
+            replace(one, left_out=[LeftOut("volumetric integrator", "no medium", None, None, None)])
+            for one in run.scenes
+        ]
         return replace(run, scenes=scenes)
 
     out = write_fake_run(tmp_path / "run", pictures=False, change=unmeasured)
@@ -112,7 +116,7 @@ def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
                 "training", "costs more"),
         LeftOut("samples behind", "opaque", -0.1, 6.4e-5, None, "behind_opaque", "rendering", 1e-4, "colour",
                 "rendering", "within its bound"),
-        LeftOut("background model", "alpha is known", bound=0.0),
+        LeftOut("background model", "alpha is known", None, None, None, bound=0.0),
     ]  # fmt: skip
 
     def verified(run):
@@ -138,7 +142,9 @@ def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, 
 
 
 def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone() -> None:
-    alone = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0, (0.1, 0.9), 1)
+    alone = Comparison(
+        "all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0, (0.1, 0.9), 1, None, None
+    )
     assert difference_entry(alone).small == "[+0.10, +0.90]\nbetter"
     of_eight = replace(alone, scene="lego", verdict="inconclusive", simultaneous=(-0.3, 1.3), family=8)
     assert difference_entry(of_eight).small == "[−0.30, +1.30]\ninconclusive"

@@ -1,9 +1,9 @@
 """Plots are plain data: traces against literals."""
 
 import re
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from harness.records.cells import Checkpoint
 from reports.data.load import Records, read_records

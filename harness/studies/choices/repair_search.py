@@ -6,7 +6,7 @@ can be set.
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
-from harness.records.json_record import load_json, sound
+from harness.records.json_record import Record, as_promised, load_json, plain
 from harness.studies.evidence.evidence_context import SEARCHED
 from harness.training import evaluate
 from harness.training.batches import Batches
@@ -55,8 +55,7 @@ PUBLISHED = Path(__file__).parents[3] / "docs" / "repair_search.json"
 """What the search gave when it was done for `baselines.methods.repaired.REPAIRED`."""
 
 
-@dataclass(frozen=True)
-class RepairRow:
+class RepairRow(Record, frozen=True):
     """One method on one scene with one seed."""
 
     method: str
@@ -72,8 +71,7 @@ class RepairRow:
     beta: float | None
 
 
-@dataclass(frozen=True)
-class CandidateRank:
+class CandidateRank(Record, frozen=True):
     """One candidate over all scenes and seeds."""
 
     method: str
@@ -86,8 +84,7 @@ class CandidateRank:
     ties: bool
 
 
-@dataclass(frozen=True)
-class Search:
+class Search(Record, frozen=True):
     """A search that is done."""
 
     rows: list[RepairRow]
@@ -103,15 +100,7 @@ def read_search(path: Path = PUBLISHED) -> Search:
     """Raises `InputError` where the file is not what `python -m harness study repair` writes."""
     try:
         data = load_json(path)
-        rows, table = (data[name] for name in ("rows", "standings"))
-        found = Search(
-            [RepairRow(**row) for row in rows],
-            [CandidateRank(**one) for one in table],
-            data["chosen"],
-            data["history"],
-            data["clock"],
-        )
-        return sound(found, Search)
+        return as_promised({name: data[name] for name in Search.__struct_fields__}, Search)
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path}: {error}; write it with `python -m harness study repair --out {path}`") from error
 
@@ -176,8 +165,8 @@ def as_json(rows: list[RepairRow], plan: Plan, device: torch.device) -> dict[str
         "excluded": EXCLUDED,
         "references": list(REFERENCES),
         "settings": plan.settings(),
-        "rows": [asdict(row) for row in rows],
-        "standings": [asdict(one) for one in table],
+        "rows": plain(rows),
+        "standings": plain(table),
         "chosen": chosen(table),
     }
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from harness.execution.executors import device_here
 from harness.execution.progress import Progress
@@ -72,7 +73,7 @@ def verify_run(
     for one in too_costly(found):
         show.line(f"left out at too high a price: {line_of(one)}")
     return [
-        replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
+        structs.replace(scene, left_out=filled(scene.left_out, [one for one in found if one.scene == scene.name]))
         for scene in scenes
     ]
 
@@ -160,7 +161,7 @@ def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omiss
 
 
 def _filled(row: LeftOut, one: Omission) -> LeftOut:
-    return replace(
+    return structs.replace(
         row,
         seconds_saved=one.seconds_saved,
         difference=one.difference,

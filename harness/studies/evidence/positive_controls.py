@@ -5,7 +5,9 @@ view dependence 27.66, without positional encoding 28.77, with 50 images 29.79, 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec import structs
 
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Effect, Table, check
@@ -79,7 +81,7 @@ def effects_of(control: Control, trained: dict[str, StudyRun]) -> list[Effect]:
     scenes = needing(control, baseline)
     cells = [cell for cell in baseline.cells if cell.method == "nerf"]
     cells += [
-        replace(cell, method=control.name)
+        structs.replace(cell, method=control.name)
         for cell in own.cells
         if cell.method == ("nerf" if control.images else control.name)
     ]

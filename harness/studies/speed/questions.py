@@ -1,12 +1,10 @@
 """The one table of questions about speed. A new question is a generator of findings and one entry here."""
 
+from harness.plan.defaults import PLAIN_SECONDS
 from harness.records.study import StudyInfo
 from harness.studies.framework import Shelf, Study, catalogue
 
 QUICK_SECONDS = 4
-PLAIN_SECONDS = 420.0
-"""Training of the plain side of question 3, on its own clock."""
-QUICK_PLAIN_SECONDS = 1.5
 
 
 def _question(number: int, title: str, measure: str, seconds: float) -> Study:

@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import signal
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
 from harness.training.trainer import Trainer
 from tests.harness import dying_workers
 from tests.harness.tiny import BUDGET, SCORE, TRAIN, VIEWS
+from tests.replacing import replace
 
 
 def tasks(ball_folder: Path, out: Path, budget: Budget = BUDGET) -> list[GroupTask]:

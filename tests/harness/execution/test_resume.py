@@ -6,11 +6,11 @@ import shutil
 import signal
 import subprocess
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from harness.__main__ import main
 from harness.records.cells import read_cells, read_comparisons, read_run

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from msgspec.structs import force_setattr
 
 from harness.gate import worse
 from harness.gate.gates import (
@@ -170,7 +171,7 @@ def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(monkeyp
             for estimate in (row.on_these_scenes, row.scenes_like_these):
                 if estimate and estimate.interval:
                     low, high = estimate.interval
-                    object.__setattr__(estimate, "interval", (low + 0.01 * (high - low), high))
+                    force_setattr(estimate, "interval", (low + 0.01 * (high - low), high))
         return rows
 
     monkeypatch.setattr(worse, "compare", narrow)

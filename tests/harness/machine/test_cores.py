@@ -3,11 +3,11 @@
 import os
 from argparse import Namespace
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+from msgspec.structs import replace
 
 from harness.execution.executors import chosen_machine, shared_by
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings

@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from tests.harness.ball import DISTANCE, write_ball
 from tests.harness.tiny import CPU, TRAIN
 from tests.harness.trained_runs import SIZE, train_run
 from tests.harness.voxels import drjit_or_skip
+from tests.replacing import replace
 
 METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
 """A density of its own point, one that depends on the call, and one with buffers beside its weights."""

@@ -1,12 +1,12 @@
 """Times to a target: there and back, and what cannot be read."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from harness.records.cells import records_folder
+from harness.records.cells import Estimate, records_folder
 from harness.records.json_record import DamagedRecord
 from harness.records.targets import (
     TARGETS_FILE,
@@ -18,9 +18,10 @@ from harness.records.targets import (
     write_targets,
 )
 
+HERE = Estimate((3.0, 31.0), (1.0, 33.0), 8, "better", 20.0, 1.0)
 SAVING = TargetComparison(
     "all", "qnerf", "nerf", "steps", 1000.0, 18.0, (3.0, 31.0), (1.0, 33.0), 8, "better", 20.0, -80.0, (-90.0, -70.0),
-    6, (0, 1), (2, 0), 0,
+    6, (0, 1), (2, 0), 0, 3.0, None, HERE, None,
 )  # fmt: skip
 NOTHING = replace(
     SAVING, scene="lego", saving=None, interval=None, simultaneous=None, smallest_detectable=None, difference=None,

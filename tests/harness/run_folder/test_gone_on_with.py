@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from harness.records.json_record import DamagedRecord
 from harness.run_folder.earlier_run import with_measured
 from harness.run_folder.phases import Phases
 from tests.harness.trained_runs import in_this_process
+from tests.replacing import replace
 
 TYPED = "run --profile smoke --resolution 8 --methods nerf qnerf --seeds 1 --budget-steps 2 --workers 1 --no-serving"
 

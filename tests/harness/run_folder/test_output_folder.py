@@ -1,7 +1,7 @@
 """The folder that a run writes to: fresh, or gone on with, never one in use."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +22,7 @@ from harness.run_folder.output_folder import (
 )
 from scenes.files.errors import InputError
 from tests.harness.cells import diverged
+from tests.replacing import replace
 
 MACHINE = Machine("cpu", 2, 1)
 

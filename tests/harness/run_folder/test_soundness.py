@@ -4,11 +4,11 @@ import json
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from harness.plan.profiles import Plan, planned
 from harness.records.cells import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons

@@ -1,6 +1,5 @@
 """All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from harness.training.trainer import TRACED, Trainer
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN
+from tests.replacing import replace
 
 THREE = ("nerf", "nerf_matched", "qnerf")
 

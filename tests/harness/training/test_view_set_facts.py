@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from scenes.files.errors import InputError
 from scenes.view_sets.images import read_image, write_png
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.cells import diverged
+from tests.replacing import replace
 
 KEY = ("ball", "nerf", 0)
 

@@ -1,10 +1,10 @@
 """Hand-written cells → literal differences."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Comparison
 from harness.verdicts.comparisons import METRICS, compare, differences, family_of, judged, keyed, score_on_curve

@@ -1,8 +1,7 @@
 """Rates of failure against exact sums, and paired comparisons of them."""
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 from scipy.stats import binom
 
 from harness.records.cells import CellRecord

@@ -1,10 +1,10 @@
 """Times to a target: hand-written curves, a slow Kaplan–Meier, and simulated runs whose truth is known."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from scipy.stats import norm
 
 from harness.records.cells import CellRecord

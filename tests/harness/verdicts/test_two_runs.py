@@ -1,10 +1,10 @@
 """Two outputs of one plan: what differs is counted, and other plans are refused in words."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from harness.__main__ import main
 from harness.records.cells import CellRecord, write_cell, write_run

@@ -1,7 +1,7 @@
 """A run that a page can show: two methods, trained for a moment on the ball, in this process."""
 
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -16,6 +16,7 @@ from harness.training.checkpoints import checkpoint_path
 from harness.training.lockstep import train_group
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN
+from tests.replacing import replace
 
 SIZE = 40
 """Pixels: nine regions."""

@@ -3,7 +3,6 @@
 import json
 import socket
 import threading
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from scenes.view_sets.images import read_image
 from scenes.view_sets.pixels import over_white
 from tests.harness.viewer.site import BYTES_PER_PIXEL, ORBIT, Site, unpacked, wanted
 from tests.harness.viewer.small_run import SIZE
+from tests.replacing import replace
 
 
 def test_every_file_of_the_page_is_there_and_may_load_nothing_from_elsewhere(site: Site) -> None:

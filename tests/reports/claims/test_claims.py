@@ -1,7 +1,5 @@
 """The ledger put to the test on a run: every entry gets a verdict, and none passes silently."""
 
-from dataclasses import replace
-
 import pytest
 
 from harness.records.cells import Estimate
@@ -14,6 +12,7 @@ from reports.data.load import Records, read_records
 from reports.data.scale import in_a_line, is_paper_scale, papers_scenes, standing
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, VERDICTS
+from tests.replacing import replace
 from tests.reports.fake_run import EIGHT, PAPER, write_fake_run
 
 RANGE, AVERAGE = "abstract-psnr-range", "table2-average"

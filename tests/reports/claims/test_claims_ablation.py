@@ -1,10 +1,8 @@
 """Table 4 from the factorial study, or from the run itself."""
 
 import json
-from dataclasses import replace as changed
 
 import pytest
-from msgspec.structs import replace
 
 from harness.records.cells import Comparison, Estimate
 from harness.records.study import Effect, Studies, StudyInfo, StudyRecord, check
@@ -16,6 +14,7 @@ from reports.data.selection import Selection
 from reports.data.wording import UNTESTED
 from reports.run.publish import summary, write_published
 from reports.run.run_page import page
+from tests.replacing import replace
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
@@ -79,8 +78,8 @@ def test_lost_pairs_are_said_and_two_seeds_settle_nothing(whole: Records):
 
 def test_the_runs_own_comparison_comes_before_the_study(whole: Records):
     here = Estimate((0.0, 0.2), (0.0, 0.2), 1, "better", 0.1, 1.0)
-    own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, on_these_scenes=here)
-    records = changed(whole, comparisons=[*whole.comparisons, own])
+    own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, None, 1, here, None)
+    records = replace(whole, comparisons=[*whole.comparisons, own])
     for evidence in (None, study(effect(LISTING_2, 0.6))):
         claim = judged(records, evidence)[CLAIM]
         assert (claim.measured, claim.verdict) == (0.1, "not seen at this scale")

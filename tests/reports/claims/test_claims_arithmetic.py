@@ -1,7 +1,5 @@
 """The paper's own figures: what they give, and that a wrong figure would be found."""
 
-from dataclasses import replace
-
 import pytest
 
 from reports.claims import arithmetic
@@ -9,6 +7,7 @@ from reports.claims.claim_list import claims
 from reports.claims.ledger import OWN_FIGURES, Bench, Printed, entries
 from reports.data.load import Records
 from reports.data.wording import UNTESTED
+from tests.replacing import replace
 from tests.reports.fake_run import PAPER
 
 

@@ -1,6 +1,5 @@
 """Table 3 from the record of when a score was reached: what is censored turns no verdict."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,12 +13,14 @@ from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time
 from reports.data.load import Records, read_records
 from reports.data.selection import TARGET, Selection
 from reports.data.wording import UNTESTED
+from tests.replacing import replace
 from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(
     scene="all", method="qnerf", against="nerf", axis="steps", horizon=1600.0, saving=18.0, interval=(-9.0, 41.0),
     simultaneous=(-9.0, 41.0), family=1, verdict="inconclusive", smallest_detectable=5.0, difference=-100.0,
     difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), unpaired=0,
+    at_least=None, at_most=None, on_these_scenes=None, scenes_like_these=None,
 )  # fmt: skip
 
 

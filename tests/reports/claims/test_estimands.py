@@ -1,10 +1,9 @@
 """Both questions about a difference stand side by side; failures have rates of their own."""
 
-from dataclasses import replace
-
 from reports.claims.estimands import found_failures, rates_grid, said, senses_grid
 from reports.data.load import Records
 from reports.run.publish import summary
+from tests.replacing import replace
 
 
 def test_both_senses_stand_in_one_row(whole: Records):

@@ -1,11 +1,10 @@
 """The words that a reader takes home."""
 
-from dataclasses import replace
-
 import pytest
 
 from reports.claims.headline import headline, roles, title_of
 from reports.data.load import Records, read_records
+from tests.replacing import replace
 from tests.reports.fake_run import METHODS, write_fake_run
 
 

@@ -1,14 +1,13 @@
 """Records are read whole, in order, or refused with a message that names the file."""
 
 import json
-from typing import Any, Literal
 
 import pytest
 
 from harness.records.cells import cell_path
 from harness.records.json_record import DamagedRecord
 from harness.records.targets import ReachCurve, TargetsRecord, write_targets
-from reports.data.load import NoRecords, Records, first_mismatch, read_records
+from reports.data.load import NoRecords, Records, read_records
 from tests.reports.fake_run import write_fake_run
 
 
@@ -46,69 +45,12 @@ def test_half_written_parts_are_not_cells(out):
     assert len(read_records(out).cells) == 18
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda data: data.update(schema=99), "schema 99, this version reads 1"),
-        (lambda data: data.pop("scores"), "unexpected or missing keys"),
-        (lambda data: data.update(steps="many"), "steps"),
-        (lambda data: data.update(status="fine"), "status"),
-        (lambda data: data["scores"].update(psnr=[1]), "psnr"),
-        (lambda data: data["curve"][0].pop("step"), "step"),
-        (lambda data: data["curve"].append({"step": 1}), "missing"),
-        (lambda data: data.update(curve=3), "chair"),
-        (lambda data: data["trace"].update(step=None), "trace"),
-        (lambda data: data.update(steps=True), "steps"),
-    ],
-)
-def test_a_damaged_cell_is_named_with_its_remedy(out, change, said):
+def test_a_damaged_cell_is_named_with_its_remedy(out):
     path = cell_path(out, "chair", "nerf", 0)
-    data = json.loads(path.read_text(encoding="utf-8"))
-    del data["digest"]  # which would say that it was changed, not how
-    change(data)
-    path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=said) as caught:
+    path.write_text(path.read_text(encoding="utf-8").replace('"train_seconds": 32.0', '"train_seconds": 33.0'))
+    with pytest.raises(DamagedRecord, match=r"its digest does not match its content.*run again") as caught:
         read_records(out)
     assert str(path) in str(caught.value)
-    assert "run again" in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("value", "hint", "said"),
-    [
-        (3, int, None),
-        (3, float, None),
-        (None, float | None, None),
-        ("many", int, "a is 'many', not int"),
-        (True, int, "a is True, not int"),
-        (float("nan"), float, "a is nan, which no record may hold"),
-        ([1.0, "x"], list[float], "a[1] is 'x', not float"),
-        ({"b": None}, dict[str, list[float]], "a.b is NoneType, not list"),
-        ((1.0, 2.0, 3.0), tuple[float, float], "a is not a pair of numbers"),
-        ("fine", Literal["done", "diverged"], "a is 'fine', not one of done, diverged"),
-        ({"b": [{"c": float("inf")}]}, dict[str, Any], "a.b is inf, which no record may hold"),
-    ],
-)
-def test_what_is_not_as_promised_is_found(value, hint, said):
-    found = first_mismatch(value, hint, "a")
-    assert found is None if said is None else found is not None and found.startswith(said)
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"schema": 1}', "\x00\x01", '{"schema": NaN}'])
-def test_a_broken_file_is_named(out, text):
-    path = cell_path(out, "chair", "nerf", 0)
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=r"chair\.nerf\.0\.json"):
-        read_records(out)
-
-
-@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
-def test_a_number_that_is_not_finite_is_refused(out, word):
-    path = cell_path(out, "chair", "nerf", 0)
-    text = path.read_text(encoding="utf-8").replace('"train_seconds": 32.0', f'"train_seconds": {word}')
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=rf"chair\.nerf\.0\.json: .*{word}"):
-        read_records(out)
 
 
 def test_damaged_comparisons_are_named(out):

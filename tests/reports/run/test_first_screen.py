@@ -1,7 +1,5 @@
 """The question, the answer, how sure, and what was not tested: each made from figures."""
 
-from dataclasses import replace
-
 import pytest
 
 from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
@@ -13,6 +11,7 @@ from reports.data.load import Records, read_records
 from reports.drawing.palette import colours_of
 from reports.run.first_screen import PRINCIPAL, Line, calibration, first_screen
 from reports.run.run_page import named, page
+from tests.replacing import replace
 from tests.reports.claims.test_claims_ablation import LISTING_2, effect, study
 from tests.reports.fake_run import write_fake_run
 

@@ -1,7 +1,6 @@
 """Several outputs side by side: paired by scene, method and seed, and nothing judged that is not of one question."""
 
 import html
-from dataclasses import replace
 
 import pytest
 
@@ -19,6 +18,7 @@ from reports.run.outputs import (
     sentences,
     unequal_facts,
 )
+from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts
 

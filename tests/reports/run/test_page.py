@@ -3,10 +3,10 @@
 import html
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
+from msgspec.structs import replace
 
 from reports.data.load import read_records
 from reports.drawing.palette import colours_of

@@ -5,7 +5,6 @@ import html
 import json
 import re
 import zlib
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from reports.data.kept_pictures import kept
 from reports.data.load import read_records
 from reports.run.pictures import FOLDER, IMPORTANCE, picture_data
 from reports.run.run_page import page, write_page
+from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 
 

@@ -2,11 +2,11 @@
 
 import base64
 import io
-from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from reports.data.kept_pictures import kept
 from reports.data.load import read_records

@@ -2,10 +2,10 @@
 
 import json
 import math
-from dataclasses import replace
 
 from reports.data.load import read_records
 from reports.run.publish import summary, write_summary
+from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 
 CELL = {

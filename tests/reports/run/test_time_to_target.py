@@ -1,7 +1,5 @@
 """When runs reached a score: every run that did not stays in sight, and the record alone computes."""
 
-from dataclasses import replace
-
 import pytest
 
 from harness.records.targets import Reach, ReachCurve, TargetComparison, TargetsRecord
@@ -10,11 +8,12 @@ from reports.data.load import Records
 from reports.drawing.palette import KNOWN
 from reports.run.convergence import is_lost, notes, savings_grid, share_at, time_to_target
 from reports.run.run_page import page
+from tests.replacing import replace
 
 CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
 SAVING = TargetComparison(
     "all", "qnerf", "nerf", "steps", 800.0, 18.0, (3.0, 31.0), (-1.0, 33.0), 8, "inconclusive", 20.4, -80.0,
-    (-90.0, -70.0), 6, (0, 1), (2, 0), 1, 3.0,
+    (-90.0, -70.0), 6, (0, 1), (2, 0), 1, 3.0, None, None, None,
 )  # fmt: skip
 REACHES = [
     Reach("chair", "nerf", 0, "steps", 100.0, "earlier"),
@@ -85,7 +84,7 @@ def test_runs_without_a_record_have_no_section(records: Records):
 
 def test_where_there_is_no_target_the_section_says_why(records: Records):
     shown = time_to_target(
-        replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score."))
+        replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score.", [], [], []))
     )
     assert shown is not None
     assert (shown.title, shown.declared) == ("Time to a target", "No target: nothing has a score.")

@@ -1,9 +1,9 @@
 """The section about the unit of density: what stands in it, and what is kept out of the tables of all scenes."""
 
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, records_folder, write_cell
 from harness.records.cells import write_comparisons as write_rows
@@ -47,7 +47,7 @@ def _like(cell: CellRecord, method: str, psnr: float) -> CellRecord:
 def test_further_methods_are_in_no_table_of_all_scenes(explained: Path, whole: Records) -> None:
     records = read_records(explained)
     assert records.methods == whole.methods
-    assert [asdict(one) for one in records.cells] == [asdict(one) for one in whole.cells]
+    assert records.cells == whole.cells
     assert {one.method for one in records.extra_cells} == {*RUNGS, PRINTED}
     assert {one.method for one in records.comparisons} <= set(whole.methods)
     assert {one.scene for one in records.extra_comparisons} == {"chair"}, "one scene says nothing of all"

@@ -1,10 +1,10 @@
 """Work–precision diagrams: every seed, geometric means, a band both ways, what ended early, a choice without script."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from harness.records.cells import Checkpoint
 from harness.training import cell_training

@@ -3,12 +3,12 @@
 import math
 
 import pytest
-from msgspec.structs import replace
 
 from harness.records.json_record import DamagedRecord
 from harness.records.study import SHELVES, Check, check
 from reports.data.studies_load import find_studies
 from reports.studies.stability_matrix import cell, groups, headline, sentences, strain, tone_of, verdict
+from tests.replacing import replace
 from tests.reports.fake_stability import case, fake_stability, write_fake_stability
 
 

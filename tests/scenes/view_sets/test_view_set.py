@@ -326,5 +326,5 @@ def test_an_interval_of_distances_that_is_none_is_refused(view_set: Path) -> Non
 @pytest.mark.parametrize("key", ["empty_splits", "needs", "left_out", "views"])
 def test_facts_that_are_null_are_refused(view_set: Path, key: str) -> None:
     rewritten(view_set, **{key: None})
-    with pytest.raises(DamagedViewSet, match=f"{key} is missing or null"):
+    with pytest.raises(DamagedViewSet, match=rf"got `null` - at `\$\.{key}`: render"):
         read_view_set(view_set)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from msgspec import structs
 
 from harness.execution.ground_truth import read_views
 from harness.records.cells import CellRecord
@@ -73,7 +74,7 @@ def _scores_of_the_truth_itself(situation: StabilityContext, found: SceneRun, sc
     split = read_views(found.folder(scene), situation.plan(PROFILE).views, situation.scratch).test
     image, rgba = over_white(split.rgba[0]), split.rgba[0]
     ours = view_scores(View(image, rgba[..., 3], np.zeros(rgba.shape[:2])), split, 0)
-    numbers = [value for name, value in vars(ours).items() if name != "view" and value is not None]
+    numbers = [value for name, value in structs.asdict(ours).items() if name != "view" and value is not None]
     for subject, whose, values in (
         ("harness", "ours", numbers),
         ("textbook formulas", "usual", list(textbook_scores(image, image).values())),

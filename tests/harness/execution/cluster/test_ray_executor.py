@@ -4,7 +4,6 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from harness.plan.settings import ScoreSettings
 from harness.records.cells import CellRecord, read_cells
 from scenes.files.errors import InputError
 from tests.harness.tiny import TRAIN, VIEWS
+from tests.replacing import replace
 
 SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=10, stored_views=1)
 """The end of a cell takes a second: time enough to kill a node between two cells of one group."""

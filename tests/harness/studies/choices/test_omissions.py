@@ -231,7 +231,10 @@ def test_what_a_method_has_not_is_not_tried_on_it(ball: ViewSet) -> None:
 
 
 def test_what_was_measured_fills_what_was_left_out() -> None:
-    rows = [LeftOut("samples in empty space", "mostly", name="empty_space"), LeftOut("background model", "alpha")]
+    rows = [
+        LeftOut("samples in empty space", "mostly", None, None, None, "empty_space"),
+        LeftOut("background model", "alpha", None, None, None),
+    ]
     found: list[Omission] = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
     told, untouched = filled(rows, found)
     assert (told.difference, told.seconds_saved) == (found[0].difference, found[0].seconds_saved)

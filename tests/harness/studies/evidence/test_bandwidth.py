@@ -1,7 +1,6 @@
 """The study of reach and base, on cells of which it is known which of the two it was."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from harness.studies.evidence.contrasts import Design, Term, contrast_effects
 from harness.studies.evidence.evidence_context import LADDERS, TRAININGS, Finding
 from tests.harness.cells import diverged
 from tests.harness.studies.evidence.planted import STEPS, Truth, planted, sentences, situation
+from tests.replacing import replace
 
 SCENES = ("chair", "lego")
 PIXELS = {"bandwidth_100": 100, "bandwidth_200": 200, "bandwidth_300": 300}

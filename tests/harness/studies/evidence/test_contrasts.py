@@ -1,6 +1,5 @@
 """Contrasts of full factorial designs: planted effects come back, and none is found where none was planted."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -21,6 +20,7 @@ from harness.studies.evidence.contrasts import (
 from harness.verdicts.comparisons import differences, keyed
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import STEPS, planted, score
+from tests.replacing import replace
 
 FACTORS = ("a", "b", "c")
 DESIGN = Design(

@@ -1,6 +1,5 @@
 """The study of the three parts, on cells whose effects are known."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,6 +24,7 @@ from harness.studies.evidence.evidence_context import READINGS, TRAININGS, Findi
 from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs, spread
 from tests.harness.cells import diverged
 from tests.harness.studies.evidence.planted import planted, sentences, situation
+from tests.replacing import replace
 
 TRUTH: dict[str, dict[Term, float]] = {
     "Listing 2": {("φ encoding",): 0.6, ("amplifier",): -4.0, ("φ skip",): 0.02, ("φ encoding", "amplifier"): -0.5},

@@ -1,6 +1,6 @@
 """Known losses, planted: found where they are, said where they are not, not applicable where nothing is missing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from harness.studies.evidence.evidence_context import TRAININGS, StudyRun
 from harness.studies.evidence.positive_controls import CONTROLS, ORIGINAL, TIMES, positive_controls
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import Planted, sentences
+from tests.replacing import replace
 
 LOSSES = {"nerf_no_encoding": 2.0, "nerf_no_direction": 3.0, "half_images": 1.0, "quarter_images": 2.5}
 SCENES = ("drums", "lego", "materials")
@@ -33,7 +34,7 @@ class Needless(Planted):
 
     def trained(self, name: str) -> StudyRun:
         whole = super().trained(name)
-        row = LeftOut("view direction", "every surface is Lambertian", name="view_direction")
+        row = LeftOut("view direction", "every surface is Lambertian", None, None, None, "view_direction")
         scenes = [replace(one, left_out=[row] if one.name in self.without else []) for one in whole.scenes]
         return replace(whole, scenes=scenes)
 

@@ -1,7 +1,6 @@
 """The study of the repaired Q-NeRF, on cells whose differences are known."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from harness.studies.evidence.repaired import CONTROLS, MARGIN, METRICS, REPAIRE
 from harness.verdicts import paper
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import sentences, situation
+from tests.replacing import replace
 
 SEEDS = (0, 1, 2)
 LEVELS = {"nerf": 24.0, "nerf_matched": 24.5, "nerf_phi_encoding_phi_skip": 24.6}

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -29,6 +28,7 @@ from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
 from harness.studies.evidence.evidence_studies import STUDIES
 from harness.studies.framework import Found, Shelf
 from tests.harness.cells import cell, checkpoint
+from tests.replacing import replace
 
 TRAINING = "no_encoding"
 HERE = "0123456789ab"
