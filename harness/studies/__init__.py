@@ -1,1 +1,1 @@
-"""Questions that are measured, a shelf each; imports `viewer` and what is below."""
+"""Questions answered by measurement, one shelf each; imports `viewer` and the rooms below it."""

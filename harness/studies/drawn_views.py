@@ -14,7 +14,9 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 def poses(count: int, turn: float) -> np.ndarray:
-    """Cameras to world [count, 4, 4], OpenGL axes, spread over the upper half sphere, looking at the origin."""
+    """Return camera-to-world matrices [count, 4, 4], OpenGL axes, spread over the upper half sphere, looking at the
+    origin.
+    """
     matrices = np.tile(np.eye(4), (count, 1, 1))
     for index, elevation in enumerate(np.linspace(0.2, 1.1, count)):
         azimuth = GOLDEN_ANGLE * index + turn
@@ -26,7 +28,7 @@ def poses(count: int, turn: float) -> np.ndarray:
 
 
 def disc_image(size: int, colour: np.ndarray) -> np.ndarray:
-    """The unit ball in one flat colour, straight RGBA [size, size, 4]: the same from every side."""
+    """Draw the unit ball in one flat colour, straight RGBA [size, size, 4]: the same from every side."""
     centre = (np.arange(size) + 0.5 - 0.5 * size) / (0.5 * size / math.tan(0.5 * FOV_X_RADIANS))
     radius = np.hypot(*np.meshgrid(centre, centre))
     inside = radius < math.tan(math.asin(1.0 / DISTANCE))
@@ -34,14 +36,14 @@ def disc_image(size: int, colour: np.ndarray) -> np.ndarray:
 
 
 def write_disc(folder: Path, size: int, train: int, test: int, seed: int) -> None:
-    """A view set that a small network learns in a few steps."""
+    """Write a view set that a small network learns in a few steps."""
     colour = np.random.default_rng(seed).uniform(0.1, 0.7, 3)
     image = disc_image(size, colour)
     _write(folder, {"train": [image] * train, "test": [image] * test})
 
 
 def write_noise(folder: Path, size: int, train: int, test: int) -> None:
-    """A view set that nobody can learn: memory and time do not depend on what is seen."""
+    """Write a view set that nobody can learn: memory and time do not depend on what is seen."""
     generator = np.random.default_rng(0)
 
     def noise() -> np.ndarray:

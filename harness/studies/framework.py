@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
 Found = Finding | str
-"""What a study yields; a string is an `Answer`."""
+"""The types that a study yields; a string is an `Answer`."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,11 @@ class Study:
 
     info: StudyInfo
     measure: str
-    """`module:function` below `harness.studies`, imported when it is measured: a generator of findings of a context."""
+    """The generator of findings of a context, as `module:function` below `harness.studies`; imported when it is
+    measured.
+    """
     seconds: float
-    """How long it takes on two cores, estimated."""
+    """The estimated duration on two cores."""
     trainings: tuple[str, ...] = ()
     """What it trains (`harness.studies.evidence.evidence_context.TRAININGS`)."""
 
@@ -55,16 +57,16 @@ class Shelf:
     """`studies`, `cases`, `questions`."""
     studies: dict[str, Study]
     folders: tuple[str, ...] = ()
-    """Folders under OUT that are this shelf's alone and tell whose OUT is."""
+    """The folders under OUT that are this shelf's alone and tell whose OUT is."""
     beside: bool = False
-    """Whether OUT may hold a run, in whose report it then stands."""
+    """Whether OUT may hold a run, in whose report the shelf then appears."""
 
     @property
     def file(self) -> str:
         return SHELVES[self.name]
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
-        """The generator behind a study; what is heavy is imported here, one study at a time."""
+        """Return the generator behind a study; what is heavy is imported here, one study at a time."""
         module, _, function = self.studies[name].measure.partition(":")
         found: Callable[[Any], Iterator[Found]] = getattr(import_module(f"harness.studies.{module}"), function)
         return found
@@ -90,8 +92,8 @@ def run(
     """Measure the studies `asked` into `out`; with `resume` only those that are not complete there.
 
     `context_of` makes what they work with from a scratch folder and the names of what is missing; `repaired` takes out
-    of the record what has to be measured again. Returns 0, or 3 where a check of ours fails. Raises `InputError` before
-    anything is measured where `out` cannot be used.
+    of the record what has to be measured again. Returns 0, or 3 if a check of ours fails. Raises `InputError` before
+    anything is measured if `out` cannot be used.
     """
     from harness.machine.stopping import ON, told_when_stopped
     from harness.run_folder.folder_lock import scratch_folder
@@ -128,7 +130,7 @@ def run(
 
 
 def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
-    """Everything that one study yields, said as it comes."""
+    """Return everything that one study yields, printed as it comes."""
     found: list[Finding] = []
     for one in findings:
         finding = Answer(one) if isinstance(one, str) else one
@@ -141,7 +143,9 @@ def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
 
 
 def line_of(one: Check) -> str:
-    """`midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`, with its spread and why, where there are."""
+    """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`, with spread and reason if
+    any.
+    """
     status = one.status.replace("_", " ")
     if one.status == "fail":
         status = "FAIL" if one.must_hold else "missed" if one.owner == "machine" else "fails, a property of it"
@@ -158,7 +162,7 @@ def line_of(one: Check) -> str:
 
 
 def list_lines(shelf: Shelf) -> list[str]:
-    """A line a study: its id, how long it takes, and what it asks."""
+    """Return one line per study: its id, how long it takes, and what it asks."""
     return [
         f"{name:18} {study.seconds / 60:4.0f} min  {study.info.title}: {study.info.question or study.info.facts['bar']}"
         if study.info.question or "bar" in study.info.facts
@@ -170,7 +174,7 @@ def list_lines(shelf: Shelf) -> list[str]:
 def _claimed(
     shelf: Shelf, out: Path, resume: bool, settings: dict[str, Any], provenance: dict[str, Any], show: "Progress"
 ) -> Studies:
-    """The record to resume, or a fresh one; raises `InputError`."""
+    """Return the record to resume, or a fresh one; raises `InputError`."""
     from harness.run_folder.output_folder import gone_on_with
 
     record = gone_on_with(out, shelf.file, resume, read_studies, show.line, beside=shelf.beside, folders=shelf.folders)

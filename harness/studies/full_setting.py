@@ -15,22 +15,22 @@ from harness.studies.speed.throughput import step_flops
 from scenes.files.errors import InputError
 
 FORWARD_OF_A_STEP = 3
-"""A step's products in forward passes, nearly: its first layers have two."""
+"""The matrix multiplications of a step in forward passes, nearly: its first layers have two."""
 VIEW_SET_BYTES_A_PIXEL = (9.0, 17.0)
 """PNG and EXR of one view, measured on view sets of 100 to 300 px."""
 PICTURE_BYTES_A_PIXEL = 10
-"""Of a kept view: colour, opacity and depth as float16, not compressed."""
+"""The bytes per pixel of a saved view: colour, opacity and depth as float16, not compressed."""
 DECODED_BYTES_A_PIXEL = 16
-"""A worker's own copy of a view set on disk while it trains: RGBA as float32."""
+"""The bytes per pixel of a worker's own copy of a view set on disk while it trains: RGBA as float32."""
 
 
 @dataclass(frozen=True)
 class Gpu:
-    """What a data sheet says; nothing here was measured."""
+    """The rates that a data sheet states; nothing here was measured."""
 
     name: str
     float32: float
-    """TFLOP/s without matrix units that round: float32 products are float32 here (no TF32)."""
+    """TFLOP/s without matrix units that round: float32 matrix multiplications are float32 here (no TF32)."""
     bfloat16: float
     """TFLOP/s, dense."""
 
@@ -42,28 +42,29 @@ GPUS = (
     Gpu("AMD MI300X", 163.4, 1307.0),
 )
 ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.05, 0.25)}
-"""Of the data sheet's rate that a step is assumed to reach, worst and best. The paper's layers are 256 wide: in
-bfloat16 memory, not arithmetic, sets the pace."""
+"""The share of the data sheet's rate that a step is assumed to reach, worst and best. The paper's layers are 256 wide:
+in bfloat16 memory, not arithmetic, sets the pace.
+"""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Operations of one cell and bytes of one run."""
+    """The operations of one cell and the bytes of one run."""
 
     training: float
-    """FLOP."""
+    """The FLOP of training."""
     scoring: float
-    """FLOP."""
+    """The FLOP of scoring."""
     cells: int
     groups: int
     megasamples: float
-    """Of Mitsuba's path tracer, over all scenes."""
+    """The megasamples of Mitsuba's path tracer, over all scenes."""
     view_sets: tuple[float, float]
-    """Bytes."""
+    """The bytes of the view sets: least and most."""
     decoded: float
-    """Bytes a worker."""
+    """The bytes per worker."""
     pictures: float
-    """Bytes at most."""
+    """The bytes of the pictures, at most."""
 
     @property
     def a_cell(self) -> float:
@@ -71,12 +72,12 @@ class Work:
 
 
 def paper_table(plan: Plan = PROFILES["full"], methods: int = 8, seeds: int = 5) -> Plan:
-    """The paper's full table: its scenes, every on/off combination of its three parts, five seeds."""
+    """Return the paper's full table: its scenes, every on/off combination of its three parts, five seeds."""
     return replace(plan, methods=tuple(f"method {number}" for number in range(methods)), seeds=tuple(range(seeds)))
 
 
 def work_of(plan: Plan) -> Work:
-    """Raises `InputError` for a plan of seconds, which cost what they say."""
+    """Count the work of a plan. Raises `InputError` for a plan of seconds, whose cost is those seconds."""
     if plan.budget.steps is None:
         raise InputError("--budget-seconds: such a plan costs its seconds; the estimate is for steps")
     train, views, score = plan.train, plan.views, plan.score
@@ -103,21 +104,26 @@ def work_of(plan: Plan) -> Work:
 
 
 def wall_hours(work: Work, cell_hours: float, places: int, methods: int, split: bool = False) -> float:
-    """Until the last group (with `split` the last cell) ends on `places` GPUs, each doing one at a time.
+    """Return the hours until the last group (with `split` the last cell) ends on `places` GPUs, each doing one at a
+    time.
 
-    All are equally long, so that the longest place is the one with most.
+    All are equally long, so that the place with most of them takes longest.
     """
     pieces, hours = (work.cells, cell_hours) if split else (work.groups, cell_hours * methods)
     return ceil(pieces / places) * hours
 
 
 def measured_rate(speed: Studies) -> float:
-    """FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError` without it."""
+    """Return the FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError` without
+    it.
+    """
     return value_of(speed, "matrix.paper.rate") * 1e12
 
 
 def render_seconds(speed: Studies) -> tuple[float, float]:
-    """Seconds a megasample: least and most over the scenes measured, of the fastest variant that works there."""
+    """Return seconds per megasample: least and most over the scenes measured, of the fastest variant that works
+    there.
+    """
     found: dict[str, list[float]] = {}
     for _, one in speed.checks():
         parts = one.id.split(".")
@@ -130,7 +136,7 @@ def render_seconds(speed: Studies) -> tuple[float, float]:
 
 
 def value_of(speed: Studies, name: str) -> float:
-    """Raises `InputError` where it was not measured."""
+    """Return the value of a measurement. Raises `InputError` if it was not measured."""
     for _, one in speed.checks():
         if one.id == name and one.value is not None:
             return one.value
@@ -142,7 +148,7 @@ COMBINATIONS = 8
 
 
 def page(speed: Studies) -> str:
-    """Markdown."""
+    """Return the page as Markdown."""
     plan = paper_table()
     work = work_of(plan)
     lean = work_of(paper_table(_fewer_views()))
@@ -238,7 +244,7 @@ def _fewer_views() -> Plan:
 
 
 def _hours(work: Work, gpu: Gpu, precision: str) -> tuple[float, float]:
-    """Of one cell: best and worst."""
+    """Return the hours of one cell: best and worst."""
     low, high = ASSUMED_SHARES[precision]
     peak = getattr(gpu, precision) * 1e12
     return work.a_cell / (peak * high) / 3600, work.a_cell / (peak * low) / 3600

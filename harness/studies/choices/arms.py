@@ -1,4 +1,4 @@
-"""Cells trained as planned and once more in other ways, the rest the same: what every comparison of settings runs.
+"""Cells trained as planned and again in other ways with everything else equal: what every comparison of settings runs.
 
 Paired cells share scene, method, seed and therefore every batch, and every first weight whose shape is the same. What
 concerns rendering alone is tried on one set of weights, rendered both ways.
@@ -35,16 +35,16 @@ class Arm:
     need: tuple[str, ...] = ()
     no_need: tuple[str, ...] = ()
     precision: Precision | None = None
-    """None as planned."""
+    """None: as planned."""
     position_bands: int | None = None
-    """None as planned; 0 for raw coordinates alone."""
+    """None: as planned; 0: raw coordinates alone."""
     rendered_with: tuple[str, ...] = ()
-    """Needs that are put back, one at a time, for rendering the same weights once more."""
+    """The needs that are put back, one at a time, to render the same weights again."""
 
 
 @dataclass(frozen=True)
 class CellTask:
-    """One cell, to be trained once as each arm says."""
+    """One cell, to be trained once per arm."""
 
     scene: str
     method: str
@@ -58,14 +58,14 @@ class CellTask:
 
 @dataclass(frozen=True)
 class Rerendered:
-    """The same weights, rendered once more with something that was left out."""
+    """The same weights, rendered again with something that had been left out."""
 
     psnr: float | None
     seconds: float
     seconds_with: float
-    """Of rendering the same views with it left out, in turns."""
+    """The seconds that rendering the same views takes with it left out, the two timed in turns."""
     largest_change: float
-    """Of a display colour."""
+    """The largest change of a display colour."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,10 @@ class Ended:
     """A trained cell."""
 
     psnr: float | None
-    """Mean over the test views; None where training diverged."""
+    """The mean over the test views; None if training diverged."""
     train_seconds: float
     render_seconds: float
-    """Of all test views."""
+    """The seconds of rendering all test views."""
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
 
 
@@ -91,7 +91,9 @@ class CellArms:
 
 
 def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
-    """In the order of the tasks, on `workers` processes of one thread, which end with this one."""
+    """Yield the cells in the order of the tasks, trained on `workers` processes of one thread, which end with this
+    one.
+    """
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=end_with_parent) as pool:
         try:
@@ -102,7 +104,7 @@ def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
 
 
 def trained_cell(task: CellTask) -> CellArms:
-    """Trains every arm, one after the other. A cell that diverges has no score."""
+    """Train every arm, one after the other. A cell that diverges has no score."""
     import torch
 
     from harness.execution.ground_truth import read_views
@@ -148,7 +150,7 @@ def _ended(task: CellTask, arm: Arm, views: "ViewSet", device: "torch.device") -
 
 
 def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> Rerendered:
-    """View by view, with `name` left out and with it put back, in turns; the trainer is as before in the end."""
+    """Render view by view, with `name` left out and with it put back, in turns; the trainer ends as it began."""
     from harness.machine.stopwatch import Stopwatch
     from harness.training import evaluate
 
@@ -176,7 +178,7 @@ def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> 
 
 
 def _timed(images: Iterator["View"], watch: "Stopwatch") -> Iterator["View"]:
-    """The same images; `watch` runs while one is made."""
+    """Yield the same images; `watch` runs while one is made."""
     while True:
         with watch.running():
             image = next(images, None)

@@ -1,8 +1,8 @@
 """What switching one thing off does to final scores: pairs of cells that differ in it alone, same rays, same weights.
 
-Accelerations that sum in another order need no such test. Two do change what is summed: an occupancy grid leaves
-points out (for Listing 2, whose mean runs over the points of the call, this also changes the density of those that
-stay), and reduced precision rounds. Whether that matters is a question of scores.
+Accelerations that sum in another order need no such test. Two do change what is summed: an occupancy grid leaves points
+out (for Listing 2, whose mean runs over the points of the chunk, this also changes the density of those that stay), and
+reduced precision rounds. Whether that matters is a question of scores.
 """
 
 from collections.abc import Iterator
@@ -17,13 +17,13 @@ from harness.studies.choices.arms import Arm, CellArms, CellTask, trained_cells
 
 Change = Literal["grid", "precision"]
 SMALLEST_OF_INTEREST_DB = 0.2
-"""As in every verdict of the harness."""
+"""The smallest difference of interest, as in every verdict of the harness."""
 PLANNED = "as planned"
 
 
 @dataclass(frozen=True)
 class ScorePair:
-    """Mean test PSNR of both; None where training diverged."""
+    """The mean test PSNR of both; None if training diverged."""
 
     scene: str
     method: str
@@ -32,11 +32,11 @@ class ScorePair:
     psnr: float | None
     psnr_changed: float | None
     psnr_same_weights: float | None
-    """The weights that were trained with the grid, rendered without it; None for other changes."""
+    """The score of the weights that were trained with the grid, rendered without it; None for other changes."""
 
 
 def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
-    """As planned, and with each change: without the grid, or in the other precision."""
+    """Return the arms: as planned, and with each change, which is no grid or the other precision."""
     other: dict[Change, Arm] = {
         "grid": Arm(need=("empty_space",)),
         "precision": Arm(precision="bfloat16" if plan.train.precision == "float32" else "float32"),
@@ -48,7 +48,9 @@ def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
 def pairs(
     plan: Plan, changes: list[Change], folders: dict[str, Path], scratch: Path, workers: int
 ) -> Iterator[ScorePair]:
-    """All cells of the plan with each change, on `workers` processes of one thread; decoded images go to `scratch`."""
+    """Yield all cells of the plan with each change, on `workers` processes of one thread; decoded images go to
+    `scratch`.
+    """
     arms = arms_of(plan, changes)
     tasks = [CellTask(scene, method, seed, folders[scene], scratch, plan, arms) for scene, method, seed in plan.cells()]
     for cell in trained_cells(tasks, workers):
@@ -73,7 +75,7 @@ def pairs_of(cell: CellArms, changes: list[Change]) -> list[ScorePair]:
 
 
 def as_json(found: list[ScorePair], plan: Plan) -> dict[str, Any]:
-    """The pairs, and for each change and method the mean difference with its interval and verdict."""
+    """Return the pairs, and for each change and method the mean difference with its interval and verdict."""
     return {
         "what": "test PSNR with a change minus test PSNR as planned, paired over cells; equivalent: 95 % interval "
         f"within ±{SMALLEST_OF_INTEREST_DB} dB",

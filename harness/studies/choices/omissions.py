@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 Verdict = Literal["within its bound", "costs more", "inconclusive"]
 TRAINED = ("view_direction", "outside_box", "empty_space", "fine_pass")
-"""Needs whose omission changes what is trained."""
+"""The needs whose omission changes what is trained."""
 CONTROLS = {
     "no view_direction": ("view_direction", ""),
     "no bands": ("high_bands", "every band of the encoding, the needed ones too"),
 }
-"""Arm that leaves something out although it is needed → its need, and what it is. The first may take long training to
-tell; the second must cost visibly, or nothing here could.
+"""An arm that leaves something out although it is needed → its need, and what it is. The effect of the first may take
+long training to show; the second must cost visibly, or nothing here could.
 """
 RENDERED = ("behind_opaque",)
-"""Needs whose omission changes how a trained method is rendered, and nothing else."""
+"""The needs whose omission changes how a trained method is rendered, and nothing else."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,22 @@ class Omission:
     method: str
     name: str
     seconds_saved: float | None
-    """Mean over seeds, of the clock that `clock` names; for `participating_media` of rendering the view set."""
+    """The mean over seeds, on the clock that `clock` names; for `participating_media`, of rendering the view set."""
     clock: str
     difference: float | None
-    """dB: test PSNR without the part less with it, so that less than 0 is a loss. colour: what changed at most, and of
-    the integrators the root mean square over blocks of pixels."""
+    """In dB, the test PSNR without the part minus that with it, so that a value below 0 is a loss. As a colour, the
+    largest change and, for the integrators, the root mean square over blocks of pixels.
+    """
     interval: tuple[float, float] | None
-    """95 %, paired over seeds (over views for `participating_media`); None for what is largest over all seeds."""
+    """The 95 % interval, paired over seeds (over views for `participating_media`); None for the largest value over all
+    seeds.
+    """
     pairs: int
     diverged: int
     verdict: Verdict
     train_seconds_saved: float | None = None
     what: str = ""
-    """Where it is more than what `name` stands for."""
+    """What was left out if it is more than what `name` stands for."""
 
     @property
     def title(self) -> str:
@@ -69,7 +72,7 @@ class Omission:
 
 
 def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdict:
-    """`costs` says how much worse it became.
+    """Return the verdict; `costs` says how much worse the result became.
 
     within its bound   the whole interval lies below the bound; the mean, where `exact` says that nothing is random
     costs more         the whole interval lies above it
@@ -86,7 +89,7 @@ def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdic
 
 
 def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:
-    """What this scene does not need, plan and method would have without that, and training or rendering can try."""
+    """Return what this scene does not need, plan and method would otherwise have, and training or rendering can try."""
     train, parts = plan.train, CATALOG[method].parts
     # a voxel grid has no such sampling, and Listing 4 takes every point of the whole ray
     sampled = parts is not None and parts.quadrature != "listing4"
@@ -107,9 +110,9 @@ def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:
 def cell_tasks(
     plan: Plan, folders: dict[str, Path], scratch: Path, controls: bool = False, device: str = "cpu"
 ) -> list[CellTask]:
-    """Each cell of the plan with everything left out that its scene does not need, and once more with each of these.
+    """Return each cell of the plan with everything left out that its scene does not need, and again with each of these.
 
-    With `controls`, the first scene also without bands, and without the view direction if it needs that.
+    With `controls`, the first scene is also trained without bands, and without the view direction if it needs that.
     """
     from harness.execution.ground_truth import read_views
 
@@ -135,7 +138,7 @@ def cell_tasks(
 
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
-    """One a scene, method and part, in the order in which the cells have them."""
+    """Return one omission per scene, method and part, in the order in which the cells have them."""
     found = []
     for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
         chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
@@ -147,7 +150,7 @@ def omissions_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def controls_of(cells: list[CellArms]) -> list[Omission]:
-    """What leaving out costs where the part is needed."""
+    """Return what leaving out costs if the part is needed."""
     found = []
     for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
         chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
@@ -158,7 +161,7 @@ def controls_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -> Omission:
-    """`without` and `with_it` name the arms that lack the part and that have it."""
+    """Compare the arms named by `without`, which lack the part, and `with_it`, which have it."""
     pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
     whole = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
     differences = np.array([(a.psnr or 0.0) - (b.psnr or 0.0) for a, b in whole])

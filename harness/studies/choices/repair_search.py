@@ -1,6 +1,6 @@
-"""Which candidate becomes `qnerf_repaired`: all of them at equal time, on validation views of scenes and seeds that no
-verdict is taken from. Candidates and rule stood here before any result, the budget did not (`HISTORY`); nothing in it
-can be set.
+"""Which candidate becomes `qnerf_repaired`: all of them are compared at equal time, on validation views of scenes and
+seeds that no verdict is taken from. Candidates and rule stood here before any result, the budget did not (`HISTORY`);
+nothing in it can be set.
 """
 
 import math
@@ -32,19 +32,19 @@ from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
 
 SEEDS = (1_000, 1_001)
-"""Outside of the seeds that verdicts use."""
+"""Seeds that no verdict uses."""
 SECONDS = 6.0
-"""Training time of each cell: about 500 steps of NeRF at reduced size."""
+"""The training time of each cell: about 500 steps of NeRF at reduced size."""
 HISTORY = (
     "A first try at 16 processor seconds a cell was stopped after chair with seed 1000, because it went on for 1300 to "
     "1500 steps where 500 were meant. Its nine scores had been seen; none of them is among the rows. Only the budget "
     "was changed, to 6.",
 )
-"""What was changed after something had been seen."""
+"""The changes made after results had been seen."""
 CLOCKS = {"cpu": "processor seconds"}
-"""Kind of device → what a training time is counted in; elsewhere it is seconds of the wall."""
+"""Kind of device → the unit of a training time; elsewhere it is seconds of the wall."""
 REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip", "qnerf", "qnerf_theorem")
-"""Trained beside the candidates, so that one sees where they stand; no candidates."""
+"""Methods trained beside the candidates for comparison; none of them is a candidate."""
 RULE = (
     "The best mean PSNR over validation views, scenes and seeds after equal training time. A candidate that diverges "
     "anywhere is out. One whose mean is within one standard error, of the paired differences over scenes and seeds, of "
@@ -52,7 +52,7 @@ RULE = (
 )
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "repair_search.json"
-"""What the search gave when it was done for `baselines.methods.repaired.REPAIRED`."""
+"""The result of the search that gave `baselines.methods.repaired.REPAIRED`."""
 
 
 class RepairRow(Record, frozen=True):
@@ -62,10 +62,10 @@ class RepairRow(Record, frozen=True):
     scene: str
     seed: int
     psnr_val: float | None
-    """Mean over the validation views; None where training diverged."""
+    """The mean over the validation views; None if training diverged."""
     steps: int
     seconds: float
-    """Of training: of the processor on a CPU, so that what else runs there does not count, else by the wall."""
+    """The seconds of training: of the processor on a CPU, so that other programs do not count, else by the wall."""
     network_evaluations: int
     alpha: float | None
     beta: float | None
@@ -76,11 +76,11 @@ class CandidateRank(Record, frozen=True):
 
     method: str
     mean: float | None
-    """None where it is out."""
+    """None if it is excluded."""
     behind: float | None
-    """The best less this one, in dB."""
+    """The best minus this one, in dB."""
     standard_error: float | None
-    """Of `behind`."""
+    """The standard error of `behind`."""
     ties: bool
 
 
@@ -91,9 +91,9 @@ class Search(Record, frozen=True):
     standings: list[CandidateRank]
     chosen: str
     history: list[str]
-    """What was changed after something had been seen, one or more sentences each."""
+    """The changes made after results had been seen, one or more sentences each."""
     clock: str
-    """What the budget is counted in."""
+    """The unit that the budget is counted in."""
 
 
 def read_search(path: Path = PUBLISHED) -> Search:
@@ -106,7 +106,9 @@ def read_search(path: Path = PUBLISHED) -> Search:
 
 
 def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
-    """The profile `reduced` on the scenes and seeds of the search, at equal time; with `quick`, next to nothing."""
+    """Return the profile `reduced` on the scenes and seeds of the search, at equal time; `quick` trains next to
+    nothing.
+    """
     plan = PROFILES["reduced"]
     whole = replace(
         plan,
@@ -124,7 +126,9 @@ def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
 
 
 def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[RepairRow]:
-    """Every method of `plan` on every scene with every seed; decoded images go to `scratch`, a folder on a disk."""
+    """Train every method of `plan` on every scene with every seed; decoded images go to `scratch`, a folder on a
+    disk.
+    """
     for scene, folder in folders.items():
         views = read_views(folder, plan.views, scratch, scored_on="val")
         if not views.val.names:
@@ -134,7 +138,7 @@ def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: 
 
 
 def standings(rows: list[RepairRow]) -> list[CandidateRank]:
-    """The candidates in their own order. Raises `ValueError` where none has a score everywhere."""
+    """Return the candidates in their own order. Raises `ValueError` if none has a score everywhere."""
     scores = {name: _scores(rows, name) for name in CANDIDATES if any(row.method == name for row in rows)}
     whole = {name: values for name, values in scores.items() if np.isfinite(values).all()}
     if not whole:
@@ -144,12 +148,12 @@ def standings(rows: list[RepairRow]) -> list[CandidateRank]:
 
 
 def chosen(table: list[CandidateRank]) -> str:
-    """By `RULE`."""
+    """Return the candidate that `RULE` chooses."""
     return next(one.method for one in table if one.ties)
 
 
 def clock_of(device: torch.device) -> str:
-    """Of the training times, in words."""
+    """Return the clock of the training times, in words."""
     return CLOCKS.get(device.type, "seconds of the wall")
 
 
@@ -172,7 +176,9 @@ def as_json(rows: list[RepairRow], plan: Plan, device: torch.device) -> dict[str
 
 
 def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.device) -> Iterator[RepairRow]:
-    """In turn on the same batches, each until its own time is spent: what slows the machine slows them all."""
+    """Train in turn on the same batches, each until its own time is spent, so that what slows the machine slows them
+    all.
+    """
     settings, stream = for_scene(plan.train, views), stream_of(scene, seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
     box, directed = box_of(views, device), needs_view_direction(views)
@@ -212,7 +218,7 @@ def _row(learner: Learner, scene: str, seed: int, score: float | None) -> Repair
 
 
 def _scores(rows: list[RepairRow], method: str) -> np.ndarray:
-    """Of all scenes and seeds, always in the same order; NaN where training diverged."""
+    """Return the scores of all scenes and seeds, always in the same order; NaN if training diverged."""
     mine = sorted((row.scene, row.seed, row.psnr_val) for row in rows if row.method == method)
     return np.array([math.nan if score is None else score for _, _, score in mine], dtype=np.float64)
 

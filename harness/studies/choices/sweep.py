@@ -17,14 +17,14 @@ from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
 
 SEED = 1_000
-"""Outside of the seeds that verdicts use."""
+"""A seed that no verdict uses."""
 FACTORS = (0.25, 0.5, 1.0, 2.0)
-"""Of the profile's learning rates, first and last alike."""
+"""The factors of the profile's learning rates, first and last alike."""
 
 
 @dataclass(frozen=True)
 class SweepRow:
-    """Mean PSNR on the validation views of one scene after the profile's budget; None where training diverged."""
+    """The mean PSNR on the validation views of one scene after the profile's budget; None if training diverged."""
 
     scene: str
     method: str
@@ -33,7 +33,7 @@ class SweepRow:
 
 
 def sweep(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[SweepRow]:
-    """Every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk."""
+    """Train every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk."""
     view_sets = {scene: read_views(folder, plan.views, scratch, scored_on="val") for scene, folder in folders.items()}
     for views in view_sets.values():
         if not views.val.names:
@@ -45,7 +45,7 @@ def sweep(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: P
 
 
 def best_rates(rows: list[SweepRow]) -> dict[str, float]:
-    """The learning rate with the best mean over scenes for each method; a diverged run counts as the worst."""
+    """Return for each method the learning rate with the best mean over scenes; a diverged run counts as the worst."""
     best: dict[str, float] = {}
     for method in dict.fromkeys(row.method for row in rows):
         sums: dict[float, float] = {}

@@ -25,7 +25,7 @@ from scenes.modelling.needs import PARTS
 
 INTEGRATOR_VIEWS = 6
 INTEGRATOR_SPP = 64
-"""At least: with less, noise is larger than the bound."""
+"""The fewest samples: with fewer, noise is larger than the bound."""
 CLOCK_OF_RENDERING = "rendering the view set"
 
 
@@ -38,9 +38,9 @@ def verified(
     device: str = "cpu",
     controls: bool = False,
 ) -> tuple[list[Omission], list[Omission]]:
-    """What is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
+    """Return what is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
 
-    Trains every cell of the plan once as planned and once more for each omission of its scene.
+    Every cell of the plan is trained once as planned and once more for each omission of its scene.
     """
     cells = []
     for cell in trained_cells(cell_tasks(plan, folders, scratch, controls, device), workers):
@@ -64,7 +64,7 @@ def verify_run(
     out: Path,
     show: Progress,
 ) -> list[SceneRecord]:
-    """`scenes` with what leaving out saved and changed, by one method."""
+    """Return `scenes` with what leaving out saved and changed, by one method."""
     trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
     if not trained:
         return scenes
@@ -79,7 +79,9 @@ def verify_run(
 
 
 def line_of(one: Omission) -> str:
-    """`lego: samples outside the box: +1.2 dB [+0.4, +2.0], 3.1 s saved, within its bound of 0.2 dB`"""
+    """Return a line such as `lego: samples outside the box: +1.2 dB [+0.4, +2.0], 3.1 s saved, within its bound of 0.2
+    dB`.
+    """
     between = "" if one.interval is None else f" [{one.interval[0]:+.4g}, {one.interval[1]:+.4g}]"
     change = "nothing measured" if one.difference is None else f"{one.difference:+.4g}{between} {one.unit}"
     saved = "" if one.seconds_saved is None else f", {one.seconds_saved:.2f} s saved ({one.clock})"
@@ -91,13 +93,13 @@ def too_costly(found: list[Omission]) -> list[Omission]:
 
 
 def filled(rows: list[LeftOut], found: list[Omission]) -> list[LeftOut]:
-    """`rows` of one scene with what was measured on it."""
+    """Return the `rows` of one scene with what was measured on it."""
     by_name = {one.name: one for one in found}
     return [_filled(row, by_name[row.name]) if row.name in by_name else row for row in rows]
 
 
 def as_json(found: list[Omission], controls: list[Omission], plan: Plan, origin: dict[str, Any]) -> dict[str, Any]:
-    """`origin` is the provenance of the measurement."""
+    """Return the omissions as JSON; `origin` is the provenance of the measurement."""
     return {
         "what": "each scene with everything left out that it does not need, against the same with one of these done; "
         "controls: something left out that is needed",
@@ -109,7 +111,7 @@ def as_json(found: list[Omission], controls: list[Omission], plan: Plan, origin:
 
 
 def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, Any]:
-    """`scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
+    """Return `scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
     options = {"resolution": resolution, "views": views, "spp": spp}
     command = [sys.executable, "-m", "scenes", "integrators", scene]
     command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
@@ -123,7 +125,7 @@ def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> d
 
 
 def omission_of_integrators(found: dict[str, Any], samples: int) -> Omission:
-    """`samples` of a whole view set, to which the seconds are scaled."""
+    """Return the omission on a complete view set, to which the seconds of `samples` are scaled."""
     seconds = found["seconds"]["volpath"] - found["seconds"]["path"]
     squares = paired_difference(np.array(found["squared"]))
     interval = None if squares.interval is None else (_root(squares.interval[0]), _root(squares.interval[1]))
@@ -142,12 +144,12 @@ def omission_of_integrators(found: dict[str, Any], samples: int) -> Omission:
 
 
 def _root(square: float) -> float:
-    """Of an unbiased square, which may lie below 0 by chance."""
+    """Return the root of an unbiased square, which may lie below 0 by chance."""
     return math.sqrt(max(square, 0.0))
 
 
 def _of_integrator(plan: Plan, scene: str, folder: Path, scratch: Path) -> Omission | None:
-    """None for a view set or a scene from elsewhere, and where the medium is needed."""
+    """Return the omission of the medium; None for a view set or a scene from elsewhere, or if the medium is needed."""
     from harness.execution.ground_truth import read_views
 
     need = needs_of(read_views(folder, plan.views, scratch)).get("participating_media")

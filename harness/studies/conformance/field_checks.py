@@ -1,4 +1,4 @@
-"""Checks of a field that our renderer asks. Each raises `Broken`, or whatever the method itself raises."""
+"""Checks of a field that our renderer evaluates. Each raises `Broken`, or whatever the method itself raises."""
 
 from typing import Any
 
@@ -22,9 +22,9 @@ from harness.studies.conformance.subject import (
 )
 
 ROUNDING = 2e-6
-"""Of a display colour: sums of another length are taken in another order."""
+"""The tolerance of a display colour: sums of another length are taken in another order."""
 SCALES = (0.0, 0.1, 10.0)
-"""Of all weights: from a field that says nothing to one that shouts."""
+"""The factors of all weights: from a field that is constant to one that saturates."""
 
 
 def keeps_the_protocols(subject: Subject) -> None:
@@ -213,7 +213,7 @@ def pointwise_is_true(subject: Subject) -> None:
 
 
 def moved(subject: Subject) -> Any:
-    """With α away from 1/φ, where Eq. 4 is the identity about any mean."""
+    """Return the field with α away from 1/φ, at which Eq. 4 is the identity about any mean."""
     field = roughened(subject.field())
     if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
         set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)

@@ -1,4 +1,4 @@
-"""Checks of a method in training, on a view set that is drawn: a disc before white. Each raises `Broken`."""
+"""Checks of a method in training, on a drawn view set: a disc before white. Each raises `Broken`."""
 
 import json
 import math
@@ -30,7 +30,7 @@ STEPS = 60
 SHORT = 6
 CHUNK = 128
 LEAST_GAIN = 0.9
-"""A method has learnt where the error of the test view is at most this share of what it was."""
+"""A method has learnt if the error of the test view is at most this share of what it was."""
 SETTINGS = TrainSettings(
     network=NetworkSize(depth=6, width=32, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2),
     rays=128,
@@ -47,7 +47,7 @@ SETTINGS = TrainSettings(
 
 @cache
 def drawn() -> tuple[ViewSet, Batches]:
-    """A ball of one colour from all sides; needs no renderer."""
+    """Return a ball of one colour seen from all sides; this needs no renderer."""
     with tempfile.TemporaryDirectory() as scratch:
         write_disc(Path(scratch) / "views", 24, 8, 1, seed=1)
         views = read_view_set(Path(scratch) / "views")
@@ -60,7 +60,7 @@ def fresh(subject: Subject, settings: TrainSettings = SETTINGS) -> Learner:
 
 
 def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, stops: tuple[int, ...] = ()) -> Learner:
-    """At each of `stops` it is kept in a file, and another one goes on from that. Raises
+    """Train; at each of `stops` the state is saved to a file, from which another learner resumes. Raises
     `harness.training.trainer.Diverged`, as a comparison would meet it.
     """
     _, batches = drawn()
@@ -84,13 +84,13 @@ def _through_a_file(kept: Unfinished) -> Unfinished:
 
 
 def picture(learner: Learner) -> torch.Tensor:
-    """The test view [pixels, 3]."""
+    """Return the test view [pixels, 3]."""
     views, _ = drawn()
     return learner.render(cameras_of(views, views.test, CPU).all_rays(0), CHUNK).colour.detach().cpu()
 
 
 def error(learner: Learner) -> float:
-    """Mean squared, of the test view."""
+    """Return the mean squared error of the test view."""
     views, _ = drawn()
     rgba = np.asarray(views.test.rgba[0], dtype=np.float32)
     truth = torch.from_numpy(rgba[..., :3] * rgba[..., 3:] + 1.0 - rgba[..., 3:]).reshape(-1, 3)
@@ -168,4 +168,4 @@ def can_be_recorded(subject: Subject) -> None:
 
 GRID_IN_USE = SETTINGS.grid.first_step + 2
 STOPPED = SETTINGS.grid.first_step // 2
-"""Before the grid is in use, and between two refinements of voxels."""
+"""The step of the stop: before the grid is in use, and between two refinements of voxels."""

@@ -1,4 +1,4 @@
-"""All checks by name; a check is a function of a method that raises where it does not hold."""
+"""All checks by name; a check is a function of a method that raises if it does not hold."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {
     "pointwise": field_checks.pointwise_is_true,
     "two_passes": learner_checks.trains_with_two_passes,
 }
-"""Of methods whose field is a torch module that our renderer asks."""
+"""The checks of methods whose field is a torch module that our renderer evaluates."""
 LEARNER_CHECKS: dict[str, Callable[[Subject], None]] = {
     "record": learner_checks.can_be_recorded,
     "training_repeats": learner_checks.learns_the_same_again,
@@ -31,13 +31,13 @@ LEARNER_CHECKS: dict[str, Callable[[Subject], None]] = {
     "going_on": learner_checks.goes_on_in_the_middle,
     "learning": learner_checks.learns,
 }
-"""Of all methods."""
+"""The checks of all methods."""
 CHECKS = {**FIELD_CHECKS, **LEARNER_CHECKS}
 
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """Of one check of one method."""
+    """The outcome of one check of one method."""
 
     method: str
     check: str
@@ -46,12 +46,12 @@ class CheckOutcome:
 
 
 def meaning(check: str) -> str:
-    """In one line, from the check's own words."""
+    """Return what the check means in one line, taken from its docstring."""
     return " ".join((CHECKS[check].__doc__ or "").split())
 
 
 def conformance(subject: Subject) -> Iterator[CheckOutcome]:
-    """Every check in turn; whatever a method raises breaks the check that it was raised in, and no other."""
+    """Run every check in turn; an exception of the method breaks the check that it was raised in, and no other."""
     for name, check in CHECKS.items():
         if name in FIELD_CHECKS and not subject.is_field:
             yield CheckOutcome(subject.name, name, "not applicable", "no torch field")

@@ -1,4 +1,4 @@
-"""The method that is looked at: small fields of it, as fresh and as after training, and what they are asked for."""
+"""The method under test: small fields of it, fresh and as after training, and the points they are evaluated at."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ NEAR, FAR = 2.0, 6.0
 
 
 class Broken(Exception):
-    """A check that does not hold; says what was seen."""
+    """A check that does not hold; the message says what was seen."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Subject:
 
     @property
     def is_field(self) -> bool:
-        """Whether it is a torch module that our renderer asks; otherwise a learner of its own."""
+        """Whether the method is a torch module that our renderer evaluates; otherwise it is a learner of its own."""
         return self.method.kind == "network"
 
     def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
-        """A fresh one (`baselines.field.field_of`)."""
+        """Return a fresh field (`baselines.field.field_of`)."""
         return field_of(self.method, FieldSpec(replace(SMALL, depth=depth), box, "float32", seed, view_dependent))
 
     def rendered(self, field: Any, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
@@ -56,14 +56,14 @@ class Subject:
 
 
 def rendered(field: Any, quadrature: str, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
-    """24 bins a ray; points are random inside them with a generator."""
+    """Render with 24 bins per ray; given a generator, points are random inside them."""
     # Listing 4 takes its background from the last point before `far`
     sampling = Sampling(bins=24, quadrature=quadrature, clip_to_box=quadrature != "listing4")
     return render_rays(field, None, rays, BOX, sampling, None, WHITE, generator)
 
 
 def some_rays(count: int = 60, seed: int = 62) -> Rays:
-    """From all around towards the box; some miss it."""
+    """Return rays from all around towards the box; some miss it."""
     generator = torch.Generator().manual_seed(seed)
     origins = 4.0 * nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = 1.2 * torch.randn(count, 3, generator=generator).clamp(-1.0, 1.0)
@@ -73,7 +73,7 @@ def some_rays(count: int = 60, seed: int = 62) -> Rays:
 def some_points(
     count: int, seed: int = 60
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "17 3"], Int[Tensor, " points"]]:
-    """Positions, directions, and the direction that each position is seen from."""
+    """Return positions, directions, and the direction that each position is seen from."""
     generator = torch.Generator().manual_seed(seed)
     x = BOX.from_unit(torch.rand(count, 3, generator=generator))
     d = nn.functional.normalize(torch.randn(17, 3, generator=generator), dim=-1)
@@ -81,7 +81,9 @@ def some_points(
 
 
 def roughened(field: Any, alpha: float | None = None) -> Any:
-    """As after training: a contrasted density, biases that are not zero, an amplifier that has moved."""
+    """Return the field as after training: a contrasted density, biases that are not zero, an amplifier that has
+    moved.
+    """
     generator = torch.Generator().manual_seed(61)
     with torch.no_grad():
         for name, weight in field.named_parameters():
@@ -96,7 +98,7 @@ def roughened(field: Any, alpha: float | None = None) -> Any:
 
 @torch.no_grad()
 def set_alpha(amplifier: Amplifier | nn.Module, alpha: float) -> None:
-    """Moves the weight that α follows from so that α > 0 is `alpha`; an amplifier without one has the scalars that it
+    """Move the weight that α follows from so that α > 0 is `alpha`. An amplifier without one has the scalars that it
     learns moved by half, and one without any stays as it is.
     """
     if isinstance(weight := getattr(amplifier, "alpha", None), nn.Parameter):

@@ -1,4 +1,4 @@
-"""Whether the φ encoding's effect is the golden ratio's, or that of how far its frequencies reach."""
+"""Whether the φ encoding's effect comes from the golden ratio, or from how far its frequencies reach."""
 
 from collections.abc import Iterator
 
@@ -37,7 +37,7 @@ LADDER_DESIGN = Design(
         (True, True): "nerf_phi_encoding",
     },
 )
-"""Reach: as far as 2^9 = 512 or only as far as φ^9 = 76, as near as whole bands come. Base: 2 or φ."""
+"""Reach: as far as 2^9 = 512, or only as far as φ^9 = 76, as near as integer bands come. Base: 2 or φ."""
 DECISIVE = (("nerf_phi_encoding", "nerf_matched"), ("nerf_phi_encoding", "nerf_base165"))
 """The golden ratio against two other bases that reach about as far."""
 METRICS = ("psnr", "ssim")
@@ -46,7 +46,9 @@ Tables = dict[str, list[Effect]]
 
 
 def bandwidth(situation: EvidenceContext) -> Iterator[Finding]:
-    """Reach and base as two factors, at each resolution and along training, with the decisive pairs beside."""
+    """Yield reach and base as two factors, at each resolution and along training, with the decisive pairs beside
+    them.
+    """
     trained = {pixels_of(one): one for one in (situation.trained(name) for name in TRAININGS)}
     parts = {
         px: contrast_effects(LADDER_DESIGN, one.cells, f"at {px} px", together=len(trained))
@@ -72,18 +74,18 @@ def bandwidth(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def pixels_of(trained: StudyRun) -> int:
-    """Along a side of its images."""
+    """Return the pixels along one side of its images."""
     return trained.scenes[0].width
 
 
 def _duels(cells: list[CellRecord], px: int) -> Iterator[Effect]:
-    """Every ladder against NeRF, then the decisive pairs."""
+    """Yield every ladder against NeRF, then the decisive pairs."""
     for method, against in (*((method, "nerf") for method in LADDERS if method != "nerf"), *DECISIVE):
         yield from effects(cells, method, against, METRICS, BUDGETS, name=f"{method} at {px} px")
 
 
 def _moved(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
-    """What reach and base change at the highest resolution less at the lowest, paired by seed."""
+    """Yield the effects of reach and base at the highest resolution minus those at the lowest, paired by seed."""
     low, high = min(cells), max(cells)
     for factor in (REACH, BASE):
         first, last = (contrast_tables(LADDER_DESIGN, (factor,), cells[px], "psnr", "steps") for px in (low, high))
@@ -91,7 +93,7 @@ def _moved(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
 
 
 def _ripened(cells: list[CellRecord], px: int) -> Iterator[Effect]:
-    """What reach and base change at the end less what they did at the checkpoint before the last."""
+    """Yield the effects of reach and base at the end minus those at the checkpoint before the last."""
     steps = common_steps(cells)
     for factor in (REACH, BASE) if len(steps) > 1 else ():
         before, end = (contrast_tables(LADDER_DESIGN, (factor,), cells, "psnr", "steps", step) for step in steps[-2:])
@@ -99,7 +101,7 @@ def _ripened(cells: list[CellRecord], px: int) -> Iterator[Effect]:
 
 
 def _change(before: dict[str, np.ndarray], after: dict[str, np.ndarray], name: str) -> Iterator[Effect]:
-    """How an effect on PSNR moves: scene → effects [seeds], the same scenes and seeds in both."""
+    """Yield the change of an effect on PSNR; effects are scene → [seeds], with the same scenes and seeds in both."""
     yield from effects_of_table(
         {scene: after[scene] - before[scene] for scene in before},
         name=name,
@@ -111,7 +113,7 @@ def _change(before: dict[str, np.ndarray], after: dict[str, np.ndarray], name: s
 
 
 def answer(found: list[Effect]) -> str:
-    """Which of the two it is, and which way, from the verdicts on PSNR at equal steps, scene by scene.
+    """Return which of the two it is, and which way, from the verdicts on PSNR at equal steps, scene by scene.
 
     One verdict is enough to say that there is an effect: all those of a factor must be one family.
     """
@@ -146,7 +148,7 @@ def answer(found: list[Effect]) -> str:
 
 
 def _direction(found: list[Effect], cases: int) -> str:
-    """Which way, in how many of all cases and by how much the effects go that are told from 0."""
+    """Return which way, in how many of all cases and by how much the effects go that differ from 0."""
     ways = []
     for verb, verdict in (("raises", "better"), ("lowers", "worse")):
         values = sorted(one.difference for one in found if one.verdict == verdict and one.difference is not None)
@@ -157,7 +159,7 @@ def _direction(found: list[Effect], cases: int) -> str:
 
 
 def _at(px: int, parts: list[Effect], duels: list[Effect]) -> Iterator[str]:
-    """One resolution in figures: reach, base, and φ against the others that reach as far."""
+    """Yield one resolution in figures: reach, base, and φ against the others that reach as far."""
     reach, base = (_by_scene(_chosen(parts, f"{factor} at {px} px")) for factor in (REACH, BASE))
     yield f"At {px} px a shorter reach changes PSNR by {reach}; φ for 2 at the same reach by {base}."
     others = listed(
@@ -168,7 +170,7 @@ def _at(px: int, parts: list[Effect], duels: list[Effect]) -> Iterator[str]:
 
 
 def _chosen(found: list[Effect], name: str, against: str = "") -> list[Effect]:
-    """On PSNR at equal steps, scene by scene."""
+    """Return the effects on PSNR at equal steps, scene by scene."""
     return [
         one
         for one in found
@@ -181,14 +183,14 @@ def _by_scene(found: list[Effect], gain: bool = True) -> str:
 
 
 def _changes(moved: list[Effect], ripened: list[Effect]) -> Iterator[str]:
-    """How reach and base move with resolution and with training time."""
+    """Yield how reach and base change with resolution and with training time."""
     found = [*moved, *ripened]
     for name in dict.fromkeys(one.name for one in found):
         yield f"{name}: the effect moves by {_by_scene(_chosen(found, name), gain=False)}."
 
 
 def _seen(trained: dict[int, StudyRun]) -> str:
-    """How far training went, in the only unit that tells resolutions apart."""
+    """Return how far training went, in the only unit that is comparable between resolutions."""
     shares = []
     for px, one in trained.items():
         steps = max(cell.steps for cell in one.cells)
@@ -205,7 +207,7 @@ def _without_a_score(trained: dict[int, StudyRun]) -> Iterator[str]:
 
 
 def _table(trained: StudyRun, px: int) -> Table:
-    """Each ladder in figures, and its scores."""
+    """Return each ladder in figures, and its scores."""
     cells, bands_of_2 = trained.cells, trained.plan.train.network.position_bands
     _, scenes, _ = keyed(cells)
     rows: list[list[str | float | None]] = []
@@ -233,9 +235,9 @@ def _table(trained: StudyRun, px: int) -> Table:
 
 
 def _lines(cells: dict[int, list[CellRecord]]) -> Iterator[Series]:
-    """Differences from NeRF, and reach and base, over resolution and over training steps; a panel a scene.
+    """Yield differences from NeRF, and reach and base, over resolution and over training steps; one panel per scene.
 
-    Of two scenes no interval over both is of any use to the eye; it stands among the effects.
+    With two scenes, an interval over both tells the eye nothing; it is listed among the effects.
     """
     ladders = {method: (duel(method, "nerf"), (method,)) for method in LADDERS if method != "nerf"}
     factors = {factor: (LADDER_DESIGN, (factor,)) for factor in (REACH, BASE)}

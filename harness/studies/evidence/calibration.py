@@ -1,6 +1,6 @@
 """How often the intervals hold the truth, and how often an effect is found: simulated studies whose truth is known.
 
-The functions that are tried are those that judge a run. Every study is a table of scenes and seeds, with an effect that
+The functions under test are those that judge a run. Every study is a table of scenes and seeds, with an effect that
 differs from scene to scene and noise that differs from seed to seed.
 """
 
@@ -22,21 +22,21 @@ SEEDS = (3, 5, 10)
 SCENE_SD = (0.0, 0.2, 0.6)
 """dB: how much an effect differs from scene to scene. The gains that the paper prints differ by 0.2."""
 PAIR_SD = 0.248
-"""dB: of a paired difference over seeds, nerf_matched less nerf in the default run."""
+"""The standard deviation in dB of a paired difference over seeds, nerf_matched minus nerf in the default run."""
 PUBLISHED = 0.174
 """dB: how much that difference differs from scene to scene in the default run."""
 DEFAULT = (8, 3)
 """Scenes and seeds of the default run."""
 STUDIES = 4000
-"""Simulated in each place of the grid: they know a coverage of 95 % to ± 0.34 %."""
+"""The studies simulated at each point of the grid: they determine a coverage of 95 % to ± 0.34 %."""
 COVERAGE = (0.93, 0.98)
 POWER = {0.2: 0.55, 0.3: 0.88}
 """dB: effect → the least share of studies of the default size that must find it."""
 EFFECTS = tuple(round(0.05 * step, 2) for step in range(13))
 COLLAPSE = 1 / 50
-"""Share of the runs that show nothing but background."""
+"""The share of the runs that show nothing but background."""
 UNSEEN_LOSS = 3.0
-"""dB: what a collapse that nobody is warned of costs. One that is seen has no score that is judged."""
+"""The cost in dB of a collapse that goes unnoticed. One that is noticed has no score that is judged."""
 ONE_SCENE, HERE, ELSEWHERE = "on one scene", "on these scenes", "on scenes like these"
 ASKED_WRONGLY = "on these scenes, asked about others"
 
@@ -54,7 +54,7 @@ def _seen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _unseen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Its mean is part of the truth, which is thus 0 again."""
+    """Return noise in which collapses go unnoticed, centred so that the true effect is 0 again."""
     lost = generator.random(shape) < COLLAPSE
     return _normal(generator, shape) - UNSEEN_LOSS * (lost - COLLAPSE)
 
@@ -66,20 +66,20 @@ NOISE = CHECKED | {f"1 in 50 loses {UNSEEN_LOSS:g} dB unseen": _unseen}
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """A kind of study, and what came of many of it."""
+    """One kind of study, and the results of many of that kind."""
 
     noise: str
     scenes: int
     seeds: int
     scene_sd: float
     coverage: dict[str, float]
-    """Interval → share of studies in which it holds what it is about."""
+    """Interval → share of studies in which it contains the truth."""
     found: dict[str, dict[float, float]]
     """Interval → effect in dB → share of studies that call it better."""
 
 
 def calibration(situation: EvidenceContext) -> Iterator[Finding]:
-    """Coverage over the whole grid, power at the noise of the default run."""
+    """Yield the coverage over the complete grid and the power at the noise of the default run."""
     count = 1000 if situation.quick else STUDIES
     grid = [
         simulated(noise, scenes, seeds, scene_sd, count)
@@ -96,7 +96,7 @@ def calibration(situation: EvidenceContext) -> Iterator[Finding]:
 def simulated(
     noise: str, scenes: int, seeds: int, scene_sd: float, count: int, effects: tuple[float, ...] = tuple(POWER)
 ) -> DesignPoint:
-    """`count` studies. Power is that of the same studies with the effect added to every difference."""
+    """Simulate `count` studies. Power is that of the same studies with the effect added to every difference."""
     generator = np.random.default_rng([20260108, list(NOISE).index(noise), scenes, seeds, round(1000 * scene_sd)])
     truth = scene_sd * generator.standard_normal((count, scenes))
     values = truth[..., None] + NOISE[noise](generator, (count, scenes, seeds))
@@ -118,12 +118,12 @@ def simulated(
 
 
 def _share_found(mean: np.ndarray, half: np.ndarray) -> float:
-    """Called better: the interval is above 0, and not all of it within what matters to nobody."""
+    """Return the share called better: the interval is above 0, and not all of it within the range of no interest."""
     return float(((mean - half > 0) & (mean + half >= METRICS[PRIMARY].smallest_of_interest)).mean())
 
 
 def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[Check]:
-    """Each kind of interval from below and from above, and the power that was promised."""
+    """Yield checks of each kind of interval from below and from above, and of the power that was promised."""
     judged = [one for one in grid if one.noise in CHECKED]
     low, high = COVERAGE
     for kind in (ELSEWHERE, HERE, ONE_SCENE):

@@ -1,4 +1,4 @@
-"""Whether the PSNR ceiling that a view set states is what independent renders say."""
+"""Whether the PSNR ceiling that a view set states agrees with independent renders."""
 
 import json
 import math
@@ -25,7 +25,7 @@ from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 
 Rows = dict[str, list[dict[str, Any]]]
-"""Folder or scene → what was printed about it."""
+"""Folder or scene → the rows printed about it."""
 
 
 def noise_rows(
@@ -35,10 +35,10 @@ def noise_rows(
     say: Callable[[str], None] = lambda line: None,
     module: str = "scenes",
 ) -> Rows:
-    """All rows of each of `items`, in order. `say` gets a line when an item is begun.
+    """Return all rows of each of `items`, in order. `say` gets a line when an item is begun.
 
-    Where a signal ends the process, the item that it was at and those behind are done once more with `scalar_rgb`.
-    Raises `InputError` with what the renderer says of wrong input, `RuntimeError` where it fails otherwise.
+    If a signal ends the process, the item that it was at and those behind are rendered again with `scalar_rgb`. Raises
+    `InputError` with what the renderer says of wrong input, and `RuntimeError` if it fails otherwise.
     """
     rows, code, said = _asked(kind, items, options, say, module)
     if code < 0:
@@ -57,7 +57,7 @@ def noise_rows(
 def _asked(
     kind: str, items: Sequence[str], options: Sequence[str], say: Callable[[str], None], module: str
 ) -> tuple[Rows, int, str]:
-    """Rows so far, exit code and complaints."""
+    """Return the rows so far, the exit code and the error output."""
     rows: Rows = {}
     with tempfile.TemporaryFile("w+") as complaints:
         command = [sys.executable, "-m", module, "noise", f"--{kind}", *items, *options]
@@ -82,7 +82,8 @@ def _asked(
 def scores_at_hand(out: Path, width: int) -> dict[str, float]:
     """Scene → PSNR of its best method, the median over seeds, of images `width` pixels wide.
 
-    From the run in `out`, else from the first training of the studies that has the scene. Nothing is trained for it.
+    They come from the run in `out`, else from the first training of the studies that has the scene. Nothing is trained
+    for it.
     """
     found: dict[str, float] = {}
     for folder in (out, *(out / "studies" / name for name in TRAININGS)):
@@ -105,9 +106,9 @@ def _scores(folder: Path, width: int) -> dict[str, float]:
 
 TOLERANCE_DB = 0.1
 TRAINING = "repaired"
-"""Whose view sets are looked at, and those of the other classics with the same settings."""
+"""The training whose view sets are examined, along with those of the other classics with the same settings."""
 REPEATS = 2
-"""Renders beside the stored one."""
+"""The renders beside the stored one."""
 
 
 @dataclass(frozen=True)
@@ -117,11 +118,11 @@ class Agreement:
     scene: str
     stated: float
     again: float
-    """From the stored images and new ones."""
+    """The ceiling from the stored images and new ones."""
     halves: float
-    """What the view set's formula says of the new ones."""
+    """The ceiling that the view set's formula gives for the new ones."""
     error: float | None
-    """Standard error of stated less again, from the spread over views. None with one view."""
+    """The standard error of stated minus again, from the spread over views; None with one view."""
     views: int
 
     @property
@@ -129,7 +130,7 @@ class Agreement:
         return self.stated - self.again
 
     def excess(self) -> float | None:
-        """Standard errors by which the two differ more than they may; 0 where they do not."""
+        """Return the standard errors by which the two differ beyond what is allowed; 0 if they do not."""
         over = abs(self.difference) - TOLERANCE_DB
         if over <= 0.0:
             return 0.0
@@ -137,7 +138,7 @@ class Agreement:
 
 
 def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
-    """From the mean square errors that noise causes in each view."""
+    """Return the agreement computed from the mean square errors that noise causes in each view."""
     levels = [[psnr_from_mse(one) for one in values] for values in (stated, again, halves)]
     apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
     error = statistics.stdev(apart) / len(apart) ** 0.5 if len(apart) > 1 else None
@@ -146,7 +147,7 @@ def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halve
 
 
 def ceilings(situation: EvidenceContext) -> Iterator[Finding]:
-    """Sentences, three checks, and a table of the scenes."""
+    """Yield sentences, three checks, and a table of the scenes."""
     plan = replace(situation.plan(TRAINING), scenes=tuple(CLASSICS))
     if situation.quick:
         plan = replace(plan, scenes=plan.scenes[:2])
@@ -172,7 +173,7 @@ def ceilings(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
-    """The answer, its checks and its table."""
+    """Yield the answer, its checks and its table."""
     within = [one for one in found if abs(one.difference) <= TOLERANCE_DB]
     mean = statistics.fmean(one.difference for one in found)
     known = [one.error for one in found if one.error is not None]
@@ -224,7 +225,7 @@ def judged(found: Sequence[Agreement]) -> Iterator[Finding]:
 
 
 def limited(found: Sequence[Agreement], scores: dict[str, float]) -> Iterator[str]:
-    """How far the best scores at hand stay below."""
+    """Yield how far the best available scores stay below the ceiling."""
     room = {one.scene: one.again - scores[one.scene] for one in found if one.scene in scores}
     if not room:
         yield "No trained cell is at hand in this folder to stand beside the ceilings."
@@ -239,12 +240,12 @@ def limited(found: Sequence[Agreement], scores: dict[str, float]) -> Iterator[st
 
 
 def _limit(found: Sequence[Agreement]) -> float:
-    """Student's, for as many scenes as there are, with the views that the poorest of them has."""
+    """Return Student's limit for as many scenes as there are, with the fewest views that any of them has."""
     return critical(max(1, min(one.views for one in found) - 1), len(found))
 
 
 def _widest(found: Sequence[Agreement]) -> float:
-    """dB: the largest difference of a scene that passes."""
+    """Return the largest difference in dB of a scene that passes."""
     return TOLERANCE_DB + _limit(found) * max(one.error or 0.0 for one in found)
 
 

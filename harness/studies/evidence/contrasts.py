@@ -28,9 +28,9 @@ def effects(
     budgets: tuple[Budget, ...] = ("steps", "seconds"),
     name: str | None = None,
 ) -> list[Effect]:
-    """`method` − `against`, for each budget and metric: over all scenes of `cells` first, then scene by scene.
+    """Return `method` − `against`, for each budget and metric: over all scenes of `cells` first, then scene by scene.
 
-    `name` is what the effect is called, where it is not the method's name. `metrics` are names of
+    `name` is what the effect is called if that is not the method's name. `metrics` are names of
     `harness.verdicts.comparisons.METRICS`; families count those that are given (`family_of`).
     """
     by_key, scenes, seeds = keyed(cells)
@@ -64,9 +64,10 @@ def effect_of(
     family: int = 1,
     note: str = "",
 ) -> Effect:
-    """Any contrast: scene → differences [seeds], NaN where a seed has none, and the same seeds in the same order.
+    """Return any contrast: scene → differences [seeds], NaN for a seed without one, and the same seeds in the same
+    order.
 
-    `scene` is one of `table`, whose other scenes then tell how much seeds differ, or `all`.
+    `scene` is one of `table`, whose other scenes then show how much seeds differ, or `all`.
     """
     found = judged(table, metric, family, scene)
     one = found.chosen
@@ -96,31 +97,31 @@ Term = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Design:
-    """Which method stands where which factors are on."""
+    """Which method belongs to which combination of factors."""
 
     factors: tuple[str, ...]
     methods: dict[Corner, str]
     """All 2^k corners."""
 
     def terms(self) -> list[Term]:
-        """Main effects first, then interactions of two, and so on."""
+        """Return the main effects first, then interactions of two, and so on."""
         sizes = range(1, len(self.factors) + 1)
         return [term for size in sizes for term in combinations(self.factors, size)]
 
 
 def duel(method: str, against: str) -> Design:
-    """Of one factor: to take `method` instead of `against`."""
+    """Return the design of one factor: to take `method` instead of `against`."""
     return Design((method,), {(False,): against, (True,): method})
 
 
 def signs(design: Design, term: Term) -> Float[np.ndarray, " corners"]:
-    """±1 by corner: the product of the levels of the term's factors."""
+    """Return ±1 by corner: the product of the levels of the term's factors."""
     places = [design.factors.index(factor) for factor in term]
     return np.array([math.prod(1.0 if corner[place] else -1.0 for place in places) for corner in design.methods])
 
 
 def contrast(scores: Float[np.ndarray, "*some corners"], design: Design, term: Term) -> Float[np.ndarray, "*some"]:
-    """Of scores at the corners, in the order of `design.methods`; NaN where one of them is."""
+    """Return the contrast of scores at the corners, in the order of `design.methods`; NaN where one of them is."""
     return np.asarray(scores @ signs(design, term) / (len(design.methods) / 2))
 
 
@@ -133,7 +134,7 @@ def corner_scores(
     budget: Budget,
     step: int | None = None,
 ) -> dict[str, np.ndarray]:
-    """Scene → scores [seeds, corners] that may be compared with each other (`scores_together`)."""
+    """Return scene → scores [seeds, corners] that may be compared with each other (`scores_together`)."""
     return {
         scene: np.array(
             [
@@ -150,9 +151,10 @@ def corner_scores(
 def scores_together(
     cells: Sequence[CellRecord | None], metric: str, budget: Budget, step: int | None = None
 ) -> Float[np.ndarray, " cells"]:
-    """At `step` if it is given, else at the steps that all have done or at the training time of the quickest.
+    """Return the scores at `step` if it is given, else at the steps that all have done or at the training time of the
+    quickest.
 
-    NaN for a cell that is missing, diverged or failed, and for one that was not scored by then.
+    The score is NaN for a cell that is missing, diverged or failed, and for one that was not scored by then.
     """
     done = [cell for cell in cells if cell is not None and judgeable(cell)]
     if not done:
@@ -174,7 +176,7 @@ def scores_together(
 def contrast_tables(
     design: Design, term: Term, cells: list[CellRecord], metric: str, budget: Budget, step: int | None = None
 ) -> dict[str, np.ndarray]:
-    """Scene → the contrast [seeds], NaN where a corner has no score."""
+    """Return scene → the contrast [seeds], NaN if a corner has no score."""
     scores = corner_scores(design, *keyed(cells), metric, budget, step)
     return {scene: contrast(values, design, term) for scene, values in scores.items()}
 
@@ -187,11 +189,10 @@ def contrast_effects(
     budgets: tuple[Budget, ...] = ("steps", "seconds"),
     together: int = 1,
 ) -> list[Effect]:
-    """Every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
+    """Return every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
 
     A main effect is a question of its own, as a method is (`harness.verdicts.comparisons.family_of`). Interactions are
-    looked at all together. `together` counts the places at which a term is asked for, where their verdicts make one
-    answer.
+    judged all together. `together` counts the places at which a term is tested if their verdicts make one answer.
     """
     interactions = len(design.terms()) - len(design.factors)
     return [
@@ -221,7 +222,9 @@ def effects_of_table(
     together: int = 1,
     note: str = "",
 ) -> list[Effect]:
-    """One contrast: over all scenes of `table`, then scene by scene. `together` as many contrasts are one question."""
+    """Return one contrast over all scenes of `table`, then scene by scene. `together` contrasts make up one
+    question.
+    """
     return [
         effect_of(
             table,
@@ -238,7 +241,7 @@ def effects_of_table(
 
 
 def common_steps(cells: list[CellRecord]) -> list[int]:
-    """Steps at which every cell that ended well was scored."""
+    """Return the steps at which every cell that ended well was scored."""
     scored = [{point.step for point in cell.curve} for cell in cells if cell.status == "done"]
     return sorted(set.intersection(*scored)) if scored else []
 
@@ -246,7 +249,7 @@ def common_steps(cells: list[CellRecord]) -> list[int]:
 def line(
     tables: dict[float, dict[str, np.ndarray]], metric: str, *, panel: str, name: str, x_label: str, y_label: str
 ) -> Series:
-    """Place on the axis → a contrast there: its mean and the 95 % interval of that place alone."""
+    """Return a line of place on the axis → a contrast there: its mean and the 95 % interval of that place alone."""
     judged = [
         effect_of(table, name=name, against="", scene="all", metric=metric, budget="steps") for table in tables.values()
     ]
@@ -271,7 +274,7 @@ NO_FIGURE = "no figure"
 
 
 def amount(value: float | None, metric: str, sign: bool = True) -> str:
-    """`+0.81 dB`, with a true minus sign."""
+    """Return the difference as `+0.81 dB`, with a true minus sign."""
     if value is None:
         return NO_FIGURE
     digits = DIGITS.get(metric, 3)
@@ -279,9 +282,10 @@ def amount(value: float | None, metric: str, sign: bool = True) -> str:
 
 
 def told(one: Effect, gain: bool = True) -> str:
-    """`+0.81 dB (95 % interval +0.52 to +1.10: better)`; the interval is the one that the verdict is taken from.
+    """Return the effect as `+0.81 dB (95 % interval +0.52 to +1.10: better)`, with the interval that the verdict is
+    taken from.
 
-    Without `gain`, as for an interaction, more is not better but above 0.
+    Without `gain`, as for an interaction, more is called "above 0" and not "better".
     """
     aside = f", {one.unpaired} of {one.unpaired + one.pairs} pairs without a score" if one.unpaired else ""
     if one.difference is None or one.simultaneous is None:
@@ -293,7 +297,9 @@ def told(one: Effect, gain: bool = True) -> str:
 
 
 def short(one: Effect) -> str:
-    """`+0.81 [+0.52, +1.10]`, for a cell of a table: no unit, no verdict; the interval is the verdict's."""
+    """Return the effect as `+0.81 [+0.52, +1.10]`, for a cell of a table: no unit, no verdict; the interval is the
+    verdict's.
+    """
     digits = DIGITS.get(one.metric, 3)
     if one.difference is None:
         return NO_FIGURE
@@ -302,7 +308,7 @@ def short(one: Effect) -> str:
 
 
 def said(one: Effect, gain: bool = True) -> str:
-    """The verdict in words."""
+    """Return the verdict in words."""
     interest = METRICS[one.metric].smallest_of_interest
     if one.verdict == "equivalent":
         return f"within ±{interest}{UNITS.get(one.metric, '')}"
@@ -314,7 +320,7 @@ def said(one: Effect, gain: bool = True) -> str:
 
 
 def listed(parts: Iterable[str]) -> str:
-    """`a, b and c`"""
+    """Return the items as `a, b and c`."""
     *first, last = parts
     return f"{', '.join(first)} and {last}" if first else last
 

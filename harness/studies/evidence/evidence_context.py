@@ -1,4 +1,4 @@
-"""What every study of the evidence gets to work with, one literal table of what they train, and their run."""
+"""The context of the evidence studies, one literal table of what they train, and their run."""
 
 import json
 from collections import Counter
@@ -25,9 +25,11 @@ from harness.verdicts.comparisons import METRICS
 from scenes.catalog.entries import CLASSICS
 
 SEARCHED = ("chair", "ship")
-"""Scenes on which the repaired Q-NeRF was chosen, by their validation views; its verdict is taken from the others."""
+"""The scenes on which the repaired Q-NeRF was chosen, by their validation views; its verdict is taken from the
+others.
+"""
 FACTORIAL_SCENES = ("lego", "ficus", "hotdog")
-"""Blocks with fine studs, thin leaves, smooth and soft."""
+"""Scenes of blocks with fine studs, of thin leaves, and of smooth and soft shapes."""
 READINGS = {
     "Listing 2": ("amplifier", "qnerf"),
     "Eq. 4": ("equation4", "qnerf_theorem"),
@@ -37,7 +39,7 @@ READINGS = {
 
 @dataclass(frozen=True)
 class Training:
-    """What differs from the profile `reduced`."""
+    """The differences from the profile `reduced`."""
 
     methods: tuple[str, ...]
     scenes: tuple[str, ...]
@@ -50,7 +52,7 @@ class Training:
 
 
 def _factorial() -> tuple[str, ...]:
-    """nerf, and every combination of the three parts under both readings."""
+    """Return nerf, and every combination of the three parts under both readings."""
     names = ["nerf", "nerf_phi_encoding", "nerf_phi_skip", "nerf_phi_encoding_phi_skip"]
     for amplifier, whole in READINGS.values():
         names += [f"nerf_{amplifier}", f"nerf_phi_encoding_{amplifier}", f"nerf_{amplifier}_phi_skip", whole]
@@ -58,11 +60,13 @@ def _factorial() -> tuple[str, ...]:
 
 
 DIRECTED = ("lego", "drums", "materials")
-"""drums and materials have metals and glass: they look different from every side, which training finds out late.
-lego's plastic hardly does."""
+"""Scenes whose appearance depends on direction: drums and materials have metals and glass, which training finds out
+late. lego's plastic hardly looks different from other sides.
+"""
 SCARCE = 20
-"""Training views of which half and a quarter are taken. A hundred are more than so short a training uses up: on these
-scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04."""
+"""The number of training views of which half and a quarter are taken. A hundred are more than so short a training uses
+up: on these scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04.
+"""
 LADDERS = ("nerf", "nerf_matched", "nerf_phi_encoding", "nerf_phi_far", "nerf_base165")
 TEXTURED = ("lego", "chair")
 HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
@@ -88,9 +92,10 @@ TRAININGS: dict[str, Training] = {
 
 
 def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan:
-    """The profile `reduced` with what the training changes; `quick` is far too short for any figure to mean anything.
+    """Return the profile `reduced` with what the training changes; `quick` is far too short for any figure to mean
+    anything.
 
-    Where the processor has no bfloat16 products, the plan is in float32.
+    If the processor has no bfloat16 matrix multiplications, the plan is in float32.
     """
     profile = PROFILES["reduced"]
     views = replace(profile.views, resolution=training.resolution, train=training.train_views, test=training.test_views)
@@ -118,7 +123,7 @@ Measure = Callable[["EvidenceContext"], Iterator[Finding]]
 
 @dataclass(frozen=True)
 class StudyRun:
-    """What a training left behind."""
+    """The results of a training."""
 
     folder: Path
     plan: Plan
@@ -133,23 +138,24 @@ class EvidenceContext:
     out: Path
     view_sets: Path
     scratch: Path
-    """A folder on a disk, gone after the run."""
+    """A folder on a disk that is removed after the run."""
     machine: Machine
     precision_as_planned: bool
-    """Whether this processor has the profile's bfloat16 products."""
+    """Whether this processor has the profile's bfloat16 matrix multiplications."""
     quick: bool
-    """Sizes at which no figure means anything, to try the studies themselves."""
+    """Whether to use sizes at which no figure means anything, to try the studies themselves."""
     show: Progress
 
     def plan(self, name: str) -> Plan:
-        """Of the training of that name."""
+        """Return the plan of the training of that name."""
         return plan_of(TRAININGS[name], self.precision_as_planned, self.quick)
 
     def trained(self, name: str) -> StudyRun:
-        """The training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained again,
-        but for those that had no chance (`lacks_cells`); what is there of another plan is moved to OUT/damaged.
+        """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
+        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
+        OUT/damaged.
 
-        Studies may ask for the same one, one after another.
+        Studies may request the same training, one after another.
         """
         from harness.execution.run import run
 
@@ -163,9 +169,10 @@ class EvidenceContext:
         return StudyRun(folder, plan, read_run(folder).scenes, list(read_cells(folder)))
 
     def mended(self, name: str) -> bool:
-        """Leaves nothing in the folder of a training that is not as it was written; whether it has to be gone on with.
+        """Repair the folder of a training, so that it holds only valid files; returns whether the training has to be
+        resumed.
 
-        One that is not there or is of another plan is left as it is: its figures were taken when it was.
+        A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
         if not folder.exists() or _is_of_another_plan(folder, plan):
@@ -174,7 +181,7 @@ class EvidenceContext:
         return lacks_cells(folder, plan)
 
     def scale(self, *names: str) -> str:
-        """Of trainings, in one line, and where the code may have changed since they were done."""
+        """Return the scale of trainings, in one line, and whether the code may have changed since they were done."""
         lines = []
         for name in names:
             plan = self.plan(name)
@@ -185,8 +192,8 @@ class EvidenceContext:
         return ". ".join([" | ".join(dict.fromkeys(lines)), *self._trained_elsewhen(names)])
 
     def _trained_elsewhen(self, names: tuple[str, ...]) -> Iterator[str]:
-        """Trainings with cells of another commit than the present one, or of a tree with changes, which no commit
-        names. They are used all the same: the plan is what tells whether a cell fits.
+        """Yield the trainings with cells of a commit other than the present one, or of a tree with changes, which no
+        commit names. They are used all the same: the plan decides whether a cell is compatible.
         """
         import torch
 
@@ -208,13 +215,14 @@ class EvidenceContext:
 
 
 def folder_of(out: Path, training: str) -> Path:
-    """Where the run of a training lies."""
+    """Return the folder in which the run of a training lies."""
     return out / TRAININGS_FOLDER / training
 
 
 def lacks_cells(folder: Path, plan: Plan) -> bool:
-    """Whether only running it again makes a training whole: it is not finished, something is missing, or cells failed
-    without having had their chance."""
+    """Whether only running it again completes a training: it is not finished, something is missing, or cells failed
+    without having had their chance.
+    """
     run = _run_of(folder)
     if run is None or not run.finished or not all(cell_path(folder, *one).exists() for one in plan.cells()):
         return True
@@ -222,7 +230,7 @@ def lacks_cells(folder: Path, plan: Plan) -> bool:
 
 
 def _is_of_another_plan(folder: Path, plan: Plan) -> bool:
-    """By its record, or by its cells where that is lost."""
+    """Whether the training is of another plan, by its record, or by its cells if that is lost."""
     run = _run_of(folder)
     if run is None:
         return bool(plan_of_cells(folder, plan))
@@ -242,10 +250,10 @@ def _run_of(folder: Path) -> RunRecord | None:
 def run(
     studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
 ) -> int:
-    """Do `studies` into `out`; with `resume` only those that are not complete there, or whose trainings hold cells that
-    had no chance. 0, or 3 where a check fails.
+    """Run `studies` into `out`; with `resume` only those that are not complete there, or whose trainings hold cells
+    that failed without a chance. Returns 0, or 3 if a check fails.
 
-    Raises `InputError` before anything is measured where `out` cannot be used.
+    Raises `InputError` before anything is measured if `out` cannot be used.
     """
     device = torch.device(machine.device)
     use_threads(machine.threads)
@@ -271,8 +279,9 @@ def run(
 
 
 def _with_sound_trainings(record: Studies, studies: list[str], context: EvidenceContext) -> Studies:
-    """The record without the studies, asked for now or not, on a training of `studies` that has to be resumed, as other
-    cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures."""
+    """Return the record without the studies, requested now or not, on a training of `studies` that has to be resumed,
+    as other cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures.
+    """
     trainings = {name for study in studies for name in STUDIES[study].trainings}
     lost = {name for name in sorted(trainings) if context.mended(name)}
     dropped = {one.info.id: sorted(lost & set(STUDIES[one.info.id].trainings)) for one in record.studies}

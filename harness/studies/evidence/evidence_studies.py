@@ -4,7 +4,7 @@ from harness.records.study import StudyInfo
 from harness.studies.framework import Shelf, Study, catalogue
 
 TRAININGS_FOLDER = "studies"
-"""Folder under OUT in which the runs of the studies lie."""
+"""The folder under OUT in which the runs of the studies lie."""
 
 
 def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:

@@ -25,14 +25,14 @@ from harness.verdicts.comparisons import Budget, keyed
 from harness.verdicts.paper import TABLE4
 
 PARTS = {"φ encoding": "phi_encoding", "amplifier": "amplifier", "φ skip": "phi_skip"}
-"""Part → its name in the names of combinations; the amplifier's is the reading's."""
+"""Part → its name in the names of combinations; the amplifier's depends on the reading."""
 TABLE4_SCENE = "lego"
 METRICS = ("psnr", "ssim")
 BUDGETS: tuple[Budget, ...] = ("steps", "seconds")
 
 
 def factorial(situation: EvidenceContext) -> Iterator[Finding]:
-    """Main effects, interactions and Table 4's cumulative rows, for each reading."""
+    """Yield main effects, interactions and Table 4's cumulative rows, for each reading."""
     cells = situation.trained("factorial").cells
     found = {reading: contrast_effects(design_of(reading), cells, f"({reading})") for reading in READINGS}
     yield answer(found)
@@ -54,7 +54,9 @@ def factorial(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def design_of(reading: str) -> Design:
-    """Which combination stands at which corner; raises `KeyError` for a reading that `READINGS` does not have."""
+    """Return which combination belongs to which corner; raises `KeyError` for a reading that `READINGS` does not
+    have.
+    """
     amplifier, whole = READINGS[reading]
     words = [amplifier if part == "amplifier" else part for part in PARTS.values()]
     methods = {}
@@ -65,13 +67,13 @@ def design_of(reading: str) -> Design:
 
 
 def cumulative(reading: str) -> list[str]:
-    """The methods of Table 4's rows: nerf, + φ encoding, + amplifier, + φ skip."""
+    """Return the methods of Table 4's rows: nerf, + φ encoding, + amplifier, + φ skip."""
     methods = design_of(reading).methods
     return [methods[tuple(place < count for place in range(3))] for count in range(4)]
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Each row of Table 4 against the row above and against the first one, then each part alone against nerf."""
+    """Return each row of Table 4 against the row above and against the first one, then each part alone against nerf."""
     found = []
     for reading in READINGS:
         rows = cumulative(reading)
@@ -83,8 +85,8 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def answer(found: dict[str, list[Effect]]) -> str:
-    """Reading → its effects: what each part does to PSNR at equal steps over all scenes, and what that may be
-    owed to, in one sentence.
+    """Answer from reading → its effects what each part does to PSNR at equal steps over all scenes, and what that may
+    be explained by, in one sentence.
     """
     said_of = []
     for reading, some in found.items():
@@ -99,7 +101,7 @@ def answer(found: dict[str, list[Effect]]) -> str:
 
 
 def _in_figures(found: list[Effect], reading: str) -> Iterator[str]:
-    """What the parts do over all scenes, alone and together."""
+    """Yield what the parts do over all scenes, alone and together."""
     by_budget = {budget: _by_term(found, "all", "psnr", budget) for budget in BUDGETS}
     main, time = (
         listed(f"{part} {told(rows[(part,)])}" for part in PARTS) for rows in (by_budget["steps"], by_budget["seconds"])
@@ -125,7 +127,7 @@ def _by_term(found: list[Effect], scene: str, metric: str, budget: Budget) -> di
 
 
 def _cumulative_sentence(cells: list[CellRecord], reading: str) -> str:
-    """Table 4's rows beside what is printed."""
+    """Return Table 4's rows beside what is printed."""
     rows = cumulative(reading)
     steps = {row: _on_scene(cells, row, above, TABLE4_SCENE) for above, row in pairwise(rows)}
     values = [amount(mean_of(scores_of(cells, TABLE4_SCENE, row, "psnr")), "psnr", sign=False) for row in rows]
@@ -146,7 +148,7 @@ def _on_scene(cells: list[CellRecord], method: str, against: str, scene: str) ->
 
 
 def _limits(cells: list[CellRecord]) -> Iterator[str]:
-    """What bounds an effect, or stands behind it, and what was left aside."""
+    """Yield what bounds an effect or may explain it, and what was excluded."""
     for reading in READINGS:
         amplified = [design_of(reading).methods[corner] for corner in product((False, True), repeat=3) if corner[1]]
         fields = [cell.properties for cell in cells if cell.method in amplified and cell.status == "done"]
@@ -174,7 +176,7 @@ def _convention() -> str:
 
 
 def table4(cells: list[CellRecord], reading: str) -> Table:
-    """The cumulative rows on lego beside the printed ones."""
+    """Return the cumulative rows on lego beside the printed ones."""
     rows: list[list[str | float | None]] = []
     methods = cumulative(reading)
     for place, (method, printed) in enumerate(zip(methods, TABLE4, strict=True)):
@@ -207,7 +209,7 @@ def table4(cells: list[CellRecord], reading: str) -> Table:
 
 
 def combinations_table(cells: list[CellRecord]) -> Table:
-    """PSNR and SSIM of every corner of both designs, scene by scene."""
+    """Return PSNR and SSIM of every corner of both designs, scene by scene."""
     _, scenes, _ = keyed(cells)
     methods = dict.fromkeys(name for reading in READINGS for name in design_of(reading).methods.values())
     labels = {"psnr": "PSNR, dB", "ssim": "SSIM"}
@@ -224,7 +226,7 @@ def combinations_table(cells: list[CellRecord]) -> Table:
 
 
 def _along_training(cells: list[CellRecord], reading: str) -> Iterator[Finding]:
-    """Main effects at every checkpoint."""
+    """Yield the main effects at every checkpoint."""
     design = design_of(reading)
     here = [cell for cell in cells if cell.method in design.methods.values()]
     for part in PARTS:
@@ -239,7 +241,7 @@ def _along_training(cells: list[CellRecord], reading: str) -> Iterator[Finding]:
 
 
 def scores_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> list[float | None]:
-    """Of every seed, at the end; None where it did not end well."""
+    """Return the scores of every seed, at the end; None for a cell that did not end well."""
     return [cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)]
 
 
@@ -249,7 +251,7 @@ def mean_of(scores: list[float | None]) -> float | None:
 
 
 def spread(scores: list[float | None]) -> str:
-    """`24.10 ± 0.05`, standard deviation over seeds, and how many of them it is where not all."""
+    """Return `24.10 ± 0.05` with the standard deviation over seeds, and the number of seeds if some are missing."""
     there = [score for score in scores if score is not None]
     if not there:
         return "no seed ended well"

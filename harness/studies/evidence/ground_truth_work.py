@@ -1,4 +1,4 @@
-"""Mitsuba's own error against its time: how many samples a pixel the ground truth needs."""
+"""Mitsuba's own error against its time: how many samples per pixel the ground truth needs."""
 
 import math
 import statistics
@@ -20,39 +20,43 @@ SPP = (1, 4, 16, 64, 256)
 REFERENCE_SPP = 2048
 REPEATS = 2
 FITTED_FROM = 4
-"""Samples a pixel: with one, colours brighter than white are clipped one by one, and the error is not noise alone."""
+"""The fewest samples per pixel of the fit: with one, colours brighter than white are clipped one by one, and the error
+is not noise alone.
+"""
 ROOMS_DB = (1.0, 3.0)
 TEST_SPP = 64
-"""Of the test views in the profile `reduced`."""
+"""The samples per pixel of the test views in the profile `reduced`."""
 SLOPE = -0.5
 SLOPE_BAR = 0.1
-"""By which the error of a scene may fall more slowly than Monte Carlo must."""
+"""The amount by which the error of a scene may fall more slowly than Monte Carlo must."""
 
 
 FLATTEST = -0.1
-"""Slope of the mean square error above which no number of samples is extrapolated."""
+"""The slope of the mean square error above which no number of samples is extrapolated."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A scene's renders at growing numbers of samples a pixel."""
+    """A scene's renders at growing numbers of samples per pixel."""
 
     scene: str
     spp: list[int]
     seconds: list[float]
-    """Medians, nothing compiled in them."""
+    """Medians, without compilation."""
     rmse: list[float | None]
-    """In linear light over white; None where the reference is no better than the render."""
+    """The error in linear light over white; None if the reference is no better than the render."""
     mse: list[float | None]
-    """Of display colour over white."""
+    """The mean square error of display colour over white."""
 
     def slope_of_samples(self) -> float | None:
-        """Of log RMSE on log samples, from `FITTED_FROM` samples on; None with fewer than two points."""
+        """Return the slope of log RMSE on log samples, from `FITTED_FROM` samples on; None with fewer than two
+        points.
+        """
         return _slope([(count, error) for count, _, error in self._fit()])
 
     def slope_of_seconds(self) -> float | None:
-        """Of log RMSE on log seconds, where a render takes at least twice as long as the shortest: below that, time is
-        overhead. None with fewer than two points.
+        """Return the slope of log RMSE on log seconds, over renders that take at least twice as long as the shortest:
+        below that, time is overhead. None with fewer than two points.
         """
         least = 2.0 * min(self.seconds)
         return _slope([(seconds, error) for _, seconds, error in self._fit() if seconds >= least])
@@ -62,8 +66,8 @@ class Noise:
         return [(count, seconds, one) for count, seconds, one in rows if one is not None and count >= FITTED_FROM]
 
     def spp_for(self, mse: float) -> float | None:
-        """Samples a pixel at which noise has that mean square error of display colour, on the line that is fitted to
-        log mse over log samples; None with fewer than two points, or where they hardly fall.
+        """Return the samples per pixel at which noise has that mean square error of display colour, on the line that is
+        fitted to log mse over log samples; None with fewer than two points, or if they hardly fall.
         """
         known = [(count, one) for count, one in zip(self.spp, self.mse, strict=True) if one is not None]
         line = _fitted([(count, one) for count, one in known if count >= FITTED_FROM])
@@ -78,7 +82,7 @@ def _slope(points: Sequence[tuple[float, float]]) -> float | None:
 
 
 def _fitted(points: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """Slope and height of log y over log x."""
+    """Return the slope and height of log y over log x."""
     if len(points) < 2:
         return None
     x, y = np.log(np.array(points)).T
@@ -87,7 +91,7 @@ def _fitted(points: Sequence[tuple[float, float]]) -> tuple[float, float] | None
 
 
 def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
-    """From what `python -m scenes noise --scenes` printed. Raises `ValueError` where an error is not finite."""
+    """Read what `python -m scenes noise --scenes` printed. Raises `ValueError` if an error is not finite."""
     for row in rows:
         if not all(math.isfinite(one) for errors in row["mse"].values() for one in errors):
             raise ValueError(f"{scene} with {row['spp']} samples a pixel: an error is not finite: {row['mse']}")
@@ -103,7 +107,7 @@ def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
 
 
 def ground_truth_work(situation: EvidenceContext) -> Iterator[Finding]:
-    """Sentences, a check of the slopes, lines of every scene and two tables."""
+    """Yield sentences, a check of the slopes, lines of every scene and two tables."""
     scenes = list(CLASSICS)[: 2 if situation.quick else None]
     spp, reference = ((4, 16, 32), 256) if situation.quick else (SPP, REFERENCE_SPP)
     resolution = 16 if situation.quick else RESOLUTION
@@ -125,7 +129,7 @@ def ground_truth_work(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
-    """How fast noise falls with samples, and with time."""
+    """Yield how fast noise falls with samples, and with time."""
     by_spp = {one.scene: slope for one in found if (slope := one.slope_of_samples()) is not None}
     by_time = {one.scene: slope for one in found if (slope := one.slope_of_seconds()) is not None}
     if not by_spp:
@@ -158,7 +162,7 @@ def sentences(found: Sequence[Noise], how: str) -> Iterator[Finding]:
 
 
 def room(found: Sequence[Noise], scores: dict[str, float]) -> Iterator[Finding]:
-    """Samples a pixel at which the ceiling stands so far above the scores at hand."""
+    """Yield the samples per pixel at which the ceiling stands so far above the available scores."""
     known = [one for one in found if one.scene in scores]
     if not known:
         yield "No trained cell is at hand in this folder: how many samples scores need is not said."
@@ -174,7 +178,9 @@ def room(found: Sequence[Noise], scores: dict[str, float]) -> Iterator[Finding]:
 
 
 def _needed(rows: list[list[str | float | None]]) -> Iterator[str]:
-    """Of scene, score and samples for each of `ROOMS_DB`: the most, among scenes that have a figure for all of them."""
+    """Yield scene, score and samples for each of `ROOMS_DB`: the most, among scenes that have a figure for all of
+    them.
+    """
     known = {str(scene): list(needed) for scene, _, *needed in rows if None not in needed}
     lost = [str(row[0]) for row in rows if row[0] not in known]
     if known:
@@ -196,7 +202,7 @@ def _needed(rows: list[list[str | float | None]]) -> Iterator[str]:
 
 
 def charts(found: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:
-    """RMSE against seconds and against samples, PSNR against samples."""
+    """Yield RMSE against seconds and against samples, and PSNR against samples."""
     for one in found:
         clear = [error if error is not None else math.nan for error in one.rmse]
         psnr = [math.nan if mse is None else psnr_from_mse(mse) for mse in one.mse]
@@ -217,7 +223,7 @@ def charts(found: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:
 
 
 def tabled(found: Sequence[Noise], floor: dict[str, float]) -> Table:
-    """Slopes, times and errors of every scene."""
+    """Return slopes, times and errors of every scene."""
     rows: list[list[str | float | None]] = []
     for one in found:
         psnr = [None if mse is None else psnr_from_mse(mse) for mse in one.mse]

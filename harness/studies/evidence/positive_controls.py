@@ -16,31 +16,33 @@ from harness.studies.evidence.evidence_context import EvidenceContext, Finding, 
 from harness.verdicts.comparisons import METRICS, Budget
 
 ORIGINAL = 31.01
-"""dB, the complete model."""
+"""The PSNR of the complete model, in dB."""
 FIRST_STEPS, FIRST_SEEDS = 600, 3
 FIRST_VIEWS = {100: 0.0, 50: -0.03, 25: -0.04}
 FIRST_DIRECTION = {"lego": -0.01, "drums": -0.18, "materials": -0.22}
-"""dB that a first design gave: by training views, and without view direction by scene. It was changed for that."""
+"""The effects in dB that a first design gave: of training views, and of omitting the view direction by scene. The
+design was changed because of them.
+"""
 TIMES = 3.0
-"""A loss is of a plausible size from the smallest one of interest up to so many times the original's. Declared before
-any of these runs had been looked at. Few pixels and short training leave little of the fine detail that encoding and
-many images bring, so that it may be much smaller here; and a small network on three scenes, one of them almost all
-mirrors, has less to make up for what is missing, so that it may be larger.
+"""The upper factor of plausibility: a loss has a plausible size from the smallest one of interest up to so many times
+the original's. It was declared before any of these runs had been looked at. Few pixels and short training leave little
+of the fine detail that encoding and many images bring, so that a loss may be much smaller here; and a small network on
+three scenes, one of them almost all mirrors, has less to make up for what is missing, so that it may be larger.
 """
 
 
 @dataclass(frozen=True)
 class Control:
     name: str
-    """Of the method that lacks something."""
+    """The name of the method that lacks something."""
     what: str
     original: float
-    """dB in the original's ablation."""
+    """The loss in dB in the original's ablation."""
     training: str
     baseline: str
-    """The training whose nerf it stands against."""
+    """The training whose nerf it is compared with."""
     need: str = ""
-    """Of the scene, without which there is nothing to lose."""
+    """The need of the scene without which there is nothing to lose."""
     images: bool = False
     """Whether it is nerf itself, trained with fewer views in a run of its own."""
 
@@ -56,7 +58,7 @@ CONTROLS = (
 
 
 def positive_controls(situation: EvidenceContext) -> Iterator[Finding]:
-    """Each control against nerf: found or not, and how large."""
+    """Yield each control against nerf: found or not, and how large."""
     asked = dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training))
     trained = {name: situation.trained(name) for name in asked}
     found = {control: effects_of(control, trained) for control in CONTROLS}
@@ -73,7 +75,7 @@ def positive_controls(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def effects_of(control: Control, trained: dict[str, StudyRun]) -> list[Effect]:
-    """Against nerf of its baseline, on the scenes that need what is missing; empty where none does.
+    """Return the effects against nerf of its baseline, on the scenes that need what is missing; empty if none does.
 
     Runs of their own do not share a clock with nerf's: they are compared at equal steps alone.
     """
@@ -90,7 +92,7 @@ def effects_of(control: Control, trained: dict[str, StudyRun]) -> list[Effect]:
 
 
 def needing(control: Control, trained: StudyRun) -> list[str]:
-    """Scenes that need what the control lacks: by the needs that their view sets record."""
+    """Return the scenes that need what the control lacks, by the needs that their view sets record."""
     return [scene.name for scene in trained.scenes if control.need not in {one.name for one in scene.left_out}]
 
 
@@ -99,27 +101,27 @@ def _on(scenes: list[str], cells: list[CellRecord]) -> list[CellRecord]:
 
 
 def overall(found: list[Effect]) -> Effect | None:
-    """PSNR at equal steps over all scenes."""
+    """Return the effect on PSNR at equal steps over all scenes."""
     return next((one for one in found if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps")), None)
 
 
 def by_scene(found: list[Effect]) -> list[Effect]:
-    """PSNR at equal steps, scene by scene."""
+    """Return the effects on PSNR at equal steps, scene by scene."""
     return [one for one in found if one.scene != "all" and (one.metric, one.budget) == ("psnr", "steps")]
 
 
 def is_found(found: list[Effect]) -> bool:
-    """Called worse over all scenes, or on one of them, and better nowhere.
+    """Whether the loss is found: called worse over all scenes or on one of them, and better nowhere.
 
-    These are two families at 5 %, each of which calls a loss that is not there one in at most half as many studies:
-    together in at most 5 %.
+    These are two families at 5 %, each of which calls a false loss one in at most half as many studies: together in at
+    most 5 %.
     """
     verdicts = [one.verdict for one in (overall(found), *by_scene(found)) if one is not None]
     return "worse" in verdicts and "better" not in verdicts
 
 
 def found_check(control: Control, found: list[Effect]) -> Check:
-    """How many of the verdicts call the loss a loss, none if one calls it a gain."""
+    """Return how many of the verdicts call the loss a loss, none if one calls it a gain."""
     what = f"NeRF {control.what} is found to be worse: verdicts that say so"
     rows = [one for one in (overall(found), *by_scene(found)) if one is not None]
     if not rows:
@@ -134,7 +136,7 @@ def found_check(control: Control, found: list[Effect]) -> Check:
 
 
 def size_check(control: Control, found: list[Effect]) -> Check:
-    """Whether the loss lies between the smallest one of interest and `TIMES` the original's."""
+    """Check that the loss lies between the smallest one of interest and `TIMES` the original's."""
     loss = control.original - ORIGINAL
     least = -METRICS["psnr"].smallest_of_interest
     one = overall(found)
@@ -151,7 +153,7 @@ def size_check(control: Control, found: list[Effect]) -> Check:
 
 
 def design_changed(trained: dict[str, StudyRun]) -> str:
-    """What was declared before any result and what was not; what there is now comes from the plans."""
+    """Return what was declared before any result and what was not; what there is now comes from the plans."""
     images = [trained[name].plan for name in ("images", "half_images", "quarter_images")]
     directed = trained["no_direction"].plan
     need = "view_direction"

@@ -1,4 +1,4 @@
-"""Error against work of rendering one trained field: every quadrature rule and every sampler."""
+"""Error against work when one trained field is rendered: every quadrature rule and every sampler."""
 
 import json
 import math
@@ -38,7 +38,7 @@ MEASURES = ("colour", "opacity")
 
 
 class EmptyOutside:
-    """A field without density outside of its box, whose integral a ray has the same of, cut to the box or not."""
+    """A field without density outside of its box, whose integral along a ray is the same, cut to the box or not."""
 
     def __init__(self, inner: RadianceField, box: Box) -> None:
         self.inner = inner
@@ -75,7 +75,7 @@ class EmptyOutside:
 
 @dataclass(frozen=True)
 class Sampler:
-    """Where a ray's points lie."""
+    """The placement of a ray's points."""
 
     name: str
     clipped: bool = True
@@ -83,8 +83,9 @@ class Sampler:
     early_stop: bool = False
     random: bool = False
     two_passes: bool = False
-    """A quarter of the points spread evenly, half as many fenceposts as there are points drawn where those saw
-    something, and a second pass over both: as many evaluations as one pass over all."""
+    """Whether a second pass is made: a quarter of the points spread evenly, half as many fenceposts as there are points
+    drawn where those saw something, and a second pass over both: as many evaluations as one pass over all.
+    """
 
 
 SAMPLERS = (
@@ -99,7 +100,7 @@ SAMPLERS = (
 
 @dataclass(frozen=True)
 class Frame:
-    """What is rendered; `near_to_far` is in its rays."""
+    """The rays to render; `near_to_far` is in its rays."""
 
     field: RadianceField
     rays: Rays
@@ -110,7 +111,9 @@ class Frame:
 
     @torch.no_grad()
     def rendered(self, rule: str, sampler: Sampler, samples: int) -> tuple[Tensor, Tensor, int]:
-        """Display colour [rays, 3], opacity [rays], network evaluations; about `samples` points a ray."""
+        """Return display colour [rays, 3], opacity [rays] and network evaluations, with about `samples` points per
+        ray.
+        """
         bins = max(1, samples // QUADRATURES[rule].stride)
         sampling = Sampling(
             bins=max(1, bins // 4) if sampler.two_passes else bins,
@@ -142,21 +145,21 @@ class Line:
     samples: list[int] = field(default_factory=list)
     error: dict[str, list[float]] = field(default_factory=lambda: {name: [] for name in MEASURES})
     evaluations: list[int] = field(default_factory=list)
-    """Of the whole frame."""
+    """The evaluations of the complete frame."""
     seconds: list[float] = field(default_factory=list)
-    """Medians."""
+    """The medians of the seconds."""
 
     def cost_of(self, target: float, costs: Sequence[float], measure: str = "colour") -> float | None:
-        """The least of `costs` at which the error is no more than `target`."""
+        """Return the least of `costs` at which the error is no more than `target`."""
         reached = [cost for cost, error in zip(costs, self.error[measure], strict=True) if error <= target]
         return min(reached, default=None)
 
     def least(self, measure: str) -> float:
-        """Raises `ValueError` where an error is not finite, which a minimum would hide or be."""
+        """Return the least error. Raises `ValueError` if one is not finite, which a minimum would hide or be."""
         return min(_finite(error, self.rule, self.sampler) for error in self.error[measure])
 
     def order(self, measure: str, floor: float) -> float | None:
-        """Fitted over the finer half of what stands clear of the reference's own error."""
+        """Return the order, fitted over the finer half of the errors well above the reference's own."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
         finer = clear[len(clear) // 2 :] if len(clear) >= 6 else clear[-3:]
         return fitted_order([e for _, e in finer], tuple(n for n, _ in finer))
@@ -182,9 +185,9 @@ def measured_lines(
     synchronise: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Line]:
-    """Every rule with every sampler at each of `samples`, timed in turns: all of them once, then all once more, …
+    """Measure every rule with every sampler at each of `samples`, timed in turns: all of them once, then all again, …
 
-    `reference` has `MEASURES`. Raises `ValueError` where an error is not finite.
+    `reference` has `MEASURES`. Raises `ValueError` if an error is not finite.
     """
     todo = [(rule, sampler, count) for rule in rules for sampler in samplers for count in samples]
     for rule, sampler in {(rule, sampler): None for rule, sampler, _ in todo}:
@@ -216,13 +219,13 @@ class TrainedField:
     trainer: Trainer
     views: ViewSet
     origin: str
-    """In words: from where."""
+    """The origin in words."""
 
 
 def trained_field(situation: EvidenceContext, training: str, scene: str, method: str, seed: int = 0) -> TrainedField:
-    """`method` as `training` leaves it. It is not trained again where the folder of the studies has it.
+    """Return `method` as `training` leaves it. It is not trained again if the folder of the studies has it.
 
-    What is rendered has float32 products, whatever it was trained with: their rounding is not what is looked at.
+    Rendering uses float32 matrix multiplications, whatever the training used: their rounding is not examined here.
     """
     device = torch.device(situation.machine.device)
     plan = situation.plan(training)
@@ -242,14 +245,14 @@ def trained_field(situation: EvidenceContext, training: str, scene: str, method:
 
 
 def restored(weights: Path, plan: Plan, views: ViewSet, stream: str, method: str, device: torch.device) -> Trainer:
-    """A trainer at the end of its budget, with the weights and the occupied cells of a checkpoint."""
+    """Return a trainer at the end of its budget, with the weights and the occupied cells of a checkpoint."""
     trainer = empty_trainer(plan, views, stream, method, device)
     load_checkpoint(trainer, weights, plan.budget.steps or trainer.settings.grid.first_step + 1)
     return trainer
 
 
 def empty_trainer(plan: Plan, views: ViewSet, stream: str, method: str, device: torch.device) -> Trainer:
-    """As the run makes it for this scene, with float32 products."""
+    """Return a trainer as the run makes it for this scene, with float32 matrix multiplications."""
     settings: TrainSettings = replace(for_scene(plan.train, views), precision="float32")
     directed = needs_view_direction(views)
     return Trainer(method, box_of(views, device), settings, plan.budget, stream, device, directed)
@@ -270,12 +273,12 @@ SAMPLES = (4, 8, 16, 32, 64, 128, 256, 512)
 REFERENCE_SAMPLES = 4096
 TARGETS = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4)
 OWN_ERROR = 1e-4
-"""A tenth of the smallest error that a sentence names as reached."""
+"""The largest error of the reference itself: a tenth of the smallest error that a sentence names as reached."""
 ROUNDS = 3
 STRIDE = 3
-"""Every third pixel along both axes: all of a view's parts, a ninth of its rays."""
+"""The stride of pixels: every third along both axes shows all parts of a view in a ninth of its rays."""
 BY_RULE, BY_SAMPLER = "box", "midpoint"
-"""What stays the same where the other is varied."""
+"""The rule or sampler that stays the same when the other is varied."""
 
 
 def rendering_work(situation: EvidenceContext) -> Iterator[Finding]:
@@ -325,7 +328,7 @@ def _measured(situation: EvidenceContext, origin: str, frame: Frame, size: str) 
 
 
 def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[str]:
-    """Who is first, where that changes, what the paper's rule and the grid leave."""
+    """Yield which combination is first, when that changes, and the error that the paper's rule and the grid leave."""
     named = [_first_words(lines, target, rays) for target in (1e-2, 1e-3)]
     yield f"Of all rules and samplers, {' and '.join(named)}: a frame is {frame_words}."
     winners = [(target, one) for target in TARGETS if (one := fastest(lines, target))]
@@ -374,7 +377,7 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
 
 
 def fastest(lines: Sequence[Line], target: float, by: str = "seconds") -> Line | None:
-    """The line that reaches an error of colour with the least `seconds` or `evaluations`; None where none does."""
+    """Return the line that reaches an error of colour with the least `seconds` or `evaluations`; None if none does."""
     reached = [(cost, line) for line in lines if (cost := line.cost_of(target, getattr(line, by))) is not None]
     return min(reached, key=lambda one: one[0])[1] if reached else None
 
@@ -394,7 +397,7 @@ def _name(line: Line) -> str:
 
 
 def charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) -> Iterator[Series]:
-    """Rules with one sampler and samplers with one rule, against seconds and against evaluations."""
+    """Yield rules with one sampler and samplers with one rule, against seconds and against evaluations."""
     views = (
         (f"Rules, sampler: {BY_RULE}", [(one.rule, one) for one in lines if one.sampler == BY_RULE]),
         (f"Samplers, rule: {BY_SAMPLER}", [(one.sampler, one) for one in lines if one.rule == BY_SAMPLER]),
@@ -416,7 +419,7 @@ def charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) -
 
 
 def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
-    """Every combination: orders, what is left at the end, and what 1e-2 and 1e-3 cost."""
+    """Return every combination: orders, the error that remains at the end, and the cost of 1e-2 and 1e-3."""
     columns = ["rule", "sampler", "order of colour", "order of opacity", "least error of colour", "of opacity",
                "s to 1e-2", "evaluations a ray", "s to 1e-3", "evaluations a ray"]  # fmt: skip
     rows: list[list[str | float | None]] = []

@@ -21,17 +21,17 @@ CONTROLS = {
     "nerf_matched": "that of NeRF whose frequencies reach no further (what is gained beyond bandwidth)",
     "nerf_phi_encoding_phi_skip": "that of itself without the amplifier (what Eq. 4 does)",
 }
-"""Vanilla; the same bandwidth without φ; φ encoding and φ skip without an amplifier."""
+"""The controls: vanilla; the same bandwidth without φ; φ encoding and φ skip without an amplifier."""
 METRICS = ("psnr", "ssim", "rmse_linear", "depth_rmse")
 BUDGETS: dict[Budget, str] = {"steps": "equal steps", "seconds": "equal time"}
 MARGIN = 1.2
-"""dB: the least that the paper's abstract says Q-NeRF gains over NeRF."""
+"""The least gain over NeRF, in dB, that the paper's abstract claims for Q-NeRF."""
 CHUNK_BAR = 2e-6
 OPAQUE = 0.999
 
 
 def repaired(situation: EvidenceContext) -> Iterator[Finding]:
-    """What was chosen against NeRF, against NeRF of its bandwidth, and against itself without the amplifier."""
+    """Yield what was chosen against NeRF, against NeRF of its bandwidth, and against itself without the amplifier."""
     trained = situation.trained("repaired")
     cells, found = trained.cells, read_search()
     compared = [one for against in CONTROLS for one in effects(cells, REPAIRED, against, METRICS, tuple(BUDGETS))]
@@ -56,8 +56,8 @@ def repaired(situation: EvidenceContext) -> Iterator[Finding]:
 
 
 def answers(compared: list[Effect]) -> Iterator[str]:
-    """Does it beat NeRF, by the paper's margin, and what else has its encoding? At equal steps first, then at equal
-    time.
+    """Answer whether it beats NeRF, whether by the paper's margin, and what else has its encoding; at equal steps
+    first, then at equal time.
     """
     for budget, words in BUDGETS.items():
         found = {against: over_all(compared, against, budget) for against in CONTROLS}
@@ -66,7 +66,7 @@ def answers(compared: list[Effect]) -> Iterator[str]:
 
 
 def reached(one: Effect) -> str:
-    """Where the interval lies beside the paper's margin."""
+    """Return where the interval lies relative to the paper's margin."""
     margin = f"the paper's margin of {amount(MARGIN, 'psnr')}"
     if one.simultaneous is None:
         return f"whether {margin} is reached is not settled"
@@ -83,7 +83,7 @@ def over_all(compared: list[Effect], against: str, budget: Budget, metric: str =
 
 
 def _others(compared: list[Effect]) -> str:
-    """The other scores beside PSNR."""
+    """Return the other scores beside PSNR."""
     others = listed(
         f"{metric} by {told(over_all(compared, 'nerf', 'steps', metric))}" for metric in METRICS if metric != "psnr"
     )
@@ -91,7 +91,7 @@ def _others(compared: list[Effect]) -> str:
 
 
 def equal_time(cells: list[CellRecord], clock: str) -> str:
-    """What equal time is, from runs of equal steps; `clock` is what the search counted its budget in."""
+    """Return what equal time means, from runs of equal steps; `clock` is the unit of the search's budget."""
     by_key, scenes, seeds = keyed([cell for cell in cells if cell.status == "done"])
     pairs = [
         (by_key.get((scene, REPAIRED, seed)), by_key.get((scene, "nerf", seed))) for scene in scenes for seed in seeds
@@ -129,7 +129,7 @@ def _without_a_score(cells: list[CellRecord]) -> Iterator[str]:
 
 
 def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:
-    """What must hold for this to be the search's own choice, judged elsewhere, and a field that can be opaque."""
+    """Yield what must hold for this to be the search's own choice, judged elsewhere, and a field that can be opaque."""
     mine = [cell for cell in cells if cell.method == REPAIRED and cell.status == "done"]
     lost = sum(cell.method == REPAIRED for cell in cells) - len(mine)
     yield check(
@@ -153,7 +153,7 @@ def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:
 
 
 def _worst(what: str, cells: list[CellRecord], lost: int, name: str, high: float | None) -> Check:
-    """Of all trained cells; at most `high`, or at least opaque."""
+    """Return the worst of all trained cells; at most `high`, or at least opaque."""
     there = [
         (value, f"{cell.scene}, seed {cell.seed}")
         for cell in cells
@@ -177,7 +177,7 @@ def _scores(cells: list[CellRecord]) -> Table:
 
 
 def _learnt(cells: list[CellRecord]) -> Table:
-    """αφ at the end: at 1 Eq. 4 is the identity."""
+    """Return αφ at the end: at 1 Eq. 4 is the identity."""
     _, scenes, seeds = keyed(cells)
     rows: list[list[str | float | None]] = []
     for scene in scenes:
@@ -189,7 +189,7 @@ def _learnt(cells: list[CellRecord]) -> Table:
 
 
 def search_table(found: Search) -> Table:
-    """Every candidate and reference, in the order in which a tie is decided."""
+    """Return every candidate and reference, in the order in which a tie is decided."""
     cells = list(dict.fromkeys((row.scene, row.seed) for row in found.rows))
     scores = {(row.method, row.scene, row.seed): row for row in found.rows}
     placed = {one.method: one for one in found.standings}

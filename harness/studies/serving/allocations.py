@@ -1,4 +1,4 @@
-"""Samples shared out evenly, and by attention at as many samples or network evaluations: errors, seconds."""
+"""Samples distributed evenly, and by attention at as many samples or network evaluations: errors, seconds."""
 
 import typing
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from harness.studies.serving.serving_context import CLOCK, Clock, rmse
 
 WAYS: tuple[Way, ...] = typing.get_args(Way)
 LEAST_SHARE = 0.25
-"""Of the mean: what every ray gets, whatever is attended."""
+"""The share of the mean that every ray gets, whatever is attended."""
 
 
 def least_bins(bins: int) -> int:
@@ -22,10 +22,10 @@ def least_bins(bins: int) -> int:
 
 
 def shared_out(view: Looked, way: Way, kind: str | None, bins: int, budget: int, least: int) -> tuple[np.ndarray, int]:
-    """Samples a ray of each region, and the network evaluations that it took to find out.
+    """Return the samples per ray of each region, and the network evaluations that finding them took.
 
     `even`: `bins` everywhere. `samples`: as many in all, by the map `kind`. `evaluations`: so that all evaluations,
-    those of finding out among them, come to about `budget`; what a sample costs is found by the coarse frame's rays,
+    including those of the map, come to about `budget`; the cost of a sample is estimated from the coarse frame's rays,
     region by region, and that frame is the map's.
     """
     if way == "even" or kind is None:
@@ -44,20 +44,20 @@ def shared_out(view: Looked, way: Way, kind: str | None, bins: int, budget: int,
 
 @dataclass(frozen=True)
 class AllocatedRender:
-    """One picture with its samples shared out in one way."""
+    """One picture with its samples distributed in one way."""
 
     colour: np.ndarray
     bins: float
     evaluations: int
     own: int
-    """Of these, spent on finding out."""
+    """The evaluations spent on the distribution itself."""
     seconds: float
 
 
 def rendered(
     view: Looked, way: Way, kind: str | None, bins: int, budget: int = 0, clock: Clock = CLOCK
 ) -> AllocatedRender:
-    """Finding out and rendering on one clock; the picture is an array in memory by then."""
+    """Distribute and render on one clock; the picture is an array in memory by then."""
     counted: list[int] = []
 
     def note(part: Done) -> None:
@@ -72,12 +72,14 @@ def rendered(
 
 
 def calls_for(view: Looked, bins: int) -> int:
-    """Rays a call that have no more samples than a plain one has; a pointwise method gives the same picture."""
+    """Return the rays per chunk that have no more samples than a plain one; a pointwise method gives the same
+    picture.
+    """
     return max(1, view.cell.chunk * view.bins // max(bins, view.bins))
 
 
 def reference(view: Looked, bins: int) -> np.ndarray:
-    """The same field integrated so finely that what is left of the quadrature's error is small, [h, w, 3]."""
+    """Return the same field integrated so finely that the remaining quadrature error is small, [h, w, 3]."""
     return rendered(view, "even", None, bins).colour
 
 
@@ -90,12 +92,12 @@ class Shared:
 
 
 Choice = tuple[Way, str | None, int]
-"""Way, map and samples a ray that it is compared with."""
+"""The way, the map and the samples per ray that it is compared with."""
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Everything measured of one view."""
+    """All measurements of one view."""
 
     view: Looked
     maps: dict[str, np.ndarray]
@@ -112,9 +114,9 @@ def sampled(
     truth: np.ndarray | None,
     clock: Clock = CLOCK,
 ) -> Sampled:
-    """The run's own number of samples in every way, by every map that attends unequally, and `evens` evenly. Each is
-    rendered once off the clock, which allocates and chooses kernels, and then in turn with all others, as often as
-    asked, in changing order.
+    """Measure the run's own number of samples in every way, by every map that attends unequally, and `evens` evenly.
+    Each is rendered once off the clock, which allocates and chooses kernels, and then in turn with all others, as often
+    as requested, in changing order.
     """
     kinds = [kind for kind, attention in maps.items() if not is_equal(attention)]
     first: dict[Choice, AllocatedRender] = {}
@@ -134,12 +136,12 @@ def sampled(
 
 
 def evens(own: int) -> list[int]:
-    """Samples a ray that are rendered evenly: half of the run's own, these, and twice as many."""
+    """Return the samples per ray that are rendered evenly: half of the run's own, these, and twice as many."""
     return sorted({max(1, own // 2), own, 2 * own})
 
 
 def allocations(seen: Sequence[Sampled], kind: str) -> list[Allocation]:
-    """In every way: means over the views that this map attends unequally."""
+    """Return the allocations in every way: means over the views that this map attends unequally."""
     some = [one for one in seen if not is_equal(one.maps[kind])]
     if not some:
         return []

@@ -29,7 +29,7 @@ KINDS = {
 """Map of `baselines.numerics.attention.maps.MAPS` → what is attended to, in words."""
 CENTRE = (1 / 2, 1 / 2)
 LOOKED_AT = {"foveal": (1 / 3, 2 / 3)}
-"""Row and column, of height and width; the centre by all others."""
+"""The row and column that are looked at, as shares of height and width; the centre for all others."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ class Looked:
     regions: Regions
     stride: int
     bins: int
-    """Samples a ray, of the coarse frame as well."""
+    """The samples per ray, of the coarse frame as well."""
 
 
 def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
-    """float64 [regions], and the network evaluations that it cost; `first` is the coarse frame, which is rendered where
-    it is needed and not given. Raises `ValueError` for an unknown kind.
+    """Return the attention, float64 [regions], and the network evaluations that it cost; `first` is the coarse frame,
+    which is rendered if it is needed and not given. Raises `ValueError` for an unknown kind.
     """
     if kind not in KINDS:
         raise ValueError(f"unknown map of attention {kind!r}; known: {' '.join(KINDS)}")
@@ -81,7 +81,7 @@ def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np
 
 
 def middle(height: int, width: int) -> np.ndarray:
-    """bool [height, width]: pixels whose centre lies in the middle half of the rows and of the columns."""
+    """Return bool [height, width]: pixels whose centre lies in the middle half of the rows and of the columns."""
     rows, columns = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
     return (np.abs(rows - 0.5) < 0.25)[:, None] & (np.abs(columns - 0.5) < 0.25)[None, :]
 
@@ -89,22 +89,22 @@ def middle(height: int, width: int) -> np.ndarray:
 ORDERS: tuple[Order, ...] = typing.get_args(Order)
 MEASURES: tuple[Measure, ...] = typing.get_args(Measure)
 SHARE_OF_ERROR = 0.1
-"""Of the coarse frame's: when so little is left, a picture is called useful."""
+"""The share of the coarse frame's error at which a picture is called useful."""
 QUARTER = 0.25
-"""Of the regions: the most attended, or the hardest."""
+"""The share of the regions that count as the most attended, or the hardest."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """One view refined once: what was done when."""
+    """One view refined once, with the time of each part."""
 
     first: View
     seconds: list[float]
-    """Since the view was asked for: of the first frame, and of each part."""
+    """Seconds since the view was requested: of the first frame, and of each part."""
     parts: list[Done]
 
     def at(self, index: int) -> View:
-        """The picture after so many parts."""
+        """Return the picture after so many parts."""
         height, width = self.first.opacity.shape
         canvas = Canvas(height, width, self.first)
         for part in self.parts[:index]:
@@ -118,17 +118,17 @@ class Measured:
 
     refined: Refined
     seconds: np.ndarray
-    """[repeats, points]."""
+    """Seconds [repeats, points]."""
 
     def after(self, limit: float) -> View:
-        """What is there when so many seconds are over, by the median of the repeats; the first frame at least."""
+        """Return what is shown after so many seconds, by the median of the repeats; the first frame at least."""
         done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
         return self.refined.at(max(done, 0))
 
 
 def refined(view: Looked, order: Order, kind: str | None, clock: Clock = CLOCK) -> Refined:
-    """First frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it; `plain`
-    begins with the white that a reader sees meanwhile.
+    """Render first frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it;
+    `plain` begins with the white that a reader sees meanwhile.
     """
     cell, regions, camera = view.cell, view.regions, view.camera
     began = clock()
@@ -155,13 +155,13 @@ Run = tuple[Order, str | None]
 
 
 def runs_of(maps: dict[str, np.ndarray]) -> list[Run]:
-    """Each order once; attention for every map that attends to something more than to something else."""
+    """Return each order once; attention for every map that attends to something more than to something else."""
     attended: list[Run] = [("attention", kind) for kind, attention in maps.items() if not is_equal(attention)]
     return [*attended, *((order, None) for order in ORDERS if order != "attention")]
 
 
 def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Measured]:
-    """All runs in turn, as often as asked, in changing order: a busy machine hurts all alike."""
+    """Measure all runs in turn, as often as requested, in changing order: a busy machine affects all alike."""
     found: dict[Run, list[Refined]] = {run: [] for run in runs}
     for repeat in range(repeats):
         for run in runs[:: 1 if repeat % 2 == 0 else -1]:
@@ -170,7 +170,7 @@ def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLO
 
 
 def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
-    """bool [pixels]: those of the quarter of the regions that is attended most."""
+    """Return bool [pixels]: those of the quarter of the regions that is attended most."""
     count = max(1, round(QUARTER * regions.count))
     found = np.zeros(regions.height * regions.width, dtype=bool)
     for region in region_order(attention)[:count]:
@@ -179,13 +179,13 @@ def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
 
 
 def hardest_pixels(regions: Regions, first: View, finished: View) -> np.ndarray:
-    """bool [pixels]: those of the quarter of the regions in which the coarse frame is most wrong."""
+    """Return bool [pixels]: those of the quarter of the regions in which the coarse frame is most wrong."""
     squares = ((first.colour.astype(np.float64) - finished.colour) ** 2).mean(axis=-1)
     return attended_pixels(regions, regions.mean(squares))
 
 
 def errors_along(one: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
-    """Root mean square error everywhere and in each of `where`, of the first frame and after each part."""
+    """Yield the root mean square error everywhere and in each of `where`, of the first frame and after each part."""
     wanted = finished.colour.reshape(-1, 3).astype(np.float64)
     squares = ((one.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
     yield _roots(squares, where)
@@ -203,7 +203,7 @@ def _roots(squares: np.ndarray, where: Sequence[np.ndarray]) -> list[float]:
 
 @dataclass(frozen=True)
 class Seen:
-    """Everything measured of one view."""
+    """All measurements of one view."""
 
     view: Looked
     finished: View
@@ -214,15 +214,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class TimedCurve:
-    """As recorded, and the seconds that its own are the medians of."""
+    """A curve as recorded, and the seconds that its own are the medians of."""
 
     anytime: Anytime
     seconds: np.ndarray
-    """[repeats, points], means over the views."""
+    """Seconds [repeats, points], means over the views."""
 
 
 def curve(seen: Sequence[Seen], kind: str, order: Order) -> TimedCurve | None:
-    """Means over the views, point by point; None where no view is attended unequally by this map."""
+    """Return means over the views, point by point; None if no view is attended unequally by this map."""
     run: Run = (order, kind if order == "attention" else None)
     some = [one for one in seen if ("attention", kind) in one.runs]
     if not some:
@@ -253,7 +253,7 @@ def curve(seen: Sequence[Seen], kind: str, order: Order) -> TimedCurve | None:
 
 
 def reaching(one: TimedCurve, measure: Measure, error: float, share: float = SHARE_OF_ERROR) -> Reaching:
-    """When what is measured is first at most `share` of `error`, the coarse frame's, and stays so."""
+    """Return when the measured error is first at most `share` of `error`, the coarse frame's, and stays so."""
     curve = one.anytime
     limit = share * error
     above = [index for index, value in enumerate(curve.rmse(measure)) if value > limit]
@@ -273,7 +273,9 @@ def reaching(one: TimedCurve, measure: Measure, error: float, share: float = SHA
 
 
 def reachings(curves: Sequence[TimedCurve]) -> list[Reaching]:
-    """Of the curves of one scene and map, which begin with the same coarse frame, if with any."""
+    """Return when each measured error is small enough, for the curves of one scene and map, which begin with the same coarse frame, if with
+    any.
+    """
     begun = next(one.anytime for one in curves if one.anytime.order != "plain")
     return [reaching(one, measure, begun.rmse(measure)[0]) for one in curves for measure in MEASURES]
 

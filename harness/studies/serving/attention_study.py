@@ -1,4 +1,4 @@
-"""Attention-prioritised rendering (§8.2, Eq. 7) on a finished run: anytime curves, shared samples, what φ does."""
+"""Attention-prioritised rendering (§8.2, Eq. 7) on a finished run: anytime curves, distributed samples, what φ does."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,14 +30,16 @@ from harness.training.metrics import psnr
 from scenes.view_sets.images import write_png
 
 FOLDER = "images/serving"
-"""Under `OUT/records`."""
+"""The folder under `OUT/records`."""
 EXAMPLES = ("point", "gradients")
 SHARE_OF_TIME = 0.4
-"""Of raster order's, for every order: coarse frame and map take up to a quarter, and then something is to be seen."""
+"""The share of raster order's time, for every order: coarse frame and map take up to a quarter, and then something must
+be visible.
+"""
 
 
 def frames(out: Path, seen: Seen, truth: np.ndarray | None) -> list[ExampleFrame]:
-    """Written under `out`."""
+    """Return the example frames, written under `out`."""
     cell, finished = seen.view.cell, seen.finished.colour
     scene, method = cell.scene.name, cell.learner.method
     raster = seen.runs["raster", None]
@@ -76,26 +78,26 @@ def frames(out: Path, seen: Seen, truth: np.ndarray | None) -> list[ExampleFrame
 
 SCENES = ("lego", "hotdog", "drums")
 METHODS = ("nerf", "nerf_matched")
-"""Looked at first where the run has them; the first that can be rendered by regions is taken."""
+"""The methods preferred if the run has them; the first that can be rendered by regions is taken."""
 STRIDE = 4
-"""Of the coarse frame: one ray of sixteen."""
+"""The stride of the coarse frame: one ray of sixteen."""
 REGIONS_A_SIDE = 10
 LEAST_TILE = 4
 
 
 @dataclass
 class _Found:
-    """What is added to, scene after scene."""
+    """The results so far, scene after scene."""
 
     seen: dict[str, list[Seen]] = field(default_factory=dict)
     sampled: dict[str, list[Sampled]] = field(default_factory=dict)
     phi: list[PhiEffect] = field(default_factory=list)
-    """Of each map."""
+    """The effects of each map."""
     frames: list[ExampleFrame] = field(default_factory=list)
 
 
 def measured_attention(situation: ServingContext) -> AttentionRecord | None:
-    """None where no method of the run can be rendered by regions here."""
+    """Measure attention; None if no method of the run can be rendered by regions here."""
     cells = cells_of(situation)
     if not cells:
         situation.leave_out("attention: no method of the run can be rendered by regions here")
@@ -130,7 +132,9 @@ def tile_of(width: int) -> int:
 
 
 def cells_of(situation: ServingContext) -> list[TrainedCell]:
-    """One a scene, of one method: a pointwise one, as others are rendered plainly whatever is attended."""
+    """Return one cell per scene, of one method: a pointwise one, as others are rendered plainly whatever is
+    attended.
+    """
     names = {scene.name: scene for scene in situation.scenes}
     scenes = [names.pop(name) for name in SCENES if name in names] + list(names.values())
     methods = [name for name in METHODS if name in situation.methods]
@@ -188,7 +192,7 @@ def _curves(found: _Found) -> tuple[list[TimedCurve], list[Reaching]]:
 
 
 def _not_by_regions(situation: ServingContext, first: TrainedCell) -> list[NotByRegions]:
-    """The other methods on the first scene, where regions would change their picture."""
+    """Return the other methods on the first scene, whose picture regions would change."""
     rows = []
     for method in situation.methods:
         cell = situation.trained(first.scene, method)
@@ -207,7 +211,7 @@ def _not_by_regions(situation: ServingContext, first: TrainedCell) -> list[NotBy
 
 
 def _phi_check(maps: list[PhiEffect]) -> PhiCheck:
-    """The sum that is farthest from φ stands for all."""
+    """Check φ; the sum that is farthest from φ stands for all."""
     sums = np.array([one.sum_of_priorities for one in maps])
     return PhiCheck(
         sum_of_priorities=float(sums[np.abs(sums - PHI).argmax()]),

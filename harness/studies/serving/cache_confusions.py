@@ -1,4 +1,4 @@
-"""What a key of the pose alone (Listing 5) would return, at poses that it has seen, for what it does not know of."""
+"""What a key of the pose alone (Listing 5) would return, at poses that it has seen, if something else changed."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
@@ -24,19 +24,21 @@ from harness.training.metrics import mse
 from harness.training.trainer import Trainer
 
 LONGER = 1.25
-"""Times the focal length."""
+"""The factor by which the focal length is longer."""
 INSET = 0.01
-"""Of the distance between near and far."""
+"""The inset from near and far as a share of their distance."""
 
 
 def pose_hash(camera_to_world: np.ndarray) -> str:
-    """`_pose_hash` of Listing 5, which the paper does not print: of the sixteen numbers, to the last bit."""
+    """Return `_pose_hash` of Listing 5, which the paper does not print: a hash of the sixteen numbers, to the last
+    bit.
+    """
     return hashlib.blake2b(np.ascontiguousarray(camera_to_world, dtype=np.float64).tobytes()).hexdigest()
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What is asked for instead of what the cache has seen."""
+    """A request that differs from what the cache has seen."""
 
     changed: str
     learner: Learner
@@ -45,7 +47,7 @@ class Variant:
 
 
 def confusions(situation: ServingContext, cell: TrainedCell, others: Iterable[Variant]) -> list[Confusion]:
-    """Pictures of `cell` are stored under both keys; then every one of `others` is asked for at their poses."""
+    """Store pictures of `cell` under both keys, then request every one of `others` at their poses."""
     cameras = [situation.camera(cell, pose) for pose in situation.orbit(cell.scene, situation.sizes.confused)]
     store = ViewStore(ROOM, None, 0)
     cached = frozen(cell, store)
@@ -77,7 +79,9 @@ def _confusion(one: Variant, cameras: list[Camera], by_pose: dict[str, View], st
 
 
 def variants(situation: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
-    """Everything that the picture depends on and its pose does not say, and last a pose that is nearly the same."""
+    """Yield everything that the picture depends on and its pose does not say, and last a pose that is nearly the
+    same.
+    """
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     if isinstance(learner, Trainer):
         yield from _retrained(situation, cell, learner)
@@ -117,27 +121,31 @@ def variants(situation: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
 
 
 def in_other_calls(cell: TrainedCell) -> Iterator[Variant]:
-    """How rays are put into calls, where the picture depends on it."""
+    """Yield other divisions of rays into chunks, if the picture depends on them."""
     if not cell.learner.field.pointwise:
         half = max(1, cell.chunk // 2)
         yield Variant(f"{cell.learner.method} with {half} rays a call instead of {cell.chunk}", cell.learner, half)
 
 
 def narrower(camera: Camera) -> Camera:
-    """By a share of their distance from both sides: other samples, of the same matter."""
+    """Return the camera with near and far moved inwards by a share of their distance: other samples, of the same
+    geometry.
+    """
     inset = INSET * (camera.far - camera.near)
     return replace(camera, near=camera.near + inset, far=camera.far - inset)
 
 
 def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
-    """[h, w, …] → [height, width, …] by the nearest pixels: what would be shown of a picture of another size."""
+    """Resample [h, w, …] → [height, width, …] by the nearest pixels: what would be shown of a picture of another
+    size.
+    """
     rows = ((np.arange(height) + 0.5) * picture.shape[0] / height).astype(int)
     columns = ((np.arange(width) + 0.5) * picture.shape[1] / width).astype(int)
     return picture[rows][:, columns]
 
 
 def one_ulp_away(camera: Camera) -> Camera:
-    """The x of its place changed by the smallest amount that float64 can hold."""
+    """Return the camera with the x of its place changed by the smallest amount that float64 can hold."""
     pose = camera.camera_to_world.copy()
     pose[0, 3] = np.nextafter(pose[0, 3], np.inf)
     return camera.at(pose)
@@ -160,11 +168,11 @@ def _retrained(situation: ServingContext, cell: TrainedCell, learner: Trainer) -
 
 
 NEVER = 1 << 60
-"""Steps."""
+"""A number of steps that is never reached."""
 
 
 def copied(learner: Trainer, settings: Any = None) -> Trainer:
-    """The same method in the same state, with a life of its own."""
+    """Return an independent copy of the method in the same state."""
     made = learner_for(
         learner.method,
         learner.box,

@@ -14,22 +14,22 @@ from harness.training.batches import Camera
 from harness.training.evaluate import View
 
 ROOM = 1 << 30
-"""Bytes: more than is ever stored here, so that nothing falls out."""
+"""A capacity in bytes that exceeds all that is stored here, so that nothing is evicted."""
 POSES = 8
 
 
 class WrongHit(RuntimeError):
-    """A hit that is not of the level that was meant, or not the picture that was rendered: an error of ours."""
+    """A hit that is not of the expected level, or not the picture that was rendered: an error of ours."""
 
 
 def latencies(situation: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) -> list[Latency]:
-    """Rendering, and hits of every kind, in turn, so that whatever else the machine does hurts all alike.
+    """Time rendering, and hits of every kind, in turn, so that whatever else the machine does affects all alike.
 
-    A hit is what a caller waits for: key of a new camera, looking up, checksum, array. Weights are frozen, so that they
-    are hashed once, before; in `level 0 hashed` they are hashed at every call, as is the default. Level 2 is read by a
-    store that keeps nothing in memory: from a file in the operating system's memory, as one that was written lately
-    is, and, where the system can be told to drop a file's data, from one that is not (`level 2 cold`; names of files
-    stay, and the disk may have a memory of its own).
+    A hit is what a caller waits for: key of a new camera, lookup, checksum, array. Weights are frozen, so that they are
+    hashed once, before; in `level 0 hashed` they are hashed at every request, as is the default. Level 2 is read by a
+    store that keeps nothing in memory: from a file in the operating system's memory, as one that was written lately is,
+    and, if the system can be told to drop a file's data, from one that is not (`level 2 cold`; names of files stay, and
+    the disk may have a memory of its own).
     """
     sizes, method = situation.sizes, cell.learner.method
     poses = situation.orbit(cell.scene, POSES)
@@ -74,12 +74,12 @@ def latencies(situation: ServingContext, cell: TrainedCell, clock: Clock = CLOCK
 
 
 def frozen(cell: TrainedCell, store: ViewStore, levels: tuple[int, ...] = (1,)) -> CachedMethod:
-    """A method that nobody trains, cached at these levels."""
+    """Return a method that nobody trains, cached at these levels."""
     return CachedMethod(cell.learner, store, cell.chunk, frozen=True, levels=levels)
 
 
 def bytes_a_view(situation: ServingContext, cell: TrainedCell) -> tuple[int, int]:
-    """In memory and on disk, means over an orbit."""
+    """Return the bytes per view in memory and on disk, means over an orbit."""
     poses = situation.orbit(cell.scene, POSES)
     folder = situation.scratch / f"bytes.{cell.learner.method}"
     store = ViewStore(ROOM, folder, ROOM)
@@ -97,7 +97,9 @@ def bytes_a_view(situation: ServingContext, cell: TrainedCell) -> tuple[int, int
 
 
 def dropped(folder: Path) -> bool:
-    """Whether the operating system was told to forget the data of all files in a folder; it first has to write them."""
+    """Write the data of all files in a folder to disk and ask the operating system to drop it; returns whether it was
+    asked.
+    """
     if not hasattr(os, "posix_fadvise"):
         return False
     for file in folder.rglob("*"):
@@ -112,7 +114,7 @@ def dropped(folder: Path) -> bool:
 
 
 def came_from(store: ViewStore, before: dict[int, int]) -> Source:
-    """Where the last view came from: `before` are the hits of the store before it was asked for."""
+    """Return where the last view came from: `before` are the hits of the store before it was requested."""
     now = store.statistics.hits
     found: list[Source] = [_LEVELS[level] for level in now if now[level] > before[level]]
     return found[0] if found else "render"
@@ -122,14 +124,16 @@ _LEVELS: dict[int, Source] = {0: "level 0", 1: "level 1", 2: "level 2"}
 
 
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
-    """With nothing in memory and the weights hashed already."""
+    """Return the method of a disk cache with nothing in memory and the weights hashed already."""
     cached = frozen(cell, ViewStore(0, folder, ROOM), (2,))
     cached.key(camera)
     return cached
 
 
 def _hit(cached: CachedMethod, camera: Camera, view: View, level: Source, clock: Clock) -> float:
-    """Seconds of one; raises `WrongHit`. Where it came from is looked at afterwards: looking reads the file."""
+    """Return the seconds of one hit; raises `WrongHit`. Its source is checked afterwards, because checking reads the
+    file.
+    """
     before = cached.store.statistics.hits
     found, took = timed(lambda: cached.render(camera), clock)
     if not same(found, view):
@@ -140,7 +144,7 @@ def _hit(cached: CachedMethod, camera: Camera, view: View, level: Source, clock:
 
 
 def same(one: View, other: View) -> bool:
-    """To the last bit: −0 is not 0."""
+    """Whether both are equal to the last bit: −0 is not 0."""
     return all(
         a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
         for a, b in ((getattr(one, name), getattr(other, name)) for name in ("colour", "opacity", "depth"))

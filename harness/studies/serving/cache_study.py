@@ -19,22 +19,22 @@ from harness.training.evaluate import View
 
 @dataclass(frozen=True)
 class Route:
-    """A path, and the cache that it is looked at through."""
+    """A path, and the cache through which it is rendered."""
 
     path: str
-    """In words."""
+    """The path in words."""
     poses: np.ndarray
-    """float64 [views, 4, 4]"""
+    """Poses, float64 [views, 4, 4]."""
     memory_bytes: int
     disk_bytes: int
-    """0: without a disk."""
+    """The capacity on disk; 0 is a cache without one."""
     others: Sequence[np.ndarray] = ()
-    """Poses of paths like it, of which the hits alone are counted."""
+    """The poses of similar paths, of which the hits alone are counted."""
 
 
 def routes(situation: ServingContext, cell: TrainedCell, view_bytes: int) -> list[Route]:
-    """An orbit looked at three times, walks that come back to where they were, an orbit larger than the memory, and the
-    spiral of the test views, which never comes back: all that a cache costs.
+    """Return an orbit rendered three times, walks that come back to where they were, an orbit larger than the memory,
+    and the spiral of the test views, which never comes back: all that a cache costs.
     """
     count = situation.sizes.orbit
     orbit = situation.orbit(cell.scene, count)
@@ -56,8 +56,8 @@ def routes(situation: ServingContext, cell: TrainedCell, view_bytes: int) -> lis
 def followed(
     situation: ServingContext, cell: TrainedCell, route: Route, number: int, clock: Clock = CLOCK
 ) -> PathUse | None:
-    """Every view is asked of the cache and rendered without it, in turn, so that a busy machine hurts both alike. None
-    where the time is over before the end.
+    """Request every view from the cache and render it without, in turn, so that a busy machine affects both alike.
+    Returns None if the time is over before the end.
     """
     disk = situation.scratch / f"path.{number}" if route.disk_bytes else None
     store = ViewStore(route.memory_bytes, disk, route.disk_bytes)
@@ -91,8 +91,8 @@ def followed(
 
 
 def hit_rate(situation: ServingContext, cell: TrainedCell, poses: np.ndarray, memory_bytes: int) -> float:
-    """Of a path through a cache in memory. What a picture shows changes nothing about its being there: a miss keeps a
-    black one.
+    """Return the hit rate of a path through a cache in memory. It does not depend on what a picture shows: a miss
+    stores a black one.
     """
     cached = frozen(cell, ViewStore(memory_bytes, None, 0))
     camera = situation.camera(cell, poses[0])
@@ -110,11 +110,11 @@ def hit_rate(situation: ServingContext, cell: TrainedCell, poses: np.ndarray, me
 
 SCENE = "lego"
 METHODS = ("nerf", "qnerf")
-"""Looked at where the run has them."""
+"""The methods preferred if the run has them."""
 
 
 def measured(situation: ServingContext) -> CacheRecord | None:
-    """None where no method of the run can be rendered here."""
+    """Measure the cache; None if no method of the run can be rendered here."""
     cells = cells_of(situation)
     if not cells:
         return None
@@ -142,7 +142,7 @@ def measured(situation: ServingContext) -> CacheRecord | None:
 
 
 def cells_of(situation: ServingContext) -> list[TrainedCell]:
-    """Of one scene: two methods if there is a scene that has them, ours first."""
+    """Return the cells of one scene: two methods if there is a scene that has them, ours first."""
     names = {scene.name: scene for scene in situation.scenes}
     preferred = ([names.pop(SCENE)] if SCENE in names else []) + list(names.values())
     methods = [name for name in METHODS if name in situation.methods]

@@ -1,4 +1,4 @@
-"""What the studies of serving get to work with: the run, its cells ready to render, poses, truth, seconds of calls."""
+"""The context of the serving studies: the run, its cells ready to render, poses, ground truth, timing."""
 
 import math
 import time
@@ -27,28 +27,28 @@ from scenes.view_sets.view_set import ViewSet
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured."""
+    """The sizes of the measurements."""
 
     rounds: int
-    """Renderings that are timed, each with hits of every level around it."""
+    """The renderings that are timed, each with hits of every level around it."""
     hits: int
-    """Calls of every level in a round."""
+    """The hits of every level in a round."""
     orbit: int
-    """Views of a camera path."""
+    """The views of a camera path."""
     walks: int
-    """Seeds of a walk whose hits are counted."""
+    """The seeds of a walk whose hits are counted."""
     confused: int
-    """Views for which a key of the pose alone is asked."""
+    """The views that are requested by a key of the pose alone."""
     extra_steps: int
-    """Of training, for the weights of a moment later."""
+    """The steps of further training, for slightly later weights."""
     scenes: int
-    """On which attention is looked at."""
+    """The scenes on which attention is examined."""
     views: int
-    """Of each of these."""
+    """The views of each of these."""
     repeats: int
-    """Of every refinement, for a median of its seconds."""
+    """The repeats of every refinement, for a median of its seconds."""
     shared: int
-    """Repeats of every picture with its samples shared out, of one view a scene."""
+    """The repeats of every picture with its samples distributed, of one view per scene."""
     reference_bins: int
     first_frames: int
 
@@ -61,12 +61,12 @@ QUICK = Sizes(
     rounds=3, hits=2, orbit=4, walks=3, confused=2, extra_steps=2, scenes=1, views=1, repeats=1, shared=1,
     reference_bins=64, first_frames=1,
 )  # fmt: skip
-"""At which no figure means anything, to try the studies themselves."""
+"""Sizes at which no figure means anything, to try the studies themselves."""
 
 
 @dataclass
 class ServingContext:
-    """A finished run and what of it is asked for."""
+    """A finished run and what of it is requested."""
 
     run: FinishedRun
     scenes: list[SceneRecord]
@@ -76,14 +76,16 @@ class ServingContext:
     device: torch.device
     view_sets: Path
     scratch: Path
-    """A folder on a disk, which is thrown away; pictures for the report lie under it as they will under the run."""
+    """A folder on a disk that is removed after the run; pictures for the report lie under it as they will under the
+    run.
+    """
     quick: bool
     show: Progress
     deadline: float | None = None
-    """By `clock`; nothing is begun afterwards."""
+    """The time by `clock` after which nothing is begun."""
     clock: Callable[[], float] = time.monotonic
     is_late: bool = False
-    """Whether something was left out for the deadline."""
+    """Whether something was left out because of the deadline."""
     left_out: list[str] = field(default_factory=list)
     """What cannot be measured and why, one sentence each, no sentence twice."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
@@ -94,7 +96,7 @@ class ServingContext:
         return QUICK if self.quick else FULL
 
     def leave_out(self, sentence: str) -> None:
-        """Once."""
+        """Add a sentence to `left_out`, once."""
         if sentence not in self.left_out:
             self.left_out.append(sentence)
             self.show.line(f"  left out: {sentence}")
@@ -108,7 +110,9 @@ class ServingContext:
         return True
 
     def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
-        """None, with a sentence in `left_out`, for a cell that cannot be rendered here. Nobody may train it."""
+        """Return the cell ready to render; None, with a sentence in `left_out`, if it cannot be rendered here. Nobody
+        may train it.
+        """
         key = (scene.name, method, self.seed if seed is None else seed)
         if key not in self._cells:
             try:
@@ -119,11 +123,11 @@ class ServingContext:
         return self._cells[key]
 
     def camera(self, cell: TrainedCell, pose: np.ndarray) -> Camera:
-        """The scene's lens at a pose, in pictures of the width that is measured."""
+        """Return the scene's lens at a pose, in pictures of the width that is measured."""
         return cell.camera(pose).resized(self.width)
 
     def orbit(self, scene: SceneRecord, frames: int) -> np.ndarray:
-        """Poses [frames, 4, 4] around a scene, as far away as its views were taken from."""
+        """Return poses [frames, 4, 4] around a scene, as far away as its views were taken from."""
         try:
             radius = self.run.view_radius(scene, self.view_sets)
         except InputError as reason:
@@ -132,7 +136,9 @@ class ServingContext:
         return orbit(frames, radius=radius)
 
     def views(self, scene: SceneRecord) -> ViewSet | None:
-        """The run's own views at the measured width; None, with a sentence in `left_out`, where they are not there."""
+        """Return the run's own views at the measured width; None, with a sentence in `left_out`, if they are
+        missing.
+        """
         if scene.name not in self._views:
             self._views[scene.name] = self._read_views(scene)
         return self._views[scene.name]
@@ -154,8 +160,8 @@ class ServingContext:
         return found
 
     def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """`count` poses evenly spread over the test views, with their pictures over white [h, w, 3]; from an orbit and
-        without pictures where the views are not there.
+        """Return `count` poses evenly spread over the test views, with their pictures over white [h, w, 3]; if the
+        views are missing, poses of an orbit without pictures.
         """
         views = self.views(scene)
         if views is None or not len(views.test.names):
@@ -166,29 +172,29 @@ class ServingContext:
 
 
 TRAIN_VIEWS = 8
-"""Views that a few more steps are trained on."""
+"""The views that a few more steps are trained on."""
 
 
 def plain(learner: Learner, camera: Camera, chunk: int) -> View:
-    """The picture as the run scored it: what everything here is measured against."""
+    """Return the picture as the run scored it: the reference of all measurements here."""
     return render_view(learner, camera.cameras(learner.device), 0, chunk)
 
 
 def rmse(found: np.ndarray, wanted: np.ndarray) -> float:
-    """Root of the mean square over everything; raises `ValueError` where a value is not finite."""
+    """Return the root of the mean square over everything; raises `ValueError` if a value is not finite."""
     return math.sqrt(mse(found, wanted))
 
 
 One = TypeVar("One")
 Clock = Callable[[], float]
-"""Seconds that only ever grow."""
+"""Seconds that never decrease."""
 
 CLOCK: Clock = time.perf_counter
 
 
 def timed(call: Callable[[], One], clock: Clock = CLOCK) -> tuple[One, float]:
-    """What a call gives, and its seconds. Whatever is rendered here ends as an array in memory, so that a device has
-    finished by then.
+    """Return the result of a function, and its seconds. Whatever is rendered here ends as an array in memory, so that a
+    device has finished by then.
     """
     began = clock()
     found = call()
@@ -198,9 +204,10 @@ def timed(call: Callable[[], One], clock: Clock = CLOCK) -> tuple[One, float]:
 def latency(
     scene: str, method: str, source: Timed, seconds: Sequence[float], rendering: Sequence[float] | None = None
 ) -> Latency:
-    """Median and spread of calls and, against those of `rendering`, how many times as long rendering takes.
+    """Return the median and spread of timed requests and, against those of `rendering`, how many times as long
+    rendering takes.
 
-    Raises `ValueError` for no calls, and for seconds that are not positive: the clock is too coarse for them.
+    Raises `ValueError` if there are none, and for seconds that are not positive: the clock is too coarse for them.
     """
     ratio, ratio_spread = None, None
     if rendering is not None:

@@ -38,20 +38,24 @@ from harness.viewer.engine import FreshPixels, first_frame, seconds_of
 from scenes.files.errors import InputError
 
 PATH_VIEWS = 17
-"""Renderings for each view of an orbit, on all paths together, with and without a cache."""
+"""The renderings for each view of an orbit, on all paths together, with and without a cache."""
 VARIANTS = 12
-"""Of what a key is asked for, and what it has seen."""
+"""The number of variants that a key is asked for, including what it has seen."""
 REFINED = 1.5
-"""Refining takes as many times as long as rendering: its calls are smaller, and the coarse frame is on top."""
+"""The time of refining relative to rendering: its chunks are smaller, and the coarse frame comes on top."""
 SHARED = 6.0
-"""As many samples and as many evaluations by attention, one picture each, take together as many times as long."""
+"""The time relative to rendering of as many samples and as many evaluations by attention, one picture each,
+together.
+"""
 BESIDE = 1.3
-"""Reading, writing, hashing and scoring, on top of rendering."""
+"""The factor for reading, writing, hashing and scoring, on top of rendering."""
 LEAST_SECONDS = 1.0
 
 
 def estimated_seconds(situation: ServingContext, clock: Clock = CLOCK) -> float:
-    """From one view of each cell of the cache's, rendered twice: the first call also allocates."""
+    """Estimate the seconds from one view of each cell of the cache's, rendered twice: the first rendering also
+    allocates.
+    """
     sizes, seconds = situation.sizes, LEAST_SECONDS
     cached, attended = cache_cells(situation), attention_cells(situation)
     ones = []
@@ -71,7 +75,7 @@ def estimated_seconds(situation: ServingContext, clock: Clock = CLOCK) -> float:
 
 
 def plan_lines(situation: ServingContext, seconds: float) -> list[str]:
-    """In words, for the terminal."""
+    """Return the plan in words, for the terminal."""
     quick = ", quick" if situation.quick else ""
     return [
         f"serving {situation.run.out}, {situation.width} px wide, seed {situation.seed}{quick}: about {seconds:.0f} s",
@@ -81,7 +85,9 @@ def plan_lines(situation: ServingContext, seconds: float) -> list[str]:
 
 
 def measured(situation: ServingContext) -> FirstFrame | None:
-    """The slowest of some calls, each of another pose with an empty cache. None where nothing can be rendered here."""
+    """Return the slowest of some requests, each of another pose with an empty cache; None if nothing can be rendered
+    here.
+    """
     cells = cells_of(situation)
     if not cells:
         return None
@@ -104,18 +110,22 @@ def measured(situation: ServingContext) -> FirstFrame | None:
 
 
 def coarse_of(frames: Sequence[FreshPixels], method: str) -> tuple[int, float]:
-    """Stride of a method's coarse frame, and its PSNR in dB against the whole picture."""
+    """Return the stride of a method's coarse frame, and its PSNR in dB against the complete picture."""
     mine = {frame.state: frame for frame in frames if frame.method == method}
     return mine["coarse"].stride or 1, psnr(mine["coarse"].colour, mine["whole"].colour)
 
 
 THREADS = 1
-"""Of torch. Several wait for each other wherever the machine does something else, and rendering then takes many times
-as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit has one in any case."""
+"""The threads of torch. Several wait for each other whenever the machine does something else, and rendering then takes
+many times as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit uses one in any
+case.
+"""
 MEASURING = ("harness/studies/serving/*.py", "harness/playback/*.py")
-"""Sources that figures come from, besides those that render."""
+"""The sources that figures come from, besides those that render."""
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
-"""Of where a record was made: on another machine, or with other versions, figures are other ones."""
+"""The facts about where a record was made that must agree: on another machine, or with other versions, figures are
+other ones.
+"""
 
 STUDIES: dict[str, tuple[str, Callable[[ServingContext], Any]]] = {
     "cache": ("view cache", cache_study.measured),
@@ -127,7 +137,7 @@ STUDIES: dict[str, tuple[str, Callable[[ServingContext], Any]]] = {
 
 @dataclass(frozen=True)
 class ServingRequest:
-    """What of a run is looked at."""
+    """The part of a run to measure."""
 
     scenes: list[str]
     methods: list[str]
@@ -146,10 +156,10 @@ def run(
     survive: bool = False,
     most_seconds: float | None = None,
 ) -> ServingRecord:
-    """Measures and writes. What cannot be rendered is a sentence in `left_out`; with `survive` any other failure, too.
+    """Measure and write. What cannot be rendered is a sentence in `left_out`; with `survive` any other failure, too.
 
-    Nothing is measured where it would take more than `most_seconds`, and nothing is begun once they are over. Whatever
-    ends it, studies that were finished are written, but not over a whole record of the same weights.
+    Nothing is measured if it would take more than `most_seconds`, and nothing is begun once they are over. Whatever
+    ends it, studies that were finished are written, but not over a complete record of the same weights.
     """
     began = time.monotonic()
     use_threads(asked.threads)
@@ -192,8 +202,8 @@ def run(
 
 
 def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
-    """What `python -m harness run` measures at its end, unless it is there already. Never costs the run anything but
-    time: whatever goes wrong is said, here and in the record.
+    """Measure what `python -m harness run` measures at its end, unless it is there already. It never costs the run
+    anything but time: whatever goes wrong is reported, here and in the record.
     """
     try:
         finished = FinishedRun.of(out)
@@ -216,7 +226,7 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
 
 
 def is_measured(out: Path, settings: dict[str, Any], origin: dict[str, Any]) -> bool:
-    """Whether there is a whole record of just this, made by the same code on the same machine."""
+    """Whether there is a complete record of just this, made by the same code on the same machine."""
     there = _earlier(out)
     return (
         there is not None
@@ -226,7 +236,7 @@ def is_measured(out: Path, settings: dict[str, Any], origin: dict[str, Any]) -> 
 
 
 def settings_of(finished: FinishedRun, asked: ServingRequest, device: torch.device) -> dict[str, Any]:
-    """Everything that the figures depend on but the machine, as JSON."""
+    """Return everything that the figures depend on but the machine, as JSON."""
     return {
         "scenes": asked.scenes,
         "methods": asked.methods,
@@ -247,13 +257,13 @@ def settings_of(finished: FinishedRun, asked: ServingRequest, device: torch.devi
 
 
 def reason_of(error: BaseException) -> str:
-    """In one sentence: a mistake speaks for itself, of an error of ours the kind is said as well."""
+    """Return the reason in one sentence: a mistake speaks for itself, of an error of ours the kind is named as well."""
     said = " ".join(str(error).split())
     return said if isinstance(error, EXPECTED) else f"{type(error).__name__}: {said}"
 
 
 EXPECTED = (InputError, DamagedRecord, Diverged)
-"""What a run may hold that cannot be rendered; all else is an error of ours."""
+"""The errors of a run that cannot be rendered; all else is an error of ours."""
 
 
 def _studied(
@@ -270,8 +280,8 @@ def _studied(
 
 
 def _write(out: Path, record: ServingRecord, scratch: Path) -> bool:
-    """The record and its pictures, which lie under `scratch`; neither where what is there can be read and says more.
-    Whether they were written.
+    """Write the record and its pictures, which lie under `scratch`; neither if the existing record can be read and says
+    more. Returns whether they were written.
     """
     there = _earlier(out)
     if there is not None and not _replaces(record, there):
@@ -288,7 +298,9 @@ def _write(out: Path, record: ServingRecord, scratch: Path) -> bool:
 
 
 def _replaces(record: ServingRecord, there: ServingRecord) -> bool:
-    """Not if nothing was measured; else if it is whole, or that was not, or was of other weights."""
+    """Whether a record replaces the existing one: not if nothing was measured; else if it is complete, or the other was
+    not, or was of other weights.
+    """
     if record.cache is None and record.attention is None and record.first_frame is None:
         return False
     if record.settings["complete"]:
@@ -299,7 +311,7 @@ def _replaces(record: ServingRecord, there: ServingRecord) -> bool:
 
 
 def _earlier(out: Path) -> ServingRecord | None:
-    """What is there and can be read."""
+    """Return the existing record if it can be read."""
     try:
         return read_serving(out / SERVING_FILE)
     except DamagedRecord:
@@ -307,7 +319,7 @@ def _earlier(out: Path) -> ServingRecord | None:
 
 
 def _estimate(situation: ServingContext, most_seconds: float | None, survive: bool) -> bool:
-    """Says what is going to be measured; whether it is."""
+    """Print what is going to be measured; returns whether it will be."""
     try:
         seconds = estimated_seconds(situation)
     except Exception as error:
@@ -352,7 +364,7 @@ def _situation(
 
 @cache
 def _code() -> str:
-    """Of the sources that render and measure, as they are when first asked for."""
+    """Return the digest of the sources that render and measure, as they are at the first request."""
     found = hashlib.blake2b(code_digest().encode(), digest_size=16)
     for file in sorted(file for pattern in MEASURING for file in ROOT.glob(pattern)):
         found.update(f"{file.name}\n".encode() + file.read_bytes())
@@ -360,5 +372,5 @@ def _code() -> str:
 
 
 def _digest(path: Path) -> str | None:
-    """Of a checkpoint; None where there is none."""
+    """Return the digest of a checkpoint; None if there is none."""
     return hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest() if path.is_file() else None

@@ -30,7 +30,7 @@ OPERATORS = 15
 
 
 def variants() -> dict[str, Accelerations]:
-    """All, each one left out, and none."""
+    """Return the accelerations: all, each one left out, and none."""
     names = [one.name for one in fields(Accelerations)]
     return {
         "all": Accelerations(),
@@ -40,7 +40,9 @@ def variants() -> dict[str, Accelerations]:
 
 
 def measure(situation: SpeedContext) -> Iterator[Check | Table]:
-    """Every variant goes on from the same weights with the same batches, in blocks that hold one look of the grid."""
+    """Yield every variant, resumed from the same weights with the same batches, in blocks that hold one update of the
+    grid.
+    """
     views, plan = views_of(situation, "lego"), reduced_plan(situation)
     batches, cameras = batches_of(views, situation.device), cameras_of(views, views.test, situation.device)
     base = trained_reduced(situation, view_dependent=False)
@@ -88,7 +90,7 @@ def view_seconds(situation: SpeedContext, trainer: Trainer, cameras: Cameras, ch
 
 
 def remaining_time(situation: SpeedContext, trainer: Trainer, batches: Batches) -> Table:
-    """Operators of training steps by the time that they themselves take."""
+    """Return the operators of training steps by their own time."""
     from torch.profiler import ProfilerActivity, profile
 
     steps = 5 if situation.quick else 50
@@ -109,7 +111,9 @@ def remaining_time(situation: SpeedContext, trainer: Trainer, batches: Batches) 
 
 @contextmanager
 def _profiler_unheard() -> Iterator[None]:
-    """The profiler's library writes to the terminal by itself, errors about GPUs that nobody asked for among it."""
+    """Silence the profiler's library, which writes errors to the terminal by itself, some about GPUs that nobody asked
+    for.
+    """
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
@@ -122,6 +126,6 @@ def _profiler_unheard() -> Iterator[None]:
 
 
 def own_microseconds(event: object, device: torch.device) -> float:
-    """Of an operator without those that it calls."""
+    """Return the time of an operator without those that it calls."""
     name = "self_device_time_total" if device.type == "cuda" else "self_cpu_time_total"
     return float(getattr(event, name))

@@ -61,7 +61,9 @@ def measure(situation: SpeedContext) -> Iterator[Check | Series]:
 
 
 def dense_reduced(situation: SpeedContext) -> TrainSettings:
-    """The reduced profile's step with every sample evaluated, so that work is exactly proportional to samples."""
+    """Return the reduced profile's step with every sample evaluated, so that work is exactly proportional to
+    samples.
+    """
     settings = reduced_plan(situation).train
     return replace(settings, first_bins=settings.bins, grid=GridSettings(cells=0), accelerations=DENSE)
 
@@ -78,7 +80,7 @@ def _timed(situation: SpeedContext, sides: dict[int, Callable[[], object]]) -> d
 
 
 def exponent(x: list[float], y: list[float]) -> tuple[float, float, float]:
-    """Slope of log y over log x: fitted, and the smallest and largest between neighbours."""
+    """Return the slope of log y over log x: fitted, and the smallest and largest between neighbours."""
     log_x, log_y = np.log(x), np.log(y)
     between = np.diff(log_y) / np.diff(log_x)
     return float(np.polyfit(log_x, log_y, 1)[0]), float(between.min()), float(between.max())
@@ -112,7 +114,9 @@ def _reported(
 
 
 def run_seconds(situation: SpeedContext, what: str, count: int) -> float:
-    """Wall seconds of `count` scenes or seeds of small cells through the local executor, workers' start included."""
+    """Return wall seconds of `count` scenes or seeds of small cells through the local executor, workers' start
+    included.
+    """
     plan = reduced_plan(situation)
     size, train, test = (16, 4, 2) if situation.quick else (50, 20, 3)
     views = situation.scratch / "growth-views"

@@ -1,4 +1,6 @@
-"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, each against what is usual."""
+"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, each against the usual
+implementation.
+"""
 
 import json
 import os
@@ -38,7 +40,7 @@ from scenes.files.errors import InputError
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 
 POINTS = 65536
-"""Of a step of the paper."""
+"""The points of a step of the paper."""
 
 
 def encodings(situation: SpeedContext) -> Iterator[Check]:
@@ -94,13 +96,13 @@ def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Ten
 
 
 def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float:
-    """Absolute, against sines and cosines in float64 of the very same float32 coordinates."""
+    """Return the largest absolute error, against sines and cosines in float64 of the very same float32 coordinates."""
     ladder = torch.tensor([base**k for k in range(bands)], dtype=torch.float64, device=x.device)
     return float((features.double() - fourier_features(x.double(), ladder)).abs().max())
 
 
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
-"""Densities, points and fenceposts → weights and what is left of the light."""
+"""Densities, points and fenceposts → weights and the remaining transmittance."""
 
 
 SIZE = (4096, 192)
@@ -108,7 +110,7 @@ SIZE = (4096, 192)
 
 
 def by_autograd(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """The rule of `midpoint`, differentiated operation by operation."""
+    """Evaluate the rule of `midpoint`, differentiated operation by operation."""
     del t
     tau = sigma * torch.diff(t_edges, dim=-1)
     through = torch.cumsum(tau, dim=-1)
@@ -117,7 +119,7 @@ def by_autograd(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tens
 
 
 def by_product(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """As it is usually written: opacities, and a running product of what they let through."""
+    """Evaluate the rule as it is usually written: opacities, and a running product of what they let through."""
     del t
     alpha = 1.0 - torch.exp(-sigma * torch.diff(t_edges, dim=-1))
     through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
@@ -125,7 +127,7 @@ def by_product(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tenso
 
 
 def unchecked(rule: QuadratureRule) -> Rule:
-    """As the renderer uses it, which makes its own fenceposts."""
+    """Return the rule as the renderer uses it, which makes its own fenceposts."""
     return lambda sigma, t, t_edges: rule.weights(sigma, rule.lengths(t, t_edges))
 
 
@@ -178,7 +180,7 @@ def quadrature(situation: SpeedContext) -> Iterator[Check]:
 
 
 def rendering(situation: SpeedContext) -> Iterator[Check]:
-    """The same weights, with and without; and the paper's network, every sample evaluated."""
+    """Yield the same weights, with and without accelerations; and the paper's network, every sample evaluated."""
     views = views_of(situation, "lego")
     cameras = cameras_of(views, views.test, situation.device)
     # with directions on both sides, as a field without them is another one
@@ -236,7 +238,7 @@ REFERENCE = "scalar_rgb"
 
 @dataclass(frozen=True)
 class Order:
-    """What is rendered: a few training views."""
+    """The views to render: a few training views."""
 
     resolution: int
     views: int
@@ -248,7 +250,9 @@ class Order:
 
 
 def ground_truth(situation: SpeedContext) -> Iterator[Check]:
-    """Seconds a megasample in the steady state: without the first view of each process, which loads and compiles."""
+    """Yield seconds per megasample in the steady state: without the first view of each process, which loads and
+    compiles.
+    """
     order = Order(16, 3, 4) if situation.quick else Order(100, 7, 64)
     scenes = SCENES[:1] if situation.quick else SCENES
     usable: list[Variant] = []
@@ -286,9 +290,9 @@ def ground_truth(situation: SpeedContext) -> Iterator[Check]:
 
 
 def seconds_a_view(scene: str, order: Order, variant: Variant, cache: Path) -> float:
-    """Mean seconds of the views after the first, as the renderer reports them on its way.
+    """Return the mean seconds of the views after the first, as the renderer reports them on its way.
 
-    Raises `RuntimeError` with what it said where it fails.
+    Raises `RuntimeError` with its error output if it fails.
     """
     options = {
         "resolution": order.resolution,

@@ -24,13 +24,13 @@ WHOLE_RUN_SCENES = ("lego", "hotdog")
 
 @dataclass(frozen=True)
 class Peak:
-    """Bytes at most, and what for."""
+    """A peak in bytes, and what it was measured for."""
 
     training: float
     training_anonymous: float
-    """Its own pages: without libraries, which are shared and can be dropped."""
+    """The peak of its own pages: without libraries, which are shared and can be dropped."""
     whole: float
-    """Reading, training, scoring, writing."""
+    """The peak of reading, training, scoring and writing."""
     whole_anonymous: float
 
 
@@ -61,7 +61,9 @@ def measure(situation: SpeedContext) -> Iterator[Check | Series | Table]:
 
 
 def peak_of(request: Request, situation: SpeedContext) -> Peak:
-    """Of a fresh interpreter that does what a worker of a run does. Raises `RuntimeError` with what it said."""
+    """Return the peak of a fresh interpreter that does what a worker of a run does. Raises `RuntimeError` with its
+    error output.
+    """
     out = situation.scratch / f"memory-{time.monotonic_ns()}"
     out.mkdir()
     done = subprocess.run(
@@ -76,7 +78,7 @@ def peak_of(request: Request, situation: SpeedContext) -> Peak:
 
 
 def _independence(situation: SpeedContext, steps: int) -> Iterator[Check | Series | Table]:
-    """During training, against the number of images and their size."""
+    """Yield the peak during training, against the number of images and their size."""
     images, resolutions = ((4,), (16, 24)) if situation.quick else (IMAGES, RESOLUTIONS)
     rows: list[list[str | float | None]] = []
     peaks: dict[tuple[int, int], float] = {}
@@ -116,7 +118,9 @@ def _independence(situation: SpeedContext, steps: int) -> Iterator[Check | Serie
 
 
 def _whole_run(situation: SpeedContext, steps: int) -> Iterator[Check]:
-    """`python -m harness run` as a user starts it: all its processes together, shared pages counted once."""
+    """Yield the peak of `python -m harness run` as a user starts it: all its processes together, shared pages counted
+    once.
+    """
     id, title = "memory.run.peak", "Peak memory of a whole run at the reduced profile, all processes together"
     if not Path("/proc/self/smaps_rollup").exists():
         yield not_measured(id, title, "GB", "this system does not tell which pages processes share")
@@ -157,7 +161,7 @@ def _whole_run(situation: SpeedContext, steps: int) -> Iterator[Check]:
 
 
 def family_of(process: int, proc: Path = Path("/proc")) -> list[int]:
-    """The process and all its descendants that are alive now."""
+    """Return the process and all its descendants that are alive now."""
     children: dict[int, list[int]] = {}
     for stat in proc.glob("[0-9]*/stat"):
         try:
@@ -175,7 +179,7 @@ def family_of(process: int, proc: Path = Path("/proc")) -> list[int]:
 
 
 def proportional_bytes(process: int, proc: Path = Path("/proc")) -> int:
-    """Memory of a process, each shared page divided by the number of those who share it; 0 once it has ended."""
+    """Return the memory of a process, each shared page divided by the number of its sharers; 0 once it has ended."""
     try:
         text = (proc / str(process) / "smaps_rollup").read_text(encoding="utf-8")
     except OSError:

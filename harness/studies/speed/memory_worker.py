@@ -1,7 +1,6 @@
-"""`python -m harness.studies.speed.memory_worker REQUEST OUT`: what a worker of a run does, and the most memory that it
-had.
+"""`python -m harness.studies.speed.memory_worker REQUEST OUT`: what a worker of a run does, and its peak memory.
 
-The peak over all pages is the system's own (`VmHWM`); that of its own pages is the largest of many looks.
+The peak over all pages is the system's own (`VmHWM`); that of its own pages is the largest of many samples.
 """
 
 import json
@@ -18,7 +17,7 @@ LOOK_SECONDS = 0.005
 
 @dataclass(frozen=True)
 class Request:
-    """Picklable as JSON."""
+    """A request that can be written as JSON."""
 
     view_set: str
     resolution: int
@@ -32,7 +31,7 @@ class Request:
 
 
 class Watch:
-    """Looks at this process's own pages until it is told to stop."""
+    """Samples this process's own pages until it is told to stop."""
 
     def __init__(self) -> None:
         self.anonymous = 0
@@ -51,12 +50,12 @@ class Watch:
 
 
 def read_status() -> str:
-    """Empty where the system has no such file."""
+    """Return the status file; empty if the system has none."""
     return STATUS.read_text(encoding="utf-8") if STATUS.exists() else ""
 
 
 def memory_of(status: str) -> dict[str, int]:
-    """Bytes by name from `/proc/self/status`: VmHWM (the peak), RssAnon, …"""
+    """Return bytes by name from `/proc/self/status`: VmHWM (the peak), RssAnon, …"""
     found = {}
     for line in status.splitlines():
         name, _, value = line.partition(":")
@@ -66,7 +65,7 @@ def memory_of(status: str) -> dict[str, int]:
 
 
 def peak_bytes() -> int:
-    """Of all pages so far; macOS counts bytes, Linux, where the file is missing, kibibytes."""
+    """Return the peak of all pages so far; macOS counts bytes, Linux, if the file is missing, kibibytes."""
     known = memory_of(read_status()).get("VmHWM")
     if known is not None:
         return known

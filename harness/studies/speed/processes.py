@@ -1,4 +1,4 @@
-"""Question 10: steps a second of the reduced profile, by how the cores are shared out."""
+"""Question 10: steps per second of the reduced profile, by how the cores are divided."""
 
 import multiprocessing
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ WINDOW_SECONDS = 4.0
 
 
 def measure(situation: SpeedContext) -> Iterator[Check]:
-    """Workers stay alive from repetition to repetition; each trains a field whose empty space is skipped already."""
+    """Measure workers that stay alive between repetitions; each trains a field whose empty space is skipped already."""
     cores = available_cores()
     if situation.device.type != "cpu" or cores < 2:
         why = "one core alone" if situation.device.type == "cpu" else "a question about CPUs"
@@ -57,7 +57,9 @@ MODES = {
 
 
 def rates_by_sharing(situation: SpeedContext, cores: int) -> dict[str, list[float]]:
-    """Mode → steps a second of all its processes together, one entry a repetition, the modes taken in turn."""
+    """Return mode → steps per second of all its processes together, one entry per repetition, the modes taken in
+    turn.
+    """
     context = multiprocessing.get_context("spawn")
     request = (
         situation.device.type, situation.quick, str(situation.view_sets), str(situation.scratch), _window(situation)
@@ -101,7 +103,7 @@ def _window(situation: SpeedContext) -> float:
 def _work(
     connection: Connection, index: int, device: str, quick: bool, view_sets: str, scratch: str, window: float
 ) -> None:
-    """Number of threads in, steps a second out."""
+    """Receive a number of threads, send steps per second."""
     end_with_parent()
     from pathlib import Path
 

@@ -1,6 +1,6 @@
-"""What the questions of speed get to work with: machine, scenes, trainers in a state worth measuring, a stopwatch.
+"""The context of the questions of speed: machine, scenes, trainers in a state worth measuring, a stopwatch.
 
-What is compared is timed in turn, in one process.
+The sides of a comparison are timed in turn, in one process.
 """
 
 import statistics
@@ -33,7 +33,7 @@ from scenes.view_sets.view_set import ViewSet
 
 SCENES = ("lego", "hotdog", "drums")
 DENSE = replace(Accelerations(), grid=False, clipping=False)
-"""Whatever is fast, on every sample of every ray."""
+"""Every acceleration that leaves all samples of every ray in place."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class SpeedContext:
 
     device: torch.device
     threads: int
-    """All cores: both sides of every comparison get them, unless the question is about them."""
+    """The number of threads, all cores: both sides of every comparison get them, unless the question is about them."""
     quick: bool
-    """Sizes at which nothing means anything, to try the benchmark itself."""
+    """Whether to use sizes at which nothing means anything, to try the benchmark itself."""
     plain_seconds: float
     view_sets: Path
-    """Cache of rendered view sets."""
+    """The cache of rendered view sets."""
     scratch: Path
-    """Folder of ours for what nobody keeps."""
+    """A folder of ours for temporary files."""
     show: Progress
 
     @property
@@ -58,7 +58,7 @@ class SpeedContext:
 
     @property
     def precision(self) -> Precision:
-        """Of matrix products, as `python -m harness run` would choose it here."""
+        """Return the precision of matrix multiplications, as `python -m harness run` would choose it here."""
         return "bfloat16" if multiplies_bfloat16(self.device) else "float32"
 
     @property
@@ -67,7 +67,7 @@ class SpeedContext:
         return self.device.type == "cpu" and has_amx() and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
-        """None on a GPU, for which the issue sets no such target."""
+        """Return the target; None on a GPU, for which the issue sets no such target."""
         if self.device.type != "cpu":
             return None
         return with_matrix_units if self.matrix_units else without
@@ -77,7 +77,7 @@ class SpeedContext:
 
 
 def paper_settings(situation: SpeedContext, precision: Precision | None = None) -> TrainSettings:
-    """8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, every one evaluated."""
+    """Return 8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, every one evaluated."""
     usual = TrainSettings(
         fine_bins=0,
         first_bins=64,
@@ -93,7 +93,7 @@ def paper_settings(situation: SpeedContext, precision: Precision | None = None) 
 
 
 def reduced_plan(situation: SpeedContext, scene: str = "lego") -> Plan:
-    """The profile `reduced` on one scene, in the precision that a run would have here."""
+    """Return the profile `reduced` on one scene, in the precision that a run would have here."""
     plan = planned("reduced", scenes=[scene], methods=["nerf"], seeds=1, precision=situation.precision)
     if not situation.quick:
         return plan
@@ -115,7 +115,9 @@ def batches_of(views: ViewSet, device: torch.device) -> Batches:
 
 @cache
 def views_of(situation: SpeedContext, scene: str) -> ViewSet:
-    """The view set that the reduced profile trains on, rendered if it is not in the cache; a drawn one with `quick`."""
+    """Return the view set that the reduced profile trains on, rendered if it is not in the cache; a drawn one with
+    `quick`.
+    """
     plan = reduced_plan(situation, scene)
     views = plan.views
     if situation.quick:
@@ -127,7 +129,7 @@ def views_of(situation: SpeedContext, scene: str) -> ViewSet:
 
 
 def synthetic_batch(situation: SpeedContext, count: int) -> tuple[Rays, Tensor]:
-    """`count` rays from all sides through the middle of the box ±1, near 2 and far 6, and a colour for each."""
+    """Return `count` rays from all sides through the middle of the box ±1, near 2 and far 6, and a colour for each."""
     generator = generator_for("speed", "rays")
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = torch.rand(count, 3, generator=generator) - 0.5
@@ -141,7 +143,7 @@ def unit_box(device: torch.device) -> Box:
 
 
 Seconds = dict[str, list[float]]
-"""Side → seconds of one call, one entry a repetition."""
+"""Side → seconds of one execution, one entry per repetition."""
 
 
 def interleaved(
@@ -152,9 +154,9 @@ def interleaved(
     clock: Callable[[], float] = time.perf_counter,
     before: Mapping[str, Callable[[], object]] | None = None,
 ) -> Seconds:
-    """Seconds of a call of each side, A B A B …, after one call of each that does not count.
+    """Return seconds of an execution of each side, A B A B …, after one of each that does not count.
 
-    A side that is faster than `least_seconds` is called as often as fills them, and the mean of these calls counts.
+    A side that is faster than `least_seconds` is executed as often as fills them, and the mean of these counts.
     `before` prepares a side, off the clock.
     """
     prepared = before or {}
@@ -188,7 +190,7 @@ def _seconds(
 
 
 def quotients(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
-    """How many times faster, repetition by repetition: what disturbs the machine for a while disturbs both."""
+    """Return how many times faster, repetition by repetition: what disturbs the machine for a while disturbs both."""
     return [a / b for a, b in zip(slow, fast, strict=True)]
 
 
@@ -202,7 +204,7 @@ def measured(
     sense: Literal["at_least", "at_most"] = "at_least",
     detail: str = "",
 ) -> Check:
-    """Median, smallest and largest of at least one repetition, against a target of this kind of machine."""
+    """Return the median, smallest and largest of at least one repetition, against a target of this kind of machine."""
     return check(
         title,
         statistics.median(values),
@@ -217,12 +219,12 @@ def measured(
 
 
 def not_measured(id: str, title: str, unit: str, why: str, *, target: float | None = None, repeats: int = 0) -> Check:
-    """A figure that could not be had, and why."""
+    """Return a check without a figure, and why it has none."""
     return check(title, None, target, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
 
 
 STREAM = "speed/0"
-"""Seeds every batch and every first weight: all that is compared sees the same."""
+"""The name that seeds every batch and every first weight: all sides of a comparison see the same."""
 
 
 def new_trainer(
@@ -232,15 +234,15 @@ def new_trainer(
     view_dependent: bool,
     budget: Budget | None = None,
 ) -> Trainer:
-    """Vanilla NeRF. Without the acceleration `directions` every scene has a direction branch; without a budget the
-    learning rate stays as it is.
+    """Return vanilla NeRF. Without the acceleration `directions` every scene has a direction branch; without a budget
+    the learning rate stays as it is.
     """
     directed = view_dependent or not settings.accelerations.directions
     return Trainer("nerf", box, settings, budget or Budget(None, None), STREAM, situation.device, directed)
 
 
 def trained_reduced(situation: SpeedContext, view_dependent: bool | None = None, steps: int | None = None) -> Trainer:
-    """The reduced profile's NeRF on lego, far enough that empty space is skipped."""
+    """Return the reduced profile's NeRF on lego, trained far enough that empty space is skipped."""
     plan = reduced_plan(situation)
     views = views_of(situation, "lego")
     directed = needs_view_direction(views) if view_dependent is None else view_dependent
@@ -255,8 +257,8 @@ def trained_reduced(situation: SpeedContext, view_dependent: bool | None = None,
 
 
 def variant_of(source: Trainer, situation: SpeedContext, accelerations: Accelerations) -> Trainer:
-    """A copy in the same state with other accelerations; what its colour has of directions starts at zero, so that it
-    shows the same.
+    """Return a copy in the same state with other accelerations; the part of its colour that depends on directions
+    starts at zero, so that it shows the same.
     """
     settings = replace(source.settings, accelerations=accelerations)
     copy = new_trainer(situation, settings, source.box, source.coarse.view_dependent, source.budget)
@@ -270,7 +272,7 @@ def variant_of(source: Trainer, situation: SpeedContext, accelerations: Accelera
 
 @torch.no_grad()
 def copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
-    """Equal functions, also where `target` has further inputs behind those of `source`."""
+    """Copy weights so that both are equal functions, also if `target` has further inputs behind those of `source`."""
     theirs = dict(source.named_parameters())
     for name, weight in target.named_parameters():
         value = theirs[name]
@@ -282,7 +284,7 @@ def copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
 
 
 def use_grid_of(source: Trainer, target: Trainer) -> None:
-    """Empty space as `source` has found it, from now on and for good: `target` is not to look for itself."""
+    """Use the empty space that `source` has found, from now on and permanently: `target` does not update its own."""
     if source.grid is None or target.grid is None:
         raise ValueError("both need an occupancy grid")
     target.grid.density = source.grid.density.clone()

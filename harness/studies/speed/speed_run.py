@@ -27,7 +27,7 @@ def run(
 ) -> int:
     """Measure what `questions` ask for into `out`; with `resume` only what is not there yet.
 
-    Raises `InputError` before anything is measured where `out` cannot be used.
+    Raises `InputError` before anything is measured if `out` cannot be used.
     """
     # sizes of `quick` gain nothing from threads, which wait for each other on a machine that does something else
     threads = 1 if quick else available_cores()
@@ -43,7 +43,7 @@ def run(
 
 
 def settings_of(context: SpeedContext) -> dict[str, Any]:
-    """Everything that the figures depend on, as JSON."""
+    """Return everything that the figures depend on, as JSON."""
     plan = reduced_plan(context)
     return {
         "quick": context.quick,

@@ -1,4 +1,4 @@
-"""Question 1: ray samples a second of training steps of the paper's network, plain and accelerated."""
+"""Question 1: ray samples per second of training steps of the paper's network, plain and accelerated."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ NEVER = 10**9
 
 
 def measure(situation: SpeedContext) -> Iterator[Check]:
-    """The headline ratio evaluates exactly the same number of samples on both sides."""
+    """Yield the headline ratio, in which both sides evaluate exactly the same number of samples, and its details."""
     settings = paper_settings(situation)
     batch = synthetic_batch(situation, settings.rays)
     samples = settings.rays * settings.bins
@@ -94,7 +94,9 @@ def plain_side(
 def dense_side(
     situation: SpeedContext, settings: TrainSettings, batch: tuple[Rays, torch.Tensor]
 ) -> Callable[[], object]:
-    """A step of the harness; raises `RuntimeError` where it leaves a sample out, which would not be comparable."""
+    """Return a step of the harness, which raises `RuntimeError` if it leaves a sample out and so would not be
+    comparable.
+    """
     trainer = new_trainer(situation, settings, unit_box(situation.device), view_dependent=True)
     trainer.warm_up(*batch)
 
@@ -108,7 +110,7 @@ def dense_side(
 
 
 def _with_skipping(situation: SpeedContext, settings: TrainSettings) -> Check:
-    """Samples that a step stands for: those in empty space count, and are not evaluated."""
+    """Count the samples that a step stands for: those in empty space count, and are not evaluated."""
     views = views_of(situation, "lego")
     batches = batches_of(views, situation.device)
     found = trained_reduced(situation)
@@ -142,25 +144,25 @@ def _rate(trainer: Trainer, rays: Rays, colours: torch.Tensor) -> float:
 
 
 CHUNKS = (1024, 2048, 4096, 8192, 16384)
-"""Rows of the left factor: with 256 columns they fit the caches of a core, or just no longer do."""
+"""The rows of the left factor: with 256 columns they fit the caches of a core, or just no longer do."""
 CHUNKS_ON_A_GPU = (*CHUNKS, 65536, 262144)
 
 
 @dataclass(frozen=True)
 class Product:
-    """One matrix product of a step: [rows, inputs] × [inputs, outputs]."""
+    """One matrix multiplication of a step: [rows, inputs] × [inputs, outputs]."""
 
     inputs: int
     outputs: int
     gradient: bool = True
-    """Whether the inputs need one, too: what is encoded does not."""
+    """Whether the inputs need a gradient, too: encoded inputs do not."""
     a_ray: bool = False
-    """One row a ray instead of one a point."""
+    """Whether it has one row per ray instead of one per point."""
 
 
 def products(size: NetworkSize, view_dependent: bool = True) -> list[Product]:
-    """Concatenations are taken apart: encoded position and direction get no gradient, and the direction's part of a
-    layer is the same for all points of a ray.
+    """Return the matrix multiplications of a step. Concatenations are split: encoded position and direction get no
+    gradient, and the direction's part of a layer is the same for all points of a ray.
     """
     position = feature_count(3, size.position_bands)
     skip = skip_layer("half", size.depth)
@@ -180,8 +182,8 @@ def products(size: NetworkSize, view_dependent: bool = True) -> list[Product]:
 
 
 def step_flops(size: NetworkSize, points: int, rays: int, view_dependent: bool = True) -> float:
-    """Multiplications and additions of the matrix products of one training step: 2 · in · out a row forward, as many
-    for the weights' gradients, and as many for the inputs' where they have one.
+    """Count the multiplications and additions of the matrix multiplications of one training step: 2 · in · out per row
+    forward, as many for the weights' gradients, and as many for the inputs' if they have one.
     """
     return float(
         sum(
@@ -192,7 +194,7 @@ def step_flops(size: NetworkSize, points: int, rays: int, view_dependent: bool =
 
 
 def product_rates(situation: SpeedContext, width: int, dtype: torch.dtype) -> dict[int, list[float]]:
-    """FLOP/s of `torch.mm` [chunk, width] × [width, width] into memory that is there, by chunk."""
+    """Return the FLOP/s of `torch.mm` [chunk, width] × [width, width] into allocated memory, by chunk."""
     generator = torch.Generator().manual_seed(0)
     weight = torch.randn(width, width, generator=generator).to(situation.device, dtype)
     sides: dict[str, Callable[[], object]] = {}
@@ -208,13 +210,15 @@ def product_rates(situation: SpeedContext, width: int, dtype: torch.dtype) -> di
 
 
 def best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float]]:
-    """The chunk that is multiplied fastest (its median decides), and its rates."""
+    """Return the chunk that is multiplied fastest (its median decides), and its rates."""
     chunk = max(rates, key=lambda one: sorted(rates[one])[len(rates[one]) // 2])
     return chunk, rates[chunk]
 
 
 def share_of_matrix_rate(situation: SpeedContext) -> Iterator[Check | Table]:
-    """The rate of the products alone, before and after the steps: a clock that changes meanwhile shows as spread."""
+    """Yield the rate of matrix multiplications alone, before and after the steps: a clock that changes meanwhile shows
+    as spread.
+    """
     rows: list[list[str | float | None]] = []
     reduced = reduced_plan(situation).train
     reduced = replace(

@@ -42,15 +42,15 @@ from scenes.view_sets.view_set import ViewSet
 
 @dataclass
 class PsnrCurve:
-    """Evaluations of one training, in the order of its own clock."""
+    """The evaluations of one training, in the order of its own clock."""
 
     seconds: list[float] = field(default_factory=list)
     psnr: list[float] = field(default_factory=list)
-    """dB."""
+    """PSNR in dB."""
     before: float = -math.inf
-    """dB of the first weights: a target below it says nothing about training."""
+    """The PSNR of the first weights in dB: a target below it says nothing about training."""
     ended: str = ""
-    """Why it went no further, where that was not its budget."""
+    """The reason for its end, if that was not its budget."""
 
     def add(self, seconds: float, psnr: float) -> None:
         self.seconds.append(seconds)
@@ -67,8 +67,8 @@ class Target:
 
 
 def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
-    """One target a share, from evaluations that are evenly spread over the budget. A share before the first evaluation
-    takes that one.
+    """Return one target per share, from evaluations that are evenly spread over the budget. A share before the first
+    evaluation takes that one.
     """
     found = []
     for share in shares:
@@ -79,7 +79,7 @@ def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
 
 
 def reached(curve: PsnrCurve, target: float) -> float | None:
-    """Seconds at which `target` is reached, or None.
+    """Return the seconds at which `target` is reached, or None.
 
     It counts once the next evaluation holds it too. Between an evaluation below and one above, PSNR is taken to be
     linear in log seconds; a first evaluation that is above already counts with its own seconds.
@@ -98,8 +98,8 @@ def reached(curve: PsnrCurve, target: float) -> float | None:
 
 
 def evaluation_times(first: float, growth: float = 1.06) -> Iterator[float]:
-    """Seconds at which to evaluate: each a constant factor after the one before, so that a crossing is found within
-    that factor.
+    """Yield the seconds at which to evaluate: each a constant factor after the one before, so that a crossing is found
+    within that factor.
     """
     due = first
     while True:
@@ -108,29 +108,31 @@ def evaluation_times(first: float, growth: float = 1.06) -> Iterator[float]:
 
 
 def even_times(budget: float, count: int) -> list[float]:
-    """`count` seconds, the last of which is the budget."""
+    """Return `count` seconds, the last of which is the budget."""
     return [budget * (index + 1) / count for index in range(count)]
 
 
 TEST_PIXELS = 4096
 EVALUATIONS = 12
-"""Of the plain training."""
+"""The number of evaluations of the plain training."""
 SHARES = (1.0, 0.5, 0.25)
-"""Of the plain training's budget: the first is the headline, the others show how a ratio depends on the target."""
+"""The shares of the plain training's budget: the first is the headline, the others show how a ratio depends on the
+target.
+"""
 SEEDS = 3
-"""Of the reduced settings, which are cheap to repeat."""
+"""The seeds of the reduced settings, which are cheap to repeat."""
 
 
 @dataclass(frozen=True)
 class PixelSubset:
-    """Fixed random pixels of all test views."""
+    """A fixed random subset of the pixels of all test views."""
 
     rays: Rays
     colours: Tensor
-    """[pixels, 3], display colour over white."""
+    """Colours [pixels, 3], display colour over white."""
 
     def psnr(self, colours: Tensor) -> float:
-        """dB, of the mean squared error over all pixels."""
+        """Return the PSNR in dB of the mean squared error over all pixels."""
         error = torch.mean((colours.double() - self.colours.double()) ** 2)
         return float(-10.0 * torch.log10(error.clamp(min=1e-10)))
 
@@ -149,22 +151,22 @@ def examination_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXE
 
 @runtime_checkable
 class TimedTrainer(Protocol):
-    """A training that can be looked at."""
+    """A training that can be evaluated on its way."""
 
     @property
     def seconds(self) -> float:
-        """On its own clock."""
+        """Return the seconds on its own clock."""
         ...
 
     def step(self) -> None:
-        """Raises `Diverged`."""
+        """Run one step. Raises `Diverged`."""
         ...
 
     def colours(self, rays: Rays) -> Tensor: ...
 
 
 class Plain:
-    """As anyone would write it: 64 stratified samples from near to far, constant learning rate."""
+    """Plain training as anyone would write it: 64 stratified samples from near to far, constant learning rate."""
 
     def __init__(self, settings: TrainSettings, views: ViewSet, batches: Batches, device: torch.device) -> None:
         field = PlainField(settings.network, box_of(views, device), f"{STREAM}/coarse", needs_view_direction(views))
@@ -231,7 +233,7 @@ def follow(
     until: Callable[[PsnrCurve], bool],
 ) -> PsnrCurve:
     """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or when `until`
-    says so. A contestant that diverges ends its curve, which says why.
+    says so. A training that diverges ends its curve, which says why.
     """
     curve = PsnrCurve(before=examination.psnr(contestant.colours(examination.rays)))
     try:
@@ -253,7 +255,9 @@ def follow(
 
 
 def same_network(situation: SpeedContext, plan: Plan) -> TrainSettings:
-    """The paper's network, learning rate and batch with every acceleration; the grid looks as often as `reduced`'s."""
+    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
+    `reduced`'s.
+    """
     settings = paper_settings(situation)
     return replace(
         settings,
@@ -265,7 +269,7 @@ def same_network(situation: SpeedContext, plan: Plan) -> TrainSettings:
 
 
 def measure(situation: SpeedContext) -> Iterator[Check | Series]:
-    """Scene by scene, so that a run that is stopped keeps those that were finished."""
+    """Measure scene by scene, so that a run that is stopped keeps the scenes that were finished."""
     ratios: dict[str, dict[str, float | None]] = {name: {} for name in WORDS}
     for scene in SCENES:
         yield from _scene(situation, scene, ratios)
@@ -339,7 +343,7 @@ def _scene(situation: SpeedContext, scene: str, ratios: dict[str, dict[str, floa
 
 
 def _up_to(times: Iterable[float], last: float) -> Iterator[float]:
-    """`times` below `last`, and `last`."""
+    """Yield `times` below `last`, and `last`."""
     for due in times:
         if due >= last:
             break
@@ -350,7 +354,7 @@ def _up_to(times: Iterable[float], last: float) -> Iterator[float]:
 def _ratio(
     situation: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
 ) -> Check:
-    """Seconds of the plain training over those of the other; without a value as soon as one seed is late."""
+    """Return the seconds of the plain training over those of the other; without a value as soon as one seed is late."""
     headline = target.share == 1.0
     id = f"target.{name}.{scene}" + ("" if headline else f".at{round(100 * target.share)}")
     title = f"{WORDS[name]}, {scene}, at plain's best after {target.share:.0%} of its time"
