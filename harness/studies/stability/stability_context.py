@@ -1,4 +1,4 @@
-"""What every stiff or extreme case gets to work with, whose formula a subject is, and the run of the cases."""
+"""The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Measure = Callable[["StabilityContext"], Iterator[Finding]]
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
 
 PRINTED = ("listing2", "equation4")
-"""Amplifiers as the paper has them; others are ours, and must pass."""
+"""The amplifiers as the paper has them; others are ours, and must pass."""
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,22 @@ class StabilityContext:
     out: Path
     view_sets: Path
     scratch: Path
-    """A folder on a disk, gone after the run."""
+    """A folder on a disk that is removed after the run."""
     workers: int
     quick: bool
-    """Sizes at which no figure means anything, to try the catalogue itself."""
+    """Whether to use sizes at which no figure means anything, to try the catalogue itself."""
     show: Progress
     cases: tuple[str, ...] = ()
-    """What is tried in this run, so that cases which share a training ask for all of it at once."""
+    """The cases of this run, so that cases which share a training request all of it at once."""
 
     def picture_file(self, name: str) -> Path:
-        """Where a case writes the PNG that a `Picture` of path `stability/<name>` refers to."""
+        """Return where a case writes the PNG that a `Picture` of path `stability/<name>` refers to."""
         folder = self.out / PICTURES_FOLDER
         folder.mkdir(parents=True, exist_ok=True)
         return folder / name
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
-        """`profile` with this run's methods, in float32, which is the same on every machine."""
+        """Return `profile` with this run's methods, in float32, which is the same on every machine."""
         plan = planned(profile, scenes=scenes, methods=list(self.methods), precision="float32")
         if not self.quick:
             return plan
@@ -56,7 +56,7 @@ class StabilityContext:
         return replace(plan, budget=replace(plan.budget, steps=4), views=views)
 
     def trained(self, plan: Plan, folder: Path) -> Path:
-        """`folder` with the records of that plan; cells that are there already are not trained again."""
+        """Return `folder` with the records of that plan; cells that are there already are not trained again."""
         from harness.execution.run import run
 
         run(plan, folder, self.view_sets, Machine("cpu", self.workers, 1), "nox -s stability", self.show)
@@ -64,7 +64,7 @@ class StabilityContext:
 
 
 def whose(method: str) -> Owner:
-    """A method with a part that is taken from the paper's listings as printed is the paper's."""
+    """Return the owner: a method with a part that is taken from the paper's listings as printed is the paper's."""
     from baselines.catalog import CATALOG
 
     parts = CATALOG[method].parts
@@ -75,10 +75,10 @@ def whose(method: str) -> Owner:
 def run(
     cases: list[str], methods: tuple[str, ...], out: Path, view_sets: Path, quick: bool, resume: bool, show: Progress
 ) -> int:
-    """Try `cases` into `out`; with `resume` only those that are not complete there. 0, or 3 where what must pass
+    """Try `cases` into `out`; with `resume` only those that are not complete there. Returns 0, or 3 if what must pass
     failed.
 
-    Raises `InputError` before anything is tried where `out` cannot be used.
+    Raises `InputError` before anything is tried if `out` cannot be used.
     """
     workers = available_cores()
     use_threads(workers)

@@ -26,11 +26,11 @@ from harness.training.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
 WHOSE: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
-"""A reading of the amplifier; what is not printed anywhere is ours."""
+"""The owner of each reading of the amplifier; what is not printed anywhere is ours."""
 
 
 def amplifier_with(reading: str, **scalars: float) -> Amplifier:
-    """A reading with α and β set; those that it does not have, or that follow from others, are left out."""
+    """Return a reading with α and β set; those that it does not have, or that follow from others, are left out."""
     amplifier = AMPLIFIERS[reading]()
     with torch.no_grad():
         for name, value in scalars.items():
@@ -74,7 +74,7 @@ def identity(situation: StabilityContext) -> Iterator[Finding]:
 
 
 class Spoilt:
-    """A field whose first sample of one ray lies nowhere (`baselines.contract.RadianceField`)."""
+    """A field whose first sample of one ray is not a number (`baselines.contract.RadianceField`)."""
 
     def __init__(self, field: NetworkField, ray: int) -> None:
         self.field = field
@@ -90,7 +90,7 @@ class Spoilt:
 
 
 def one_nan(situation: StabilityContext) -> Iterator[Finding]:
-    """A3: one ray that is NaN, and one sample of one ray that is NaN, in a call with a whole view."""
+    """A3: one ray that is NaN, and one sample of one ray that is NaN, in a chunk with a complete view."""
     rays = setup(situation).test.all_rays(0)
     bad = len(rays) // 2 + setup(situation).test.width // 2
     accepted: list[str] = []
@@ -128,7 +128,7 @@ def one_nan(situation: StabilityContext) -> Iterator[Finding]:
 
 @torch.no_grad()
 def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> Bool[Tensor, " rays"]:
-    """Which rays are not finite where one sample of ray `bad` is not, all in one call."""
+    """Return which rays are not finite when one sample of ray `bad` is not, all in one chunk."""
     bins = trainer.settings.bins
     t = torch.linspace(rays.near, rays.far, bins)
     x = (rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)).reshape(-1, 3)
@@ -139,7 +139,7 @@ def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> Bool[Tensor, " rays"]:
 
 
 def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
-    """What was said of a NaN ray and of a NaN sample where that is not the number of its ray; else nothing."""
+    """Return the messages about a NaN ray and a NaN sample that do not name the number of the ray."""
     origins = rays.origins.clone()
     origins[bad, 1] = math.nan
     said = {"a NaN ray": "accepted", "a NaN sample": "accepted"}
@@ -163,7 +163,9 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
 
 
 def rays_in_the_call(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
-    """Numbers of those that a field sees: rays that miss the box are not asked for, and it counts the others alone."""
+    """Return the numbers of the rays that a field sees: rays that miss the box are not evaluated, and it counts the
+    others alone.
+    """
     if trainer.whole_rays or not trainer.settings.accelerations.clipping:
         return torch.arange(len(rays))
     box = trainer.box
@@ -178,8 +180,8 @@ OPAQUE = 0.999
 
 
 def slab(situation: StabilityContext) -> Iterator[Finding]:
-    """A4: the largest opacity of a solid slab as thick as half of the box that a reading can reach with any weights,
-    where the scene is written in a unit of length that makes it `scale` times as large.
+    """A4: the largest opacity of a solid slab as thick as half of the box that a reading can reach with any weights, if
+    the scene is written in a unit of length that makes it `scale` times as large.
     """
     del situation
     rows: list[list[str | float | None]] = []
@@ -212,14 +214,16 @@ def slab(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def solids() -> dict[str, tuple[Owner, float, bool]]:
-    """Subject → whose it is, its largest density, and whether that is per half of the box, else per scene unit."""
+    """Return subject → its owner, its largest density, and whether that is per half of the box, else per scene unit."""
     readings = {reading: (whose, DENSITY_SCALE * largest_density(reading), True) for reading, whose in WHOSE.items()}
     return readings | {"listing2, 1 per scene unit": ("paper", largest_density("listing2"), False)}
 
 
 @torch.no_grad()
 def largest_density(reading: str) -> float:
-    """The largest found over raw outputs up to ±1e4 of a network, any share of matter in the call, α and β."""
+    """Return the largest density over raw outputs up to ±1e4 of a network, any share of geometry in the chunk, α and
+    β.
+    """
     found = 0.0
     for matter, empty, share, alpha, beta in product(
         (1.0, 10.0, 1e2, 1e4), (-1e4, 0.0, 1e4), (0.01, 0.5, 1.0), (0.0, 1.0 / PHI, 1.0, 10.0, 1e3), (1.0, 10.0, 1e3)
@@ -237,7 +241,7 @@ ALPHAS = (-1.0, 0.0, 1.0 / PHI, 10.0, 1e3, math.inf)
 
 
 def raw_inputs() -> dict[str, Tensor]:
-    """What a network may put out."""
+    """Return raw outputs that a network may have."""
     decades = torch.tensor([0.0, *(sign * 10.0**k for k in range(-45, 31, 3) for sign in (1.0, -1.0))])
     above = torch.nextafter(torch.tensor(0.0), torch.tensor(1.0))
     return {
@@ -290,7 +294,9 @@ def extremes(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def looked_at(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, bool]:
-    """Whether outputs and all gradients are finite; the share of dead points; whether dense has become thin."""
+    """Return whether outputs and all gradients are finite, the share of dead points, and whether dense has become
+    thin.
+    """
     amplifier = amplifier_with(reading, alpha=alpha)
     raw = raw.clone().requires_grad_()
     before, after = amplifier.before_and_after(raw)
@@ -305,7 +311,7 @@ def looked_at(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, boo
 
 @torch.no_grad()
 def jump_at_threshold(beta: float) -> float:
-    """|σ′(raw just above 0) − σ′(raw = 0)| of Listing 2: sigmoid(0) lies exactly on its threshold."""
+    """Return |σ′(raw just above 0) − σ′(raw = 0)| of Listing 2: sigmoid(0) lies exactly on its threshold."""
     after = amplifier_with("listing2", beta=beta).before_and_after(torch.tensor([0.0, 2e-7]))[1]
     return float((after[1] - after[0]).abs())
 
@@ -341,7 +347,8 @@ COLOUR_BAR = 0.5 / 255
 
 @torch.no_grad()
 def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[Tensor] | None = None) -> list[Tensor]:
-    """Rectified outputs of each density layer and the raw density, [points, width] each, products in `dtype`.
+    """Return rectified outputs of each density layer and the raw density, [points, width] each, with matrix
+    multiplications in `dtype`.
 
     With `fed`, the outputs of another precision, each layer gets that one's input instead of its own.
     """
@@ -359,7 +366,7 @@ def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[
 
 
 def digits(found: Tensor, truth: Tensor) -> float:
-    """−log10 of the root mean square error relative to the truth's root mean square."""
+    """Return −log10 of the root mean square error relative to the truth's root mean square."""
     error = (found.double() - truth).square().mean().sqrt()
     return float(-torch.log10(error / truth.square().mean().sqrt()))
 
@@ -400,7 +407,9 @@ def digits_by_layer(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _seen(situation: StabilityContext, method: str) -> Iterator[Finding]:
-    """What is left of the loss in the picture: the same weights rendered with reduced products."""
+    """Yield how much of the loss is visible: the same weights rendered with matrix multiplications of reduced
+    precision.
+    """
     source = trained(situation, method).trainer
     rays = setup(situation).test.all_rays(0)
     exact = source.render(rays, len(rays)).colour

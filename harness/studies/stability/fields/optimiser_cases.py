@@ -33,9 +33,9 @@ from harness.training.trainer import Diverged, Trainer
 
 
 def losses_of_voxels(situation: StabilityContext, at: int, factor: float) -> list[float]:
-    """Of `voxels_drjit`, whose gradient is `factor` times as large at step `at`; 1 is no spike.
+    """Return the losses of `voxels_drjit`, whose gradient is `factor` times as large at step `at`; 1 is no spike.
 
-    Raises `harness.training.learner.NotAvailable` where Dr.Jit does not work.
+    Raises `harness.training.learner.NotAvailable` if Dr.Jit does not work.
     """
     here = setup(situation)
     budget, directions = Budget(here.steps, None), needs_view_direction(here.views)
@@ -76,7 +76,9 @@ METHOD = "nerf"
 
 
 def half_precision(situation: StabilityContext) -> Iterator[Finding]:
-    """O1: weights that are kept in half precision, against float32 weights whose products alone are reduced."""
+    """O1: weights that are kept in half precision, against float32 weights whose matrix multiplications alone are
+    reduced.
+    """
     rows: list[list[str | float | None]] = []
     for name, dtype in {"float32": torch.float32, **HALF}.items():
         for gradient in (0.0, 1e-5, 1e-4):
@@ -122,7 +124,7 @@ def _mean(values: list[float]) -> float:
 
 
 def _moved(dtype: torch.dtype, gradient: float) -> tuple[float | str, float | str]:
-    """How far 100 steps of Adam move a weight of 1 whose gradient never changes, for ε = 1e-8 and 1e-4."""
+    """Return how far 100 steps of Adam move a weight of 1 whose gradient never changes, for ε = 1e-8 and 1e-4."""
     found: list[float | str] = []
     for epsilon in (1e-8, 1e-4):
         weight = torch.ones(1, dtype=dtype, requires_grad=True)
@@ -136,7 +138,7 @@ def _moved(dtype: torch.dtype, gradient: float) -> tuple[float | str, float | st
 
 
 def refused_by_parts(dtype: torch.dtype) -> dict[str, bool]:
-    """Whether encoding, amplifier and quadrature refuse to work in a dtype."""
+    """Return whether encoding, amplifier and quadrature refuse to work in a dtype."""
     values = torch.full((2, 3), 0.5, dtype=dtype)
     edges = torch.linspace(0.0, 1.0, 4, dtype=dtype).expand(2, 4)
     one = torch.ones((), dtype=dtype)
@@ -157,7 +159,7 @@ def refused_by_parts(dtype: torch.dtype) -> dict[str, bool]:
 
 
 def not_float32(situation: StabilityContext, precision: Precision) -> list[str]:
-    """Weights, gradients and moments of a trainer of that precision, two steps on, that are anything else."""
+    """Return the weights, gradients and moments of a trainer of that precision, two steps on, that are not float32."""
     trainer = new_trainer(situation, "qnerf", replace(setup(situation).settings, precision=precision))
     seen: dict[str, Tensor] = {}
 
@@ -182,11 +184,11 @@ CLIPPING: dict[str, Callable[[TrainSettings], TrainSettings]] = {
     "clipped to a norm of 1 alone": lambda settings: replace(settings, clip_norm=1.0, clip_ratio=math.inf),
     "not clipped": lambda settings: replace(settings, clip_norm=math.inf, clip_ratio=math.inf),
 }
-"""What is changed in the settings of every run."""
+"""The changes to the settings of every run."""
 SMOOTHED = 20
 OTHERS = ("qnerf", "voxels_drjit")
 RECOVERY = 200
-"""Steps after which a spike must no longer be seen."""
+"""The steps after which a spike must no longer be seen."""
 BAR = 0.10
 
 
@@ -216,7 +218,7 @@ def spike(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _other_methods(situation: StabilityContext, at: int) -> Iterator[Check]:
-    """The larger spike alone, with the clipping of every run."""
+    """Yield the larger spike alone, with the clipping of every run."""
     for method in OTHERS:
         if method not in situation.methods:
             continue
@@ -252,7 +254,7 @@ def _recovered(name: str, theirs: Owner, losses: list[float], base: list[float],
 
 
 class NotedClipping(Clipping):
-    """Clipping that keeps the norm of each gradient before and after it."""
+    """Clipping that records the norm of each gradient before and after it."""
 
     def __init__(self, norm: float, ratio: float) -> None:
         super().__init__(norm, ratio)
@@ -270,12 +272,12 @@ class Spiked:
 
     losses: list[float]
     norms: list[tuple[float, float]]
-    """Of the gradient of each step, before and after clipping."""
+    """The norms of the gradient of each step, before and after clipping."""
 
 
 @cache
 def _spiked(situation: StabilityContext, method: str, at: int, factor: float, clipping: str) -> Spiked:
-    """A training whose gradient is `factor` times as large at step `at`."""
+    """Return a training whose gradient is `factor` times as large at step `at`."""
     settings = CLIPPING[clipping](setup(situation).settings)
     trainer = new_trainer(situation, method, settings)
     noted = NotedClipping(settings.clip_norm, settings.clip_ratio)
@@ -286,7 +288,7 @@ def _spiked(situation: StabilityContext, method: str, at: int, factor: float, cl
 
 
 def _norms(name: str, norms: list[float], at: int) -> Series:
-    """A few steps before the spike, and until one of its size would have left a running mean."""
+    """Return a few steps before the spike, and the steps until one of its size would have left a running mean."""
     part = slice(max(0, at - SMOOTHED), at + 2 * SMOOTHED)
     y: list[float | None] = [norm if norm > 0.0 else None for norm in norms[part]]
     return Series("Norm of the gradient around a spike", 11, name, "step", "norm of the gradient",
@@ -294,7 +296,7 @@ def _norms(name: str, norms: list[float], at: int) -> Series:
 
 
 def smoothed(losses: list[float]) -> list[float]:
-    """Mean of each `SMOOTHED` batches, the last of them at its place; shorter ones at the start."""
+    """Return the mean of each `SMOOTHED` batches, at the place of the last of them; shorter ones at the start."""
     sums = [0.0]
     for loss in losses:
         sums.append(sums[-1] + loss)
@@ -302,7 +304,9 @@ def smoothed(losses: list[float]) -> list[float]:
 
 
 def steps_until_back(losses: list[float], base: list[float], at: int) -> int | None:
-    """Steps after `at` from which the smoothed loss stays within `BAR` above the other's; None if it never does."""
+    """Return the steps after `at` from which the smoothed loss stays within `BAR` above the other's; None if it never
+    does.
+    """
     above = [one > (1.0 + BAR) * other for one, other in zip(smoothed(losses), smoothed(base), strict=True)]
     last = max((step for step in range(at, len(above)) if above[step]), default=at - 1)
     return None if last == len(above) - 1 else last + 1 - at
@@ -315,7 +319,7 @@ def _line(name: str, losses: list[float]) -> Series:
 
 
 def _nan_gradient(situation: StabilityContext) -> Check:
-    """Step and tensor must be named, and the weights be those before the step."""
+    """Check that step and tensor are named, and that the weights are those before the step."""
     trainer = new_trainer(situation, METHOD)
     train(situation, trainer, 3)
     before = [weight.detach().clone() for weight in trainer.fields.parameters()]

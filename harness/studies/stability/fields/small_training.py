@@ -32,12 +32,12 @@ SCENE = "lego"
 STREAM = "stability/small"
 CPU = torch.device("cpu")
 PROBES = 4096
-"""Random points of the box at which the amplifier is looked at."""
+"""The random points of the box at which the amplifier is evaluated."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What every small training has in common."""
+    """The common setup of all small trainings."""
 
     views: ViewSet
     batches: Batches
@@ -48,17 +48,19 @@ class Setup:
 
 @dataclass
 class History:
-    """A method after its training, and what was noted on the way."""
+    """A method after its training, and what was recorded on the way."""
 
     trainer: Trainer
     losses: list[float] = field(default_factory=list)
-    """Of each step's batch."""
+    """The loss of each step's batch."""
     dead: list[tuple[int, float]] = field(default_factory=list)
-    """(step, share of points whose density the amplifier's clamp holds at its end, so that no gradient passes)."""
+    """Pairs (step, share of points whose density the amplifier's clamp holds at its end, so that no gradient
+    passes).
+    """
 
 
 def not_made_of_parts(method: str) -> str | None:
-    """Why cases about encoding, amplifier and network have nothing to try there; None where they have."""
+    """Return why cases about encoding, amplifier and network do not apply to a method; None if they do."""
     from baselines.catalog import CATALOG
 
     parts = CATALOG[method].parts
@@ -67,7 +69,7 @@ def not_made_of_parts(method: str) -> str | None:
 
 @cache
 def setup(situation: StabilityContext) -> Setup:
-    """A rendered scene at 64 pixels and a 6 × 64 network; a drawn disc and a smaller one with `quick`."""
+    """Return a rendered scene at 64 pixels and a 6 × 64 network; a drawn disc and a smaller one with `quick`."""
     from harness.execution.run import view_set_folders
 
     plan = replace(situation.plan("smoke", [SCENE]), methods=("nerf",))
@@ -109,7 +111,7 @@ def train(
     on_step: Callable[[History], None] | None = None,
     batches: Batches | None = None,
 ) -> History:
-    """To the end of its budget, or for `steps`. Raises `Diverged`."""
+    """Train to the end of its budget, or for `steps`. Raises `Diverged`."""
     here, history = setup(situation), History(trainer)
     batches = batches or here.batches
     for _ in range(here.steps if steps is None else steps):
@@ -123,7 +125,7 @@ def train(
 
 @cache
 def trained(situation: StabilityContext, method: str) -> History:
-    """The method with its usual settings, trained once and never changed: cases work on copies."""
+    """Return the method with its usual settings, trained once and never changed: cases work on copies."""
     every = 1 if situation.quick else 10
 
     def look(history: History) -> None:
@@ -135,8 +137,8 @@ def trained(situation: StabilityContext, method: str) -> History:
 
 @torch.no_grad()
 def dead_share(trainer: Trainer) -> float:
-    """Share of random points of the box whose density lies at an end of its range, where no gradient passes: clamped
-    by the amplifier, or at the end of a sigmoid or softplus in float32.
+    """Return the share of random points of the box whose density lies at an end of its range, where no gradient passes:
+    clamped by the amplifier, or at the end of a sigmoid or softplus in float32.
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("dead share")))
     before, after = trainer.field.density_before_and_after(x)
@@ -152,28 +154,29 @@ def at_an_end(
 FEW_VIEWS = 6
 STEPS = 200
 FOG = 20.0
-"""Added to every raw density at the start: softplus of it is opaque within a bin, so the first bin is all that is
-seen, and no gradient reaches what lies behind. A density without a bias, scaled up, starts like that."""
+"""The offset added to every raw density at the start: softplus of it is opaque within a bin, so the first bin is all
+that is seen, and no gradient reaches what lies behind. A density without a bias, scaled up, starts like that.
+"""
 
 
 @dataclass(frozen=True)
 class Painted:
-    """How it ends."""
+    """The result of a training with a planted billboard."""
 
     train: float
-    """PSNR of the training views, dB."""
+    """The PSNR of the training views, dB."""
     test: float
     floor: float
-    """Of copies of the nearest training view."""
+    """The PSNR of copies of the nearest training view."""
     depth: float
-    """Median over the test views, scene units."""
+    """The median over the test views, scene units."""
     near: float
-    """Where rays begin."""
+    """The distance at which rays begin."""
     warnings: list[str]
 
 
 def planted_billboard(folder: Path, views: ViewSettings, train: TrainSettings, scratch: Path, steps: int) -> Painted:
-    """`nerf` trained on a few views of the set in `folder`, with fog before every camera at the start.
+    """Train `nerf` on a few views of the set in `folder`, with fog before every camera at the start.
 
     Rays run from near to far, as in the original: cut to a box that all cameras share, they would have to share what
     is painted on it as well.

@@ -1,4 +1,4 @@
-"""A2, C2, S8: does a pixel depend on the others of its call, or on the unit of length?"""
+"""A2, C2, S8: does a pixel depend on the others of its chunk, or on the unit of length?"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -35,15 +35,15 @@ from scenes.view_sets.images import write_png
 from scenes.view_sets.view_set import Split, ViewSet
 
 BAR = 2e-6
-"""Largest difference of a colour; measured 1.8e-7 for methods whose density is that of the point alone."""
+"""The largest difference of a colour; measured 1.8e-7 for methods whose density is that of the point alone."""
 EVERYTHING = 1 << 20
-"""More rays than a view has: one call."""
+"""More rays than a view has, so that it is one chunk."""
 PICTURED = {"nerf": "no amplifier", "qnerf": "Listing 2", "qnerf_theorem": "Eq. 4"}
 MAGNIFIED = 4
 
 
 def chunks(situation: StabilityContext) -> Iterator[Finding]:
-    """A2: every method of this run, trained, then asked for the same view in many ways."""
+    """A2: every method of this run, trained, then evaluated on the same view in many ways."""
     rows: list[list[str | float | None]] = []
     for method in situation.methods:
         if reason := not_made_of_parts(method):
@@ -85,8 +85,8 @@ WAYS = ("calls of 1", "calls of 16", "calls of 256", "shuffled", "padded", OTHER
 
 
 def differences(situation: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
-    """Way → largest difference of a colour to the whole view in one call, of an opacity at `OTHER_POINTS`; in the order
-    of `WAYS`.
+    """Return way → largest difference of a colour to the complete view in one chunk, of an opacity at `OTHER_POINTS`;
+    in the order of `WAYS`.
     """
     rays = setup(situation).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
@@ -114,8 +114,8 @@ def differences(situation: StabilityContext, trainer: Trainer, with_reload: bool
 
 @torch.no_grad()
 def opacity_in_other_company(trainer: Trainer) -> float:
-    """Largest difference of the opacity of a bin whose density is asked for with evenly spread points, as a coarse
-    pass does, and with the densest ones alone, as a fine pass does.
+    """Return the largest difference of the opacity of a bin whose density is evaluated with evenly spread points, as a
+    coarse pass does, and with the densest ones alone, as a fine pass does.
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("stability", "company")))
     sigma = trainer.field.density(x)
@@ -126,7 +126,7 @@ def opacity_in_other_company(trainer: Trainer) -> float:
 
 
 def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
-    """Largest difference of a colour with gradients recorded, as in training, and without."""
+    """Return the largest difference of a colour with gradients recorded, as in training, and without."""
     sampling = Sampling(trainer.settings.bins, quadrature=trainer.quadrature, clip_to_box=not trainer.whole_rays)
 
     def colour() -> Tensor:
@@ -140,7 +140,7 @@ def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
 
 
 def reloaded(situation: StabilityContext, trainer: Trainer) -> Trainer:
-    """A new trainer with what a checkpoint keeps: weights and the mask of empty space."""
+    """Return a new trainer with what a checkpoint keeps: weights and the mask of empty space."""
     file: Path = situation.scratch / f"reload-{trainer.method}.safetensors"
     kept = {name: value.contiguous() for name, value in trainer.fields.state_dict().items()}
     if trainer.grid is not None:
@@ -156,9 +156,10 @@ def reloaded(situation: StabilityContext, trainer: Trainer) -> Trainer:
 
 
 class MeanHeld(Amplifier):
-    """A reading of the amplifier about a mean that stays as it is, whatever shares the call: density is a field again.
+    """A reading of the amplifier about a mean that stays as it is, whatever shares the chunk: density is a field again.
 
-    The cure for statistics of a batch; what it does to scores is another question, which no case here answers.
+    This removes the dependence on statistics of a batch; what it does to scores is another question, which no case here
+    answers.
     """
 
     pointwise = True
@@ -176,7 +177,7 @@ class MeanHeld(Amplifier):
 
 @torch.no_grad()
 def with_mean_held(trainer: Trainer) -> Trainer:
-    """A copy whose amplifier keeps the mean that evenly spread points of the box have."""
+    """Return a copy whose amplifier keeps the mean that evenly spread points of the box have."""
     copy = deepcopy(trainer)
     for one in copy.fields.children():
         source = one.amplifier
@@ -186,7 +187,7 @@ def with_mean_held(trainer: Trainer) -> Trainer:
 
 
 def _picture(situation: StabilityContext, method: str, reading: str) -> Picture:
-    """The test view in one call, row by row, and their difference."""
+    """Return the test view in one chunk, row by row, and their difference."""
     trainer, test = trained(situation, method).trainer, setup(situation).test
     rays = test.all_rays(0)
     views = [trainer.render(rays, chunk).colour.reshape(test.height, test.width, 3).numpy()
@@ -206,14 +207,14 @@ def _picture(situation: StabilityContext, method: str, reading: str) -> Picture:
 
 
 def side_by_side(images: list[np.ndarray], magnified: int, gap: int = 2) -> np.ndarray:
-    """[height, width, 3] each → one picture with white gaps, each pixel `magnified` times as large."""
+    """Join pictures of [height, width, 3] each into one with white gaps, each pixel `magnified` times as large."""
     white = np.ones((images[0].shape[0], gap, 3), dtype=images[0].dtype)
     parts = [part for image in images for part in (image, white)][:-1]
     return np.concatenate(parts, axis=1).repeat(magnified, axis=0).repeat(magnified, axis=1)
 
 
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
-"""(width, height)."""
+"""Pairs (width, height)."""
 
 
 def odd_sizes(situation: StabilityContext) -> Iterator[Finding]:
@@ -242,7 +243,7 @@ def odd_sizes(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _odd(situation: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
-    """Calls of 4 rays leave a last, partial one for most of these sizes."""
+    """Return the difference in chunks of 4 rays, which leave a last, partial one for most of these sizes."""
     test = setup(situation).test
     cameras = Cameras(test.camera_to_world[:1], width, height, 1.6 * max(width, height), test.near, test.far)
     rendered = evaluate.render_view(trainer, cameras, 0, 4).colour
@@ -252,7 +253,9 @@ def _odd(situation: StabilityContext, trainer: Trainer, width: int, height: int)
 
 
 def scores_of(width: int, height: int) -> list[float]:
-    """Scores of random pictures, against others and, where a score of equal ones is a number, against themselves."""
+    """Return scores of random pictures, against others and, if a score of equal ones is a number, against
+    themselves.
+    """
     generator = np.random.default_rng(width * 100 + height)
     first, second = generator.uniform(size=(2, height, width, 3)).astype(np.float32)
     both: tuple[Callable[[np.ndarray, np.ndarray], float], ...] = (metrics.ssim, metrics.rmse_linear)
@@ -260,7 +263,7 @@ def scores_of(width: int, height: int) -> list[float]:
 
 
 UNITS = (0.1, 10.0, 25.0)
-"""How many new units of length an old one is; they are no powers of two, so coordinates are rounded anew."""
+"""The numbers of new units of length in an old one; they are no powers of two, so coordinates are rounded anew."""
 EXACT = 8.0
 """A power of two changes no digit: what does not depend on the unit keeps every bit."""
 LARGEST_CHANGE_DB = 0.5
@@ -269,7 +272,7 @@ METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_printed", "qnerf_theorem", "q
 
 
 def rescaled(views: ViewSet, k: float) -> ViewSet:
-    """The same images, with everything that is a length written in a unit that is 1 / k as long."""
+    """Return the same images, with everything that is a length written in a unit that is 1 / k as long."""
 
     def moved(split: Split) -> Split:
         poses = np.array(split.camera_to_world, copy=True)
@@ -288,8 +291,8 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
 
 
 def psnr_in_unit(situation: StabilityContext, method: str, k: float) -> float:
-    """Test PSNR after the usual small training, on views that are rescaled after every other normalisation; NaN where a
-    view has none.
+    """Return the test PSNR after the usual small training, on views that are rescaled after every other normalisation;
+    NaN if a view has none.
     """
     here = setup(situation)
     views = rescaled(here.views, k)

@@ -1,4 +1,4 @@
-"""C1: cameras and rays that are none. They must be refused before anything is rendered."""
+"""C1: invalid cameras and rays, which must be refused before anything is rendered."""
 
 import json
 import math
@@ -29,12 +29,12 @@ from scenes.view_sets.viewpoints import (
 )
 
 SIZE = 4
-"""Pixels of the pictures that stand for a foreign view set."""
+"""The pixels of the pictures that stand for a foreign view set."""
 BACKGROUND_PIXELS = 8
 
 
 def _damaged() -> dict[str, np.ndarray]:
-    """What is wrong → a camera [4, 4]."""
+    """Return the defect → a camera [4, 4]."""
     good = poses_on_sphere(np.array([0.4]), np.array([0.3]))[0]
     mirrored, singular, scaled, sheared, row, nan, infinite = (good.copy() for _ in range(7))
     mirrored[:3, 0] *= -1
@@ -51,7 +51,7 @@ def _damaged() -> dict[str, np.ndarray]:
 
 
 def _ways_to_look() -> dict[str, tuple[list[float], list[float], list[float]]]:
-    """What is wrong → origin, target, up."""
+    """Return the defect → origin, target, up."""
     return {
         "origin on target": ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1.0]),
         "up along the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
@@ -62,7 +62,7 @@ def _ways_to_look() -> dict[str, tuple[list[float], list[float], list[float]]]:
 
 
 def _accepted(attempts: dict[str, Callable[[], object]], errors: tuple[type[Exception], ...]) -> list[str]:
-    """Those that raise none of `errors`."""
+    """Return the names of those that raise none of `errors`."""
     through = []
     for what, attempt in attempts.items():
         try:
@@ -74,7 +74,7 @@ def _accepted(attempts: dict[str, Callable[[], object]], errors: tuple[type[Exce
 
 
 def cameras(situation: StabilityContext) -> Iterator[Finding]:
-    """C1."""
+    """C1: invalid cameras and rays are refused."""
     yield _refused(situation.scratch)
     yield _rendered_by_mitsuba_alone()
     yield from _slabs()
@@ -83,7 +83,7 @@ def cameras(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _refused(scratch: Path) -> Finding:
-    """Every camera that is none, by every way in: our own poses, a foreign file, look_at, angles, distances."""
+    """Try every invalid camera in every way in: our own poses, a foreign file, look_at, angles, distances."""
     attempts: dict[str, Callable[[], object]] = {}
     for what, pose in _damaged().items():
         attempts[f"pose: {what}"] = lambda pose=pose: check_poses(pose[None], ["view"])  # type: ignore[misc]
@@ -111,7 +111,7 @@ def _read(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> objec
 
 
 def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
-    """A folder as anyone may ship it, grey pictures seen from `poses` [n, 4, 4]."""
+    """Write a folder as anyone may ship it, grey pictures seen from `poses` [n, 4, 4]."""
     folder = scratch / "foreign_cameras"
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"./r_{number}" for number in range(len(poses))]
@@ -130,7 +130,7 @@ def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Pa
 
 
 def _rendered_by_mitsuba_alone() -> Finding:
-    """What happens to the same cameras where nobody looks at them first: Mitsuba's own look_at and its renderer."""
+    """Show what happens to the same cameras if nobody checks them first: Mitsuba's own look_at and its renderer."""
     from scenes.rendering.render import use
     from scenes.rendering.variant import Variant
 
@@ -163,7 +163,9 @@ def _rendered_by_mitsuba_alone() -> Finding:
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:
-    """Origins and directions [rays, 3]: along and against every axis, with +0 and −0, outside, on faces, inside."""
+    """Return origins and directions [rays, 3]: along and against every axis, with +0 and −0, outside, on faces,
+    inside.
+    """
     places = torch.cartesian_prod(*[torch.tensor([-2.0, -1.0, 0.25, 1.0, 2.0])] * 3)
     directions = []
     for axis in range(3):
@@ -177,7 +179,9 @@ def _axis_parallel() -> tuple[Tensor, Tensor]:
 
 
 def _exact(o: Tensor, d: Tensor, near: float, far: float) -> tuple[float, float] | None:
-    """Interval of one axis-parallel ray inside [−1, 1]³, by cases; None where there is none of positive length."""
+    """Return the interval of one axis-parallel ray inside [−1, 1]³, by cases; None if there is none of positive
+    length.
+    """
     axis = int(d.abs().argmax())
     if any(abs(float(o[other])) > 1.0 for other in range(3) if other != axis):
         return None
@@ -190,7 +194,7 @@ def _exact(o: Tensor, d: Tensor, near: float, far: float) -> tuple[float, float]
 def naive_slab(
     o: Tensor, d: Tensor, lower: Tensor, upper: Tensor, near: float, far: float
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """As it is usually written: divide by d, take minima and maxima."""
+    """Intersect as it is usually written: divide by d, take minima and maxima."""
     first, second = (lower - o) / d, (upper - o) / d
     entry = torch.minimum(first, second).amax(dim=-1).clamp(min=near)
     leave = torch.maximum(first, second).amin(dim=-1).clamp(max=far)
@@ -216,7 +220,9 @@ def _slabs() -> Iterator[Finding]:
 
 
 def _directions() -> Iterator[Finding]:
-    """Directions of cameras are unit even where the camera's matrix is not quite, and others are refused."""
+    """Yield that directions of cameras are unit even if the camera's matrix is not quite, and that others are
+    refused.
+    """
     poses = all_poses("train")[:8].copy()
     poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
     check_poses(poses, [str(number) for number in range(len(poses))])
@@ -257,7 +263,7 @@ def _directions() -> Iterator[Finding]:
 
 
 def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
-    """Origin and direction [1, 3] of a ray near the middle of a view whose camera matrix is scaled."""
+    """Return origin and direction [1, 3] of a ray near the middle of a view whose camera matrix is scaled."""
     pose = all_poses("test")[:1].copy()
     pose[:, :3, :3] *= scale
     rays = Cameras.of(pose, SIZE, SIZE, 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS), 2.0, 6.0).all_rays(0)
@@ -266,7 +272,7 @@ def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
 
 
 def _through_a_cube(o: Tensor, d: Tensor) -> float:
-    """Opacity of a cube of density 0.5, ±1, along one ray, distances taken for scene units."""
+    """Return the opacity of a cube of density 0.5, ±1, along one ray, distances taken for scene units."""
     entry, leave, _ = ray_box(o, d, -torch.ones(3), torch.ones(3), 0.0, 100.0)
     return -math.expm1(-0.5 * float(leave - entry))
 
@@ -276,7 +282,7 @@ def _spread(values: list[float]) -> float:
 
 
 def _repeated(scratch: Path) -> Finding:
-    """The same view twice is allowed, and said."""
+    """Check that the same view twice is allowed, and reported."""
     poses = all_poses("test")[[0, 50, 0, 100]]
     views = read_view_set(_foreign(scratch / "twice", poses), splits=("train",), scratch=scratch)
     said = [line for line in views.repeated_views if "r_2.png has the camera of train: r_0.png" in line]

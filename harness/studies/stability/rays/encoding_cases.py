@@ -1,4 +1,6 @@
-"""E1 to E3: how exact an encoding is in its box, what it makes of other positions, and what it cannot tell apart."""
+"""E1 to E3: how exact an encoding is in its box, what it returns for other positions, and what it cannot
+distinguish.
+"""
 
 import math
 from collections.abc import Iterator
@@ -19,13 +21,14 @@ DIGITS = 60
 BARS = {("2^k", 10): 1.2e-4, ("φ^k", 10): 2.5e-5, ("2^k", 14): 1.9e-3, ("φ^k", 14): 1.6e-4}
 """(ladder, bands) → largest error in float32; measured 1.0e-4, 2.2e-5, 1.7e-3, 1.1e-4."""
 SINE_BARS = {**BARS, ("φ^k", 10): 1.2e-5}
-"""Of a sine of its own for each band. At ten bands of φ ours follow from those below (`encode`), which takes less time
-and doubles the error: 2.2e-5 against 1.1e-5, the worst of any float."""
+"""The bars of a sine of its own for each band. At ten bands of φ ours follow from those below (`encode`), which takes
+less time and doubles the error: 2.2e-5 against 1.1e-5, the worst of any float.
+"""
 BASES = {"2^k": 2.0, "φ^k": PHI}
 
 
 def true_waves(x: Tensor, base: float, band: int) -> Tensor:
-    """[points, 2] in float64: sine and cosine of base^band π x, from 60 digits of the float that x is."""
+    """Return [points, 2] in float64: sine and cosine of base^band π x, from 60 digits of the float that x is."""
     with mpmath.workdps(DIGITS):
         exact_base = (1 + mpmath.sqrt(5)) / 2 if base == PHI else mpmath.mpf(base)
         angles = [exact_base**band * mpmath.pi * mpmath.mpf(value) for value in x.double().tolist()]
@@ -33,7 +36,7 @@ def true_waves(x: Tensor, base: float, band: int) -> Tensor:
 
 
 def band_of(features: Tensor, band: int) -> Tensor:
-    """[points, 2] of a one-dimensional encoding [points, 1 + 2 bands]."""
+    """Return the band [points, 2] of a one-dimensional encoding [points, 1 + 2 bands]."""
     return features[:, 1 + 2 * band : 3 + 2 * band].double()
 
 
@@ -133,7 +136,7 @@ def positions(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def largest_error(features: Tensor, value: float, base: float) -> float:
-    """Over ten bands; NaN where a feature or the position is not finite."""
+    """Return the largest error over ten bands; NaN if a feature or the position is not finite."""
     if not math.isfinite(value) or not bool(torch.isfinite(features).all()):
         return math.nan
     x = torch.tensor([value])
@@ -141,15 +144,17 @@ def largest_error(features: Tensor, value: float, base: float) -> float:
 
 
 RATIOS: dict[str, tuple[float, Owner]] = {"2": (2.0, "usual"), "φ": (PHI, "paper"), "1.65": (1.65, "ours")}
-"""Ratio of a ladder, and whose it is. The third is the control: neither a Pisot number nor an integer."""
+"""The ratio of a ladder, and its owner. The third is the control: neither a Pisot number nor an integer."""
 DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
-"""φ^k is within φ^−k of the Lucas number L_k, and L_k √5 / 2 = φ^k + …: cos(π φ^k d) returns to 1 at these."""
+"""The distances of possible ghosts: φ^k is within φ^−k of the Lucas number L_k, and L_k √5 / 2 = φ^k + …, so that cos(π
+φ^k d) returns to 1 at these.
+"""
 BURST = 0.05
-"""Standard deviation of the burst's envelope."""
+"""The standard deviation of the burst's envelope."""
 
 
 def kernel(base: float, bands: int, distance: Float[Tensor, " points"]) -> Float[Tensor, " points"]:
-    """mean_k cos(π f_k d): the inner product of two encoded points at that distance, 1 at d = 0."""
+    """Return mean_k cos(π f_k d): the inner product of two encoded points at that distance, 1 at d = 0."""
     f = frequency_ladder(base, bands, torch.float64)
     return torch.cos(math.pi * f * distance.double().unsqueeze(-1)).mean(dim=-1)
 
@@ -187,11 +192,11 @@ def ghosts(situation: StabilityContext) -> Iterator[Finding]:
 
 
 GHOST_BAR = 0.1
-"""Measured: 0.05 for the control, and up to 0.07 at distances where a ladder has no lobe."""
+"""The largest share; measured: 0.05 for the control, and up to 0.07 at distances where a ladder has no lobe."""
 
 
 def burst(x: Tensor, centre: float) -> Tensor:
-    """A short wave packet of 8 frequencies between 6 and 60 cycles on [−1, 1], with fixed phases."""
+    """Return a short wave packet of 8 frequencies between 6 and 60 cycles on [−1, 1], with fixed phases."""
     generator = generator_for("stability", "burst")
     cycles = 6.0 * 10.0 ** torch.rand(8, generator=generator)
     phases = 2.0 * math.pi * torch.rand(8, generator=generator)
@@ -202,16 +207,16 @@ def burst(x: Tensor, centre: float) -> Tensor:
 
 @dataclass(frozen=True)
 class Gap:
-    """What networks say of a gap that they never saw, where nothing is."""
+    """The prediction of networks in a gap that they never saw, in which the truth is 0."""
 
     share: float
-    """⟨prediction, burst⟩ / ⟨burst, burst⟩."""
+    """The share ⟨prediction, burst⟩ / ⟨burst, burst⟩."""
     offset: Float[Tensor, " places"]
-    """From the middle of the gap."""
+    """The offset from the middle of the gap."""
     predicted: Float[Tensor, " places"]
-    """Mean over networks; the truth is 0."""
+    """The mean over networks; the truth is 0."""
     burst: Float[Tensor, " places"]
-    """What a perfect ghost would be."""
+    """The prediction of a perfect ghost."""
 
 
 def _across(distance: float, name: str, offset: Tensor, values: Tensor) -> Series:
@@ -222,7 +227,9 @@ def _across(distance: float, name: str, offset: Tensor, values: Tensor) -> Serie
 
 
 def ghost(base: float, bands: int, distance: float, quick: bool) -> Gap:
-    """In a gap of ±3 widths at `distance` from the burst, unseen in training, where everything but the burst is 0."""
+    """Return the prediction in a gap of ±3 widths at `distance` from the burst, unseen in training, in which everything
+    but the burst is 0.
+    """
     centre = -0.5 * distance
     seen = 2.0 * torch.rand(1024, generator=generator_for("stability", "ghost")) - 1.0
     seen = seen[(seen - (centre + distance)).abs() > 3.0 * BURST]
@@ -242,7 +249,9 @@ def fitted(
     asked: Float[Tensor, " places"],
     steps: int,
 ) -> Float[Tensor, "networks places"]:
-    """What networks of two hidden layers of 64, each trained on its own `values` at `seen`, say at `asked`."""
+    """Return the values at `asked` of networks of two hidden layers of 64, each trained on its own `values` at
+    `seen`.
+    """
     f = frequency_ladder(base, bands)
     inputs, places = (fourier_features(x.unsqueeze(-1), f) for x in (seen, asked))
     networks, widths = len(values), [inputs.shape[1], 64, 64, 1]
@@ -274,9 +283,10 @@ def fitted(
 
 GRATINGS = (27.0, 37.0, 61.0, 100.0, 175.0, 284.0)
 """Cycles on [−1, 1]. At 160 = 128 + 32 base 2 would be five times better than at 99 or 230: a product of two of its
-waves."""
+waves.
+"""
 POINTS = 512
-"""Seen at random: 256 cycles are the Nyquist limit of as many evenly spread ones."""
+"""The random points seen: 256 cycles are the Nyquist limit of as many evenly spread ones."""
 LADDERS: dict[str, tuple[float, int]] = {
     "2, L = 10": (2.0, 10),
     "2, L = 7": (2.0, 7),
@@ -287,9 +297,10 @@ LADDERS: dict[str, tuple[float, int]] = {
 
 
 def nearest_member(cycles: float) -> float:
-    """Relative distance of a grating to the nearest frequency of any ladder, or sum or difference of two of them.
+    """Return the relative distance of a grating to the nearest frequency of any ladder, or sum or difference of two of
+    them.
 
-    f_k π x has f_k cycles on [−1, 1].
+    The frequency f_k π x has f_k cycles on [−1, 1].
     """
     ladders = [[0.0, *(base**k for k in range(20))] for base in {base for base, _ in LADDERS.values()}]
     made = {abs(one + sign * two) for ladder in ladders for one in ladder for two in ladder for sign in (1.0, -1.0)}

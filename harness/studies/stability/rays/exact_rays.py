@@ -1,4 +1,4 @@
-"""Rays whose light is known, and quadrature sums in 40 digits: references that share no code with the rules."""
+"""Rays whose exact result is known, and quadrature sums in 40 digits: references that share no code with the rules."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ class Profile:
     sigma: Callable[[Tensor], Tensor]
     depth: Callable[[Any], Any]
     layer: float
-    """Length over which most light is lost: the reference integrates more finely there."""
+    """The length over which most light is lost: the reference integrates more finely there."""
 
 
 def colour(t: Tensor) -> Tensor:
-    """Of all profiles: smooth, in [0, 1], |c′| ≤ 1.5, and steep where the ray begins."""
+    """Return the colour of all profiles: smooth, in [0, 1], |c′| ≤ 1.5, and steep where the ray begins."""
     return 0.5 + 0.5 * torch.cos(3.0 * t + 0.5)
 
 
 MOST_SLOPE = 1.5
-"""max |c′| of `colour`."""
+"""The maximum of |c′| of `colour`."""
 
 
 def homogeneous(tau: float) -> Profile:
@@ -68,7 +68,7 @@ def gaussian(tau: float, centre: float = 0.5, width: float = 0.15) -> Profile:
 
 @cache
 def exact(profile: Profile) -> tuple[float, float]:
-    """Opacity A(1) and colour ∫ c dA = c(1) A(1) − ∫ c′ A dt with A = 1 − exp(−τ(t)), by mpmath."""
+    """Return opacity A(1) and colour ∫ c dA = c(1) A(1) − ∫ c′ A dt with A = 1 − exp(−τ(t)), by mpmath."""
     with mpmath.workdps(20):
 
         def opacity(t: Any) -> Any:
@@ -85,7 +85,9 @@ def exact(profile: Profile) -> tuple[float, float]:
 
 
 def weights_in_digits(rule: str, sigma: Sequence[Any], lengths: Sequence[Any]) -> list[Any]:
-    """Weights of one ray's points and, last, T_end by the definition of a rule of ours, in mpmath numbers."""
+    """Return the weights of one ray's points and, last, T_end by the definition of a rule of ours, in mpmath
+    numbers.
+    """
     stride, closed = QUADRATURES[rule].stride, QUADRATURES[rule].closed
     w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
     T = mpmath.mpf(1)

@@ -1,4 +1,4 @@
-"""Q6 to Q10: rays with almost nothing, with nothing, and with what is no ray; importance sampling at its edges."""
+"""Q6 to Q10: rays with almost nothing, with nothing, and invalid rays; importance sampling at its edges."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -46,7 +46,7 @@ class Fog:
 def rendered(
     density: Callable[[Tensor], Tensor], rule: str, near: float = NEAR, far: float = FAR, clip: bool = False
 ) -> Rendering:
-    """Five parallel rays through a box; cut to it with `clip`, else from near to far."""
+    """Render five parallel rays through a box; cut to it with `clip`, else from near to far."""
     origins = torch.stack([torch.linspace(-0.5, 0.5, 5), torch.zeros(5), torch.full((5,), 4.0)], dim=-1)
     rays = Rays(origins, torch.tensor([0.0, 0.0, -1.0]).expand(5, 3), near, far)
     box = Box(-torch.ones(3), torch.ones(3))
@@ -63,7 +63,7 @@ def posts(rays: int = 1, bins: int = BINS) -> Tensor:
 
 
 def almost_nothing(situation: StabilityContext) -> Iterator[Finding]:
-    """Q6."""
+    """Q6: rays with almost nothing."""
     del situation
     exact = -math.expm1(-1e-8 * (FAR - NEAR))
     for name, rule in QUADRATURES.items():
@@ -93,7 +93,7 @@ def _steepest(rule: Rule, sigma: float) -> float:
 
 
 def nothing(situation: StabilityContext) -> Iterator[Finding]:
-    """Q7."""
+    """Q7: rays with nothing."""
     del situation
 
     def solid(x: Tensor) -> Tensor:
@@ -134,7 +134,7 @@ def _void(x: Tensor) -> Tensor:
 
 
 def _flat_box(density: Callable[[Tensor], Tensor], rule: str) -> Rendering:
-    """Rays that run beside the box: cut to it, nothing is left of them."""
+    """Render rays that run beside the box: cut to it, nothing is left of them."""
     rays = Rays(torch.tensor([[5.0, 0.0, 4.0]]), torch.tensor([[0.0, 0.0, -1.0]]), NEAR, FAR)
     box = Box(-torch.ones(3), torch.ones(3))
     return render_rays(Fog(density), None, rays, box, Sampling(BINS, quadrature=rule), None, BACKGROUND, None)
@@ -152,7 +152,7 @@ def _without_bins(rule: Rule) -> float:
 
 
 def no_interval(situation: StabilityContext) -> Iterator[Finding]:
-    """Q8."""
+    """Q8: rays without an interval."""
     del situation
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
@@ -208,7 +208,7 @@ def _refused(rule: str, near: float, far: float) -> bool:
 
 
 def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
-    """Q9."""
+    """Q9: samples that are not numbers."""
     del situation
     rays, ray, sample = 16, 11, 7
     for name, rule in OURS.items():
@@ -237,7 +237,7 @@ def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
-    """Colour, opacity and depth of each ray, unchecked."""
+    """Return colour, opacity and depth of each ray, unchecked."""
     w, T_end = rule.weights(sigma, rule.lengths(t, t_edges))
     ray = torch.arange(len(t)).repeat_interleave(t.shape[1])
     seen = composite(w.flatten(), ray, torch.cos(t).flatten().unsqueeze(-1).expand(-1, 3), T_end, BACKGROUND)
@@ -254,7 +254,7 @@ def _renderer_names(rule: str, wrong: float) -> bool:
 
 
 def _hidden() -> Check:
-    """nan_to_num, as it is found behind weights: the picture is finite, wrong, and nobody is told."""
+    """Check nan_to_num, as it is found behind weights: the picture is finite, wrong, and nothing is reported."""
     lengths = torch.diff(posts(2), dim=-1)
     sigma = torch.ones_like(lengths)
     sigma[1, 7] = math.nan
@@ -266,11 +266,11 @@ def _hidden() -> Check:
 SAMPLED_BINS = 16
 SAMPLED_NEAR, SAMPLED_FAR = 2.0, 6.0
 U = torch.tensor([0.0, 0.0, 1e-45, 1e-30, 0.25, 0.5, 1.0 - 2.0**-24, 1.0, 1.0])
-"""Also what no generator should give: 1 belongs to no bin."""
+"""Random numbers, including those that no generator should give: 1 belongs to no bin."""
 
 
 def _weights() -> dict[str, tuple[Tensor, int, int]]:
-    """What → weights, and the first and the last bin in which a distance may lie."""
+    """Return the case → weights, and the first and the last bin in which a distance may lie."""
     cases = {"all zero": (torch.zeros(SAMPLED_BINS), 0, SAMPLED_BINS - 1)}
     for spike in (0, 7, SAMPLED_BINS - 1):
         for weight in (1e-45, 1e-38, 1e-10, 1.0, 1e10, 1e30, 3e38):
@@ -288,7 +288,7 @@ def _weights() -> dict[str, tuple[Tensor, int, int]]:
 
 
 def _tried(draw: str) -> tuple[float, list[str]]:
-    """Largest distance by which `draw` leaves its bins or steps back, and what it did wrong."""
+    """Return the largest distance by which `draw` leaves its bins or steps back, and what it did wrong."""
     t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0)
     worst, wrong = 0.0, []
     for what, (w, first, last) in _weights().items():
@@ -305,7 +305,7 @@ def _tried(draw: str) -> tuple[float, list[str]]:
 
 
 def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
-    """As the field has it: weights + 1e-5, and where a bin has no mass its length is taken for 1."""
+    """Sample as is usual in the field: weights + 1e-5, and a bin without mass has its length taken for 1."""
     w = w + 1e-5
     cdf = torch.cumsum(w / w.sum(dim=-1, keepdim=True), dim=-1)
     cdf = torch.cat([torch.zeros_like(cdf[:, :1]), cdf], dim=-1)
@@ -317,7 +317,7 @@ def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
 
 
 def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
-    """Q10."""
+    """Q10: importance sampling at its edges."""
     del situation
     what = "largest distance outside of the bins with weight, or backwards"
     worst, wrong = _tried("ours")
@@ -352,7 +352,7 @@ def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _bad_gradients() -> int:
-    """Of the distances by the fenceposts, the one thing that they are differentiable by."""
+    """Count the bad gradients of the distances by the fenceposts, the only inputs that they are differentiable by."""
     count = 0
     for w, _, _ in _weights().values():
         t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0).requires_grad_()

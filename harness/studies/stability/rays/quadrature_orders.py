@@ -1,4 +1,4 @@
-"""Q2, Q4 and Q5: what a rule makes of a ray with few points. All in float64, so that nothing here is rounding."""
+"""Q2, Q4 and Q5: the error of a rule with few points per ray. All in float64, so that nothing here is rounding."""
 
 import math
 import time
@@ -26,19 +26,20 @@ from harness.studies.stability.rays.exact_rays import (
 from harness.studies.stability.stability_context import Finding, StabilityContext
 
 SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
-"""Whose orders are fitted: some optical depths, none of them within one bin. On a steeper ramp the first term of the
-left point's error nearly cancels, and its second one hides the order up to thousands of bins."""
+"""The profiles whose orders are fitted: some optical depths, none of them within one bin. On a steeper ramp the first
+term of the left point's error nearly cancels, and its second one hides the order up to thousands of bins.
+"""
 SHOWN = (homogeneous(1.0), homogeneous(1000.0), ramp(100.0), exponential(100.0), gaussian(100.0))
-"""Whose errors are drawn: the ranking of the rules differs between them."""
+"""The profiles whose errors are drawn: the ranking of the rules differs between them."""
 TABLED = (homogeneous(1.0), homogeneous(10.0), homogeneous(100.0), homogeneous(1000.0), exponential(100.0),
           ramp(100.0), gaussian(100.0))  # fmt: skip
 FITTED = (32, 64, 128, 256, 512)
 DRAWN = tuple(2**k for k in range(3, 13))
 SEARCHED = tuple(sorted({*(2**k for k in range(15)), *(3 * 2**k for k in range(13))}))
 STEP, FINE = 1.0 / 510.0, 1e-4
-"""Half an 8-bit step of a colour, and what cannot be seen at all."""
+"""Half an 8-bit step of a colour, and an invisible difference."""
 FLOOR = 1e-13
-"""An error below is rounding: there is no order in it."""
+"""The error below which all is rounding: there is no order in it."""
 ORDER_BAR, STIFF_BAR, LINEAR_BAR = 0.15, 1.1, 1e-4
 SHELL_BAR = 1e-2
 SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
@@ -47,8 +48,9 @@ SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
     "left": (SHELL_BAR, "usual", "a property of left ends, as the field usually takes them, that no rule of weights "
              "mends: it looks for the shell behind the point that saw it alone, and misses what lies in front"),
 }  # fmt: skip
-"""Rules that miss `SHELL_BAR` by construction: what they are held to, whose property it is, and why. Of a shell of
-τ = 3 an error of 0.95 is all there is: no bar short of that would hold for left ends."""
+"""Rules that miss `SHELL_BAR` by construction: their own threshold, whose property it is, and why. Of a shell of τ = 3
+an error of 0.95 is all there is: no bar short of that would hold for left ends.
+"""
 
 
 def _whose(rule: Rule) -> Owner:
@@ -57,7 +59,7 @@ def _whose(rule: Rule) -> Owner:
 
 @cache
 def _errors(name: str, profile: Profile, bins: int) -> tuple[float, float]:
-    """Of opacity and of colour before a black background."""
+    """Return the errors of opacity and of colour before a black background."""
     rule = QUADRATURES[name]
     posts = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, t_edges = rule.place(posts, None)
@@ -71,7 +73,7 @@ def _points(name: str, bins: int) -> int:
 
 
 def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
-    """Slope of log error on log bin length; None where fewer than three errors are more than rounding."""
+    """Return the slope of log error on log bin length; None if fewer than three errors are more than rounding."""
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
     if len(seen) < 3:
         return None
@@ -79,7 +81,7 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
 
 
 def orders(situation: StabilityContext) -> Iterator[Finding]:
-    """Q2."""
+    """Q2: the order of each rule."""
     rows: list[list[str | float | None]] = []
     for name, rule in QUADRATURES.items():
         gaps, said = [], []
@@ -122,11 +124,15 @@ def orders(situation: StabilityContext) -> Iterator[Finding]:
 
 
 TIMED = "ms for 16 rays of a 3 × 64 network, float32"
-"""No time of the profile whose error stands against it: what its own density would cost is no property of a rule."""
+"""The time is that of a small network, not of the profile whose error it is plotted against: what its own density would
+cost is no property of a rule.
+"""
 
 
 def _orders_of_charts(situation: StabilityContext) -> Table:
-    """Of the profiles that are drawn, over the finer half of their bins: a stiff one may not have reached its order."""
+    """Return the orders on the profiles that are drawn, over the finer half of their bins: a stiff one may not have
+    reached its order.
+    """
     rows: list[list[str | float | None]] = []
     counts = DRAWN[:3] if situation.quick else DRAWN[len(DRAWN) // 2 :]
     for profile in SHOWN[: 1 if situation.quick else None]:
@@ -141,7 +147,7 @@ def _drawn(situation: StabilityContext) -> tuple[int, ...]:
 
 
 def _needed(situation: StabilityContext) -> Table:
-    """Fewest points from which on the error stays below both bars."""
+    """Return the fewest points from which on the error stays below both bars."""
     searched = SEARCHED[:6] if situation.quick else SEARCHED
     rows: list[list[str | float | None]] = []
     for profile in TABLED[: 1 if situation.quick else None]:
@@ -161,7 +167,7 @@ def _first_below(name: str, errors: list[float], searched: tuple[int, ...], bar:
 
 
 class _Network(torch.nn.Module):
-    """Stands for the network that every point of a ray is asked of: 3 layers of 64, the same for all rules."""
+    """A network that every point of a ray is evaluated with: 3 layers of 64, the same for all rules."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -177,9 +183,10 @@ class _Network(torch.nn.Module):
 
 
 def _seconds(situation: StabilityContext) -> dict[str, list[float]]:
-    """Milliseconds of placing points, asking a small network at each of them, weighing and summing, of 16 rays.
+    """Return the milliseconds of placing points, evaluating a small network at each of them, weighing and summing, for
+    16 rays.
 
-    Measured once a rule and number of bins, for all profiles.
+    They are measured once per rule and number of bins, for all profiles.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # so little work gains nothing from two, and waits for the second where that is busy
@@ -207,7 +214,7 @@ def _seconds_of(rule: Rule, situation: StabilityContext) -> list[float]:
 
 @torch.no_grad()
 def _best_time(work: Callable[[], Tensor], enough: float) -> float:
-    """Shortest of as many runs as take `enough` seconds, three at least."""
+    """Return the shortest of as many runs as take `enough` seconds, three at least."""
     work()
     seconds: list[float] = []
     while len(seconds) < 3 or sum(seconds) < enough:
@@ -218,7 +225,7 @@ def _best_time(work: Callable[[], Tensor], enough: float) -> float:
 
 
 def stiff(situation: StabilityContext) -> Iterator[Finding]:
-    """Q4."""
+    """Q4: stiff profiles."""
     counts, depths = ((64,), (15.0,)) if situation.quick else ((64, 256), (15.0, 100.0, 1000.0))
     profiles = [
         (make(depth * bins), bins) for make in (homogeneous, exponential) for depth in depths

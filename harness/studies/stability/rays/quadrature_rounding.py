@@ -1,4 +1,4 @@
-"""Q1 and Q3: what rounding does to a ray's light and to its gradient, apart from any error of the rule."""
+"""Q1 and Q3: what rounding does to a ray's colour and to its gradient, apart from any error of the rule."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -15,14 +15,14 @@ from harness.studies.stability.stability_context import Finding, StabilityContex
 
 
 def running_product(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """α = 1 − exp(−σδ), transmittance as a running product of 1 − α + 1e-10: w and T_end, in whatever precision."""
+    """Return w and T_end, in any precision: α = 1 − exp(−σδ), transmittance as a running product of 1 − α + 1e-10."""
     alpha = 1.0 - torch.exp(-sigma * lengths)
     through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
     return alpha * through[:, :-1], through[:, -1]
 
 
 def running_sum(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """1 − exp(−τ) as it stands, transmittance from a running sum."""
+    """Return 1 − exp(−τ) as it stands, with transmittance from a running sum."""
     tau = sigma * lengths
     through = torch.cumsum(tau, dim=-1)
     before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
@@ -30,7 +30,7 @@ def running_sum(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def stock_expm1(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Our own forward pass, differentiated by autograd: the gradient of torch.expm1 is grad · (result + 1)."""
+    """Run our own forward pass, differentiated by autograd: the gradient of torch.expm1 is grad · (result + 1)."""
     tau = sigma * lengths
     through = torch.cumsum(tau, dim=-1)
     before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
@@ -38,7 +38,7 @@ def stock_expm1(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def log_space(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """w = exp(log T + log(1 − exp(−τ)))."""
+    """Return w = exp(log T + log(1 − exp(−τ)))."""
     tau = sigma * lengths
     through = torch.cumsum(tau, dim=-1)
     before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
@@ -49,10 +49,10 @@ Weights = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
 OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 SHADE = 0.75
-"""Colour of the homogeneous ray, a number of every precision."""
+"""The colour of the homogeneous ray, a number of every precision."""
 BAR, GRADIENT_BAR, DOUBLE_BAR = 1e-6, 5e-6, 1e-9
 LEAST = 1e-17
-"""An error of 0 is drawn here: the axis has no 0."""
+"""The value at which an error of 0 is drawn: the axis has no 0."""
 DTYPES = {"float64": torch.float64, "float32": torch.float32, "float16": torch.float16, "bfloat16": torch.bfloat16}
 
 EXPONENTS = [k / 2 for k in range(-16, 17)]
@@ -60,7 +60,7 @@ BIN_DEPTHS = [1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 15.6, 
 
 
 def homogeneous(situation: StabilityContext) -> Iterator[Finding]:
-    """Q1."""
+    """Q1: rounding of a homogeneous ray."""
     counts = (1, 64) if situation.quick else (1, 64, 10**6)
     exponents = EXPONENTS[::8] if situation.quick else EXPONENTS
     for name in OURS:
@@ -101,14 +101,14 @@ def homogeneous(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _printed(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Listing 4, whose last interval is 1e10 and whose T_end is nothing."""
+    """Evaluate Listing 4, whose last interval is 1e10 and whose T_end is nothing."""
     endless = torch.cat([lengths[:, :-1], torch.full_like(lengths[:, :1], 1e10)], dim=-1)
     return QUADRATURES["listing4"].weights(sigma, endless)
 
 
 @cache
 def _ray(rule: str, tau: float, bins: int, dtype: torch.dtype) -> tuple[Tensor, Tensor, float, float]:
-    """Densities, lengths, and the opacity and transmittance that these very numbers have.
+    """Return densities, lengths, and the opacity and transmittance that these very numbers have.
 
     With one density everywhere the sum of every rule telescopes: its opacity is that of σ times the summed lengths.
     """
@@ -121,7 +121,7 @@ def _ray(rule: str, tau: float, bins: int, dtype: torch.dtype) -> tuple[Tensor, 
 
 
 def _errors(weights: Weights, rule: str, tau: float, bins: int, dtype: torch.dtype) -> tuple[float, float, float]:
-    """Relative errors of colour, opacity and transmittance; infinite where a number is not finite."""
+    """Return relative errors of colour, opacity and transmittance; infinite if a number is not finite."""
     sigma, lengths, opacity, transmittance = _ray(rule, tau, bins, dtype)
     w, T_end = weights(sigma, lengths)
     seen, total = float((w * SHADE).sum()), float(w.sum())
@@ -134,7 +134,7 @@ def _errors(weights: Weights, rule: str, tau: float, bins: int, dtype: torch.dty
 
 
 def _refusal(name: str) -> Check:
-    """Half precision must raise."""
+    """Check that half precision raises."""
     accepted = 0
     for dtype in (torch.float16, torch.bfloat16):
         sigma, lengths, _, _ = _ray(name, 1.0, 4, dtype)
@@ -186,7 +186,7 @@ def _drift() -> Iterator[Series]:
 
 
 def gradients(situation: StabilityContext) -> Iterator[Finding]:
-    """Q3."""
+    """Q3: rounding of gradients."""
     depths = BIN_DEPTHS[::7] if situation.quick else BIN_DEPTHS
     bins = 2 if situation.quick else 8
     for name in OURS:
@@ -234,7 +234,7 @@ SHAPES: dict[str, Callable[[Tensor], Tensor]] = {
     RAMP: lambda t: 0.5 + t,
     HOLE: lambda t: (torch.arange(t.shape[1]) != t.shape[1] // 2).to(t.dtype).expand_as(t),
 }
-"""Density along a ray, of mean 1."""
+"""The density along a ray, of mean 1."""
 
 
 def _badness(error: float) -> float:
@@ -252,7 +252,9 @@ def _gradient_line(name: str, depths: list[float], errors: list[float]) -> Serie
 def _gradient_error(
     weights: Weights, rule: str, depth: float, bins: int, dtype: torch.dtype, shape: str = "one density"
 ) -> float:
-    """Of ∂C/∂σ against 120 digits, over its largest entry; only entries that the precision can hold are compared."""
+    """Return the error of ∂C/∂σ against 120 digits, over its largest entry; only entries that the precision can hold
+    are compared.
+    """
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, _ = QUADRATURES[rule].place(t_edges, None)
     sigma = (depth * bins * SHAPES[shape](t)).to(dtype)
@@ -271,7 +273,9 @@ def _gradient_error(
 
 @cache
 def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float) -> list[float]:
-    """By central differences in 120 digits, of the sum and not of any formula for its derivative."""
+    """Return the gradient by central differences in 120 digits, of the sum and not of any formula for its
+    derivative.
+    """
     with mpmath.workdps(120):
         step = mpmath.mpf(10) ** -20
         lengths = [mpmath.mpf(length)] * ((len(sigma) - QUADRATURES[rule].closed) // QUADRATURES[rule].stride)
@@ -286,7 +290,9 @@ def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ..
 
 
 def _gradcheck(name: str) -> Check:
-    """Central differences in float64, of random sums of weights and transmittance, as torch's gradcheck takes them."""
+    """Check with central differences in float64, of random sums of weights and transmittance, as torch's gradcheck
+    takes them.
+    """
     rule = QUADRATURES[name]
     generator = torch.Generator().manual_seed(5)
     t_edges = torch.rand(1, 8, dtype=torch.float64, generator=generator).cumsum(-1)

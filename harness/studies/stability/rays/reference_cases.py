@@ -21,15 +21,15 @@ from scenes.rendering.variant import OLDEST_LLVM, Variant, llvm_libraries, probe
 
 CELLS = 16
 TAU_OF_A_VOXEL = (0.03, 0.3, 5.0)
-"""At most, in three grids: a veil, a cloud and a solid."""
+"""The largest τ of a voxel, in three grids: a veil, a cloud and a solid."""
 LARGEST_Z = 4.0
 LARGEST_ERROR = 1e-3
-"""Standard error above which agreement would say nothing."""
+"""The standard error above which agreement would say nothing."""
 PATHS = 420_000
 BINS = 256
-"""Of the deterministic comparison; truncation is the same on both sides."""
+"""The bins of the deterministic comparison; truncation is the same on both sides."""
 FINE_BINS = 4096
-"""Of the comparison with the integral itself."""
+"""The bins of the comparison with the integral itself."""
 VALUE_BAR, SIGMA_BAR, COLOUR_BAR = 5e-6, 5e-6, 1e-4
 CLOSED_FORM_BAR, FIRST_ORDER_BAR = 1e-6, 5e-4
 SCALAR = Variant("scalar_rgb", None, "always there")
@@ -74,14 +74,14 @@ def _trilinear(
 
 
 def random_grids(tau_of_a_voxel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Density [z, y, x] and colour [z, y, x, 3] of the same random pattern at every depth."""
+    """Return density [z, y, x] and colour [z, y, x, 3] of the same random pattern at every depth."""
     generator = np.random.default_rng(16)
     pattern, colour = generator.random((CELLS,) * 3), generator.random((*(CELLS,) * 3, 3))
     return pattern * CELLS * tau_of_a_voxel, colour
 
 
 def rendered(field: GridField, rays: Rays, bins: int, quadrature: str = "midpoint") -> Rendering:
-    """By our renderer, on black."""
+    """Render with our renderer, on black."""
     box = Box(torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
     sampling = Sampling(bins=bins, quadrature=quadrature)
     return render_rays(field, None, rays, box, sampling, None, torch.zeros(3, dtype=torch.float64), None)
@@ -148,7 +148,7 @@ class Bundle:
 
 
 def bundle(count: int = 16, bins: int = BINS) -> Bundle:
-    """Rays from all around into the cube, with points at the midpoints of equal bins, float64."""
+    """Return rays from all around into the cube, with points at the midpoints of equal bins, float64."""
     generator = torch.Generator().manual_seed(4)
     origins = 0.5 + 1.5 * torch.nn.functional.normalize(
         torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1
@@ -165,7 +165,7 @@ def bundle(count: int = 16, bins: int = BINS) -> Bundle:
 
 
 def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str = "midpoint") -> Differentiated:
-    """Our quadrature on torch's interpolation, differentiated by torch, float64."""
+    """Differentiate our quadrature on torch's interpolation with torch, float64."""
     field = field_of(sigma, colour)
     field.sigma.requires_grad_()
     field.colour.requires_grad_()
@@ -180,7 +180,7 @@ def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str =
 
 
 def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, float]:
-    """Of colour, absolutely; of both gradients, in the Euclidean norm relative to ours."""
+    """Return the errors of colour, absolutely; of both gradients, in the Euclidean norm relative to ours."""
     return (
         float(np.abs(theirs.colour - ours.colour).max()),
         float(np.linalg.norm(theirs.d_sigma - ours.d_sigma) / np.linalg.norm(ours.d_sigma)),
@@ -217,14 +217,14 @@ def _against_gridvolume(variant: Variant) -> Iterator[Finding]:
 
 
 def layered(cells: int = CELLS) -> tuple[np.ndarray, np.ndarray]:
-    """Density and grey level of layers across x."""
+    """Return density and grey level of layers across x."""
     generator = np.random.default_rng(3)
     return 5.0 + 20.0 * generator.random(cells), generator.random(cells)
 
 
 def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
-    """Colour and opacity along x through layers whose values are linear between cell centres and flat at both ends:
-    τ in closed form, the colour's integral piece by piece in 40 digits.
+    """Return colour and opacity along x through layers whose values are linear between cell centres and flat at both
+    ends: τ in closed form, the colour's integral piece by piece in 40 digits.
     """
     with mpmath.workdps(40):
         cells = len(sigma)
@@ -272,7 +272,7 @@ def _whose(rule: str) -> Owner:
 
 
 def differentiating_variant() -> tuple[Variant | None, str]:
-    """Mitsuba's LLVM variant where it works, else why it does not."""
+    """Return Mitsuba's LLVM variant if it works, else why it does not."""
     failures = []
     for library in map(str, llvm_libraries()):
         failure = probe("llvm_ad_rgb", library)
@@ -283,7 +283,7 @@ def differentiating_variant() -> tuple[Variant | None, str]:
 
 
 def independent(situation: StabilityContext) -> Iterator[Finding]:
-    """(1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
+    """R1: (1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
     paths = 1600 if situation.quick else PATHS
     fast, missing = differentiating_variant()
     yield from _against_tracking(SCALAR, paths)

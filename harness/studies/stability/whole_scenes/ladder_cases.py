@@ -1,9 +1,9 @@
 """L1 and N1: the rung of each ladder at which a method breaks; and what scenes do not need, trained with and without.
 
-A method breaks where it has no scores (diverged, failed), or explains less than half of the variance of what there is
-to see. Where a surface's looks are what is hard, that is asked within its silhouette, which any method finds; where the
-shape is, of whole views. Being below a copy of the nearest training view is said, and is no break by itself: a fog ball
-looks the same from every side, and its copies are perfect.
+A method breaks if it has no scores (diverged, failed), or explains less than half of the variance of what there is to
+see. If the appearance of a surface is what is hard, that is measured within its silhouette, which any method finds; if
+the shape is, on complete views. Being below a copy of the nearest training view is reported, and is no break by itself:
+a fog ball looks the same from every side, and its copies are perfect.
 """
 
 from collections.abc import Iterator
@@ -36,29 +36,29 @@ CASE = "L1"
 ITEM = 9
 PROFILE = "ladder"
 ENOUGH = 0.5
-"""Share of the variance below which a method counts as broken."""
+"""The share of the variance below which a method counts as broken."""
 LOOKS = ("frequency", "dynamic_range")
-"""Ladders whose difficulty lies within the silhouette."""
+"""The ladders whose difficulty lies within the silhouette."""
 
 
 LEAST_RUNGS = {"frequency": 1, "thinness": 2, "density": 5, "dynamic_range": 1, "scale": 5}
-"""What ours must climb: every rung of the control, and of the fog, where they explain 0.97 and more; measured: 1, 5,
+"""The rungs that ours must climb: every rung of the control, and of the fog, where they explain 0.97 and more; measured: 1, 5,
 5, 5 and 5, of which thinness and dynamic range explain little more than half."""
 
 
 @dataclass(frozen=True)
 class RungScore:
-    """How a method does on one rung."""
+    """The performance of a method on one rung."""
 
     share: float | None
-    """Of the variance that it explains; None where it has no scores."""
+    """The share of the variance that it explains; None if it has no scores."""
     broken: str
-    """Why it counts as broken there; empty where it does not."""
+    """The reason why it counts as broken there; empty if it does not."""
     note: str = ""
 
 
 def ladders(situation: StabilityContext) -> Iterator[Finding]:
-    """Trains every rung, then judges by the test views alone."""
+    """L1: train every rung, then judge by the test views alone."""
     names = [scene for ladder in LADDERS.values() for scene in ladder.scenes]
     found = trained(situation, PROFILE, names, situation.out / "ladders")
     rows: list[list[str | float | None]] = []
@@ -87,7 +87,9 @@ def ladders(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def standing(found: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> RungScore:
-    """`looks`: asked within the silhouette, of the pictures that the record keeps; else of all test views."""
+    """Score a method; `looks` does so within the silhouette, on the pictures that the record keeps, else on all test
+    views.
+    """
     if cell.status != "done":
         return RungScore(None, f"{cell.status}: {cell.reason}")
     share = share_of_looks(found, cell, views) if looks else share_of_views(cell, views)
@@ -106,24 +108,24 @@ def share_of_views(cell: CellRecord, views: ViewSet) -> float | None:
 
 
 def ceiling(views: ViewSet) -> float:
-    """What is left of 1 when the rendering noise of whole views is taken off."""
+    """Return what is left of 1 when the rendering noise of complete views is subtracted."""
     pixels = np.concatenate([over_white(rgba).reshape(-1, 3) for rgba in views.test.rgba])
     noise = 0.0 if views.test.noise_mse is None else float(np.mean(views.test.noise_mse))
     return explained_share(noise, colour_variance(pixels))
 
 
 def worst(of_seeds: list[RungScore]) -> RungScore:
-    """Of several seeds the one that does worst: no score before any, then the smallest share."""
+    """Return the seed that does worst: no score before any, then the smallest share."""
     return min(of_seeds, key=lambda one: (one.share is not None, one.share or 0.0))
 
 
 def rungs_climbed(standings: list[RungScore]) -> int:
-    """How many rungs come before the first on which it breaks."""
+    """Count the rungs before the first on which it breaks."""
     return next((place for place, one in enumerate(standings) if one.broken), len(standings))
 
 
 def _line(ladder: Ladder, name: str, x: list[float], explained: list[float]) -> Series:
-    """What is not explained, on a logarithmic axis: a picture may be wrong by far more than there is to see."""
+    """Return the unexplained share, on a logarithmic axis: a picture may be wrong by far more than there is to see."""
     order = np.argsort(x)  # the ladder of scales goes both ways
     label, y = "share of variance not explained", [1.0 - share for share in explained]
     return Series(
@@ -133,7 +135,7 @@ def _line(ladder: Ladder, name: str, x: list[float], explained: list[float]) -> 
 
 
 def _breaks(ladder: Ladder, standings: dict[str, list[RungScore]]) -> Iterator[Series]:
-    """A mark on every line where it first breaks, rung by rung: what breaks on one rung shares its x."""
+    """Yield a mark on every line where it first breaks, rung by rung: what breaks on one rung shares its x."""
     for rung, x in enumerate(ladder.values):
         first = [climbed[rung].share for climbed in standings.values() if rungs_climbed(climbed) == rung]
         shares = [share for share in first if share is not None]
@@ -161,7 +163,7 @@ def _outcome(ladder: Ladder, found: SceneRun, method: str, climbed: list[RungSco
 
 
 SCENES = ("materials", "tiny")
-"""Mirroring (the controls are tried on it), and Lambertian: that needs no view direction."""
+"""The scenes: mirroring (the controls are tried on it), and Lambertian, which needs no view direction."""
 FOG = "fog_dense"
 STEPS, SEEDS = 300, (0, 1, 2)
 FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
@@ -171,7 +173,7 @@ NOTHING_TO_TRY = "nothing to try: no method has it"
 
 
 def omissions(situation: StabilityContext) -> Iterator[Finding]:
-    """Small cells, three seeds, every omission that concerns model, sampling or rendering."""
+    """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
     from harness.execution.ground_truth import read_views
     from harness.execution.run import view_set_folders
     from harness.studies.choices.verification import compared_integrators, omission_of_integrators, verified
@@ -201,7 +203,7 @@ def omissions(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _plan(situation: StabilityContext) -> Plan:
-    """Views of the smoke profile, trained as the reduced profile trains.
+    """Return a plan with views of the smoke profile, trained as the reduced profile trains.
 
     In the smoke profile's own steps skipping empty space does cost more than its bound: 0.34 dB after 120 steps on
     `tiny`, whether or not the grid is used for rendering. It prunes what has hardly been learnt; with the reduced
@@ -216,7 +218,9 @@ def _plan(situation: StabilityContext) -> Plan:
 
 
 def _worst(found: list[Omission]) -> Check:
-    """Of one part over scenes: what costs more than its bound fails; what is not settled is no pass, nor a failure."""
+    """Return the worst of one part over scenes: what costs more than its bound fails; what is not settled is no pass,
+    nor a failure.
+    """
     costly = [one for one in found if one.verdict == "costs more"]
     open_ = [one for one in found if one.verdict != "within its bound" or one.difference is None]
     unmeasured = any(one.difference is None for one in open_)
@@ -254,7 +258,7 @@ def _counted(one: Omission) -> str:
 
 
 def _uncounted(one: Omission) -> str:
-    """Why there is no difference."""
+    """Return why there is no difference."""
     return f"{one.diverged} of {one.pairs + one.diverged} pairs of cells have no score, as one of them diverged"
 
 
@@ -267,7 +271,7 @@ def _control(one: Omission) -> Check:
 
 
 def _cost(one: Omission) -> float | None:
-    """How much worse it became; None where nothing was measured."""
+    """Return how much worse it became; None if nothing was measured."""
     if one.difference is None:
         return None
     return -one.difference if one.unit == "dB" else abs(one.difference)

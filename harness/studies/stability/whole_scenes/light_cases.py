@@ -38,11 +38,13 @@ from scenes.view_sets.viewpoints import camera_to_world
 
 HALF_A_STEP = 0.5 / 255
 LARGEST_OPACITY_ERROR = {"fog_dense": 0.03, "fog_thin": HALF_A_STEP}
-"""Thin fog is below what pictures of 8 bits can show: there is nothing to learn, and a method can only add its own."""
+"""The largest errors; thin fog is below what pictures of 8 bits can show: there is nothing to learn, and a method can
+only add its own.
+"""
 
 
 def fog(situation: StabilityContext) -> Iterator[Finding]:
-    """S3."""
+    """S3: fog."""
     found = stress(situation, "S3")
     for scene, tau in (("fog_dense", DENSE), ("fog_thin", THIN)):
         views = views_of(found, scene)
@@ -56,7 +58,7 @@ def fog(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Check]:
-    """Rays of a test view through the ball, bins from where they enter to where they leave: 1 − exp(−σ · chord).
+    """Check rays of a test view through the ball, bins from where they enter to where they leave: 1 − exp(−σ · chord).
 
     Opacity of even fog telescopes, whatever the bins. A colour that grows from 0 to 1 along the chord does not: it is
     (1 − e^−τ (1 + τ)) / τ with the τ of that chord, all of it from the first few bins where the fog is dense.
@@ -90,24 +92,26 @@ def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Check]:
 
 
 def mean_of_ramp(tau: np.ndarray) -> np.ndarray:
-    """∫ τ e^(−τ s) s ds from 0 to 1; below 1e-2 its series, as the difference of two near ones has few digits."""
+    """Return ∫ τ e^(−τ s) s ds from 0 to 1; below 1e-2 its series, as the difference of two near ones has few
+    digits.
+    """
     thin = tau / 2 - tau**2 / 3 + tau**3 / 8 - tau**4 / 30
     exact: np.ndarray = np.where(tau < 1e-2, thin, (1 - np.exp(-tau) * (1 + tau)) / np.maximum(tau, 1e-2))
     return exact
 
 
 def _opacity_error(found: SceneRun, views: Views, cell: CellRecord) -> float | None:
-    """Mean |Σ w − true opacity|, to the 8 bits of the stored picture."""
+    """Return the mean |Σ w − true opacity|, to the 8 bits of the stored picture."""
     errors = [np.abs(one.opacity - views.of(one.view).truth[0, ..., 3]).mean() for one in shown(found, cell)]
     return float(np.mean(errors)) if errors else None
 
 
 WIDTHS = (1e-2, 1e-4)
-"""Of a pixel."""
+"""The widths in pixels."""
 
 
 def wires_thinner_than_a_pixel(situation: StabilityContext) -> Iterator[Finding]:
-    """S4."""
+    """S4: wires thinner than a pixel."""
     found = stress(situation, "S4")
     views = views_of(found, "wires", count=2)  # sixteen wires for every ray
     yield from held_to_closed_form("S4", "wires", views)
@@ -140,8 +144,9 @@ def wires_thinner_than_a_pixel(situation: StabilityContext) -> Iterator[Finding]
 
 
 def covered_share(width: float, size: int, strata: int) -> float:
-    """Share of a test view of `size` pixels that wires `width` pixels thin cover: by rays on a grid of `strata` a pixel
-    and axis, or with 0 by area, from wires so thick that rays find them, in proportion: thin wires hardly overlap.
+    """Return the share of a test view of `size` pixels that wires `width` pixels thin cover: by rays on a grid of
+    `strata` per pixel and axis, or with 0 by area, from wires so thick that rays find them, in proportion: thin wires
+    hardly overlap.
     """
     thick = 0.2 if strata == 0 else width
     truth = wires.wires_truth(thick * wires.pixel_size(size))
@@ -151,11 +156,11 @@ def covered_share(width: float, size: int, strata: int) -> float:
 
 
 RENDERED_SPP = {1e-2: 64, 1e-4: 1024}
-"""So many that 0 hits would be 4 standard errors and more off."""
+"""Samples per pixel, so many that 0 hits would be 4 standard errors and more off."""
 
 
 def z_of_thin_wires(width: float, size: int) -> tuple[float, float]:
-    """z of the rendered against the covered share of a test view, and how many rays were to hit.
+    """Return z of the rendered against the covered share of a test view, and how many rays were to hit.
 
     A ray hits or misses, so that n rays are off by √(p (1 − p) / n).
     """
@@ -176,13 +181,13 @@ def _ratio(value: float | None, over: float) -> float | None:
 
 
 def _display(linear: np.ndarray) -> np.ndarray:
-    """Linear, premultiplied [..., 4] → display colour over white [..., 3]."""
+    """Convert linear, premultiplied [..., 4] to display colour over white [..., 3]."""
     shown_: np.ndarray = over_white(display_from_linear(linear)).astype(np.float64)
     return shown_
 
 
 def mirror_and_glass(situation: StabilityContext) -> Iterator[Finding]:
-    """S5."""
+    """S5: mirror and glass."""
     found = stress(situation, "S5")
     for scene in ("mirror", "glass", "glass_air"):
         views = views_of(found, scene)
@@ -209,7 +214,9 @@ def mirror_and_glass(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def virtual_depth() -> float:
-    """Median over a test view of how far behind its surface the mirror's image lies: light's way from there on."""
+    """Return the median over a test view of how far behind its surface the mirror's image lies: light's way from there
+    on.
+    """
     o, d = (one.reshape(-1, 3) for one in pixel_rays(camera_to_world("test")[0], 48, 48))
     surface = geometry.first_ball(o, d, mirror.CENTRE, mirror.RADIUS)
     met = np.isfinite(surface)
@@ -221,8 +228,9 @@ def virtual_depth() -> float:
 
 
 LEAST_SHARE = {"mirror": 0.3, "glass": 0.5, "glass_air": 0.3, "grazing": 0.5}
-"""Of the variance within the silhouette, which any method finds. Measured after 300 steps, ours: 0.53 to 0.84, 0.92 to
-0.98, 0.60 to 0.89 and 0.77 to 0.84. Over whole views the silhouette alone would be most of it."""
+"""The least share of the variance within the silhouette, which any method finds. Measured after 300 steps, ours: 0.53
+to 0.84, 0.92 to 0.98, 0.60 to 0.89 and 0.77 to 0.84. Over complete views the silhouette alone would be most of it.
+"""
 
 
 def _explained(found: SceneRun, scene: str, case: str, bar: float, situation: StabilityContext) -> Iterator[Check]:
@@ -234,7 +242,9 @@ def _explained(found: SceneRun, scene: str, case: str, bar: float, situation: St
 
 
 def _left_of_blank(found: SceneRun, views: Views, cell: CellRecord) -> float | None:
-    """At the Nyquist limit nobody need tell the fields apart; their mean must be there."""
+    """Return the error relative to that of a blank picture: at the Nyquist limit the fields need not be distinguished, but
+    their mean must be there.
+    """
     left, blank = [], []
     for one in shown(found, cell):
         view = views.of(one.view)
@@ -245,7 +255,7 @@ def _left_of_blank(found: SceneRun, views: Views, cell: CellRecord) -> float | N
 
 
 def extreme_light(situation: StabilityContext) -> Iterator[Finding]:
-    """S6."""
+    """S6: extreme light."""
     found = stress(situation, "S6")
     for scene in ("hdr_emitter", "checker", "grazing", "furnace"):
         views = views_of(found, scene)
@@ -299,7 +309,7 @@ def _hdr(found: SceneRun, views: Views) -> Iterator[Check]:
 
 
 LARGEST_MEDIAN_CHANGE = 0.25
-"""Measured: 0.14 for nerf after 300 steps, 0.89 for qnerf."""
+"""The largest change of a median; measured: 0.14 for nerf after 300 steps, 0.89 for qnerf."""
 
 
 def _median_change(found: SceneRun, cell: CellRecord, views: Views) -> float | None:
@@ -316,7 +326,7 @@ THICKNESS = 1e-3
 
 
 def _grazing_chord() -> Iterator[Check]:
-    """A slab of THICKNESS, hit at 89.9° from its normal: its chord is 573 times as long."""
+    """Check a slab of THICKNESS, hit at 89.9° from its normal: its chord is 573 times as long."""
     elevation = math.radians(light.ELEVATION)
     azimuth = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
     d = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),

@@ -1,6 +1,6 @@
 """S1, S2, S7: nothing to see, too close, far too small or large.
 
-The ground truth is held to closed forms, then each method to the ground truth.
+The ground truth is compared with closed forms, then each method with the ground truth.
 """
 
 from collections.abc import Callable, Iterator
@@ -47,7 +47,7 @@ LARGEST_MSE = {"empty": 1e-5, "black": 6e-3}
 
 
 def nothing_to_see(situation: StabilityContext) -> Iterator[Finding]:
-    """S1."""
+    """S1: nothing to see."""
     found = stress(situation, "S1")
     for scene in ("empty", "black", "white"):
         views = views_of(found, scene)
@@ -70,7 +70,7 @@ def nothing_to_see(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def _scores_of_the_truth_itself(situation: StabilityContext, found: SceneRun, scene: str) -> Iterator[Check]:
-    """A view against itself: every score must be a number, or None where it is not defined."""
+    """Check a view against itself: every score must be a number, or None if it is not defined."""
     split = read_views(found.folder(scene), situation.plan(PROFILE).views, situation.scratch).test
     image, rgba = over_white(split.rgba[0]), split.rgba[0]
     ours = view_scores(View(image, rgba[..., 3], np.zeros(rgba.shape[:2])), split, 0)
@@ -100,7 +100,7 @@ def _inside(views: Views) -> np.ndarray:
 def _mean_opacity(
     found: SceneRun, views: Views, where: Callable[[Views], np.ndarray], cell: CellRecord
 ) -> float | None:
-    """Over the pixels that `where` picks of a view, to the 8 bits of the stored picture."""
+    """Return the mean over the pixels that `where` picks of a view, to the 8 bits of the stored picture."""
     values = [one.opacity[where(views.of(one.view))] for one in shown(found, cell)]
     return float(np.concatenate(values).mean()) if values else None
 
@@ -111,7 +111,7 @@ def _silhouette(found: SceneRun, views: Views, cell: CellRecord) -> float | None
 
 
 def too_close(situation: StabilityContext) -> Iterator[Finding]:
-    """S2."""
+    """S2: too close."""
     found = stress(situation, "S2")
     rows: list[list[str | float | None]] = []
     for scene in ("wall", "inside"):
@@ -138,13 +138,13 @@ def too_close(situation: StabilityContext) -> Iterator[Finding]:
 
 
 def above_the_copy(cell: CellRecord) -> float | None:
-    """A method that paints its training images before the cameras falls below it."""
+    """Return the score above the copy; a method that paints its training images before the cameras falls below it."""
     test, floor = cell.scores.get("psnr"), cell.scores.get("psnr_floor")
     return None if test is None or floor is None else test - floor
 
 
 def depth_rows(found: SceneRun, scene: str, views: Views) -> list[list[str | float | None]]:
-    """Every method beside what one distance for all pixels would reach, which asks for no learning at all."""
+    """Return every method beside what one distance for all pixels would reach, which needs no learning at all."""
     constant = best_constant_depth(views)
     rows: list[list[str | float | None]] = []
     for cell in found.of(scene):
@@ -160,12 +160,12 @@ def depth_rows(found: SceneRun, scene: str, views: Views) -> list[list[str | flo
 
 
 def best_constant_depth(views: Views) -> float:
-    """Root mean square error of the one depth that is nearest to all, over covered pixels, scene units."""
+    """Return the root mean square error of the one depth that is nearest to all, over covered pixels, scene units."""
     return float(views.true_depth[views.covered].std())
 
 
 def _billboard(situation: StabilityContext) -> Check:
-    """The failure itself, brought about on purpose, must be named."""
+    """Check that the failure itself, brought about on purpose, is named."""
     plan = situation.plan(PROFILE)
     result = planted_billboard(
         view_set_of(situation, "black"), plan.views, plan.train, situation.scratch, 4 if situation.quick else STEPS
@@ -193,7 +193,7 @@ RAW = {
 
 
 def scaled(situation: StabilityContext) -> Iterator[Finding]:
-    """S7."""
+    """S7: far too small or large."""
     found = stress(situation, "S7")
     unit = views_beside(view_set_of(situation, "scale_1"), nothing)
     for scene in ("tiny", "huge"):
@@ -215,16 +215,16 @@ def scaled(situation: StabilityContext) -> Iterator[Finding]:
 
 
 LARGEST_APART_DB = 1.5
-"""The two differ in their random numbers alone."""
+"""The largest difference in dB: the two differ in their random numbers alone."""
 
 
 def against(views: Views, unit: Views) -> Views:
-    """`views` with another rendering of the same thing, and its noise, in place of a closed form."""
+    """Return `views` with another rendering of the same thing, and its noise, in place of a closed form."""
     return replace(views, truth=unit.rendered, variance=views.variance + unit.variance, true_depth=unit.depth)
 
 
 def refused(change: Similarity) -> bool:
-    """Whether the unit scene in another unit would be refused where somebody rendered it as it is."""
+    """Whether the unit scene in another unit would be refused if somebody rendered it as it is."""
     box = box_of(scales.described(change))
     assert box is not None
     try:

@@ -1,5 +1,6 @@
-"""What all cases about scenes share: scenes rendered and trained once, closed forms, and what is said of each
-method."""
+"""The common parts of all cases about scenes: scenes rendered and trained once, closed forms, and a check of each
+method.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -28,9 +29,10 @@ from scenes.view_sets.view_set import ViewSet
 COLOURS = "RGBA"
 LARGEST_Z = 4.0
 STRATA = (13, 16)
-"""The closed form is averaged over a pixel twice, by one random ray in each of so many strata along either axis: free
-of bias, and what the two differ by is the noise of their mean. Even grids of the same sizes are off by their alignment
-with straight edges: beneath fields half a pixel wide by four standard errors of six views."""
+"""The closed form is averaged over a pixel twice, by one random ray in each of so many strata along either axis: this
+is free of bias, and what the two differ by is the noise of their mean. Even grids of the same sizes are off by their
+alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,23 +41,27 @@ class Views:
 
     names: tuple[str, ...]
     rendered: np.ndarray
-    """float64 [n, h, w, 4]: linear, premultiplied."""
+    """Colour, float64 [n, h, w, 4]: linear, premultiplied."""
     variance: np.ndarray
-    """[n, h, w, 4]: what the renderer estimates of its noise, and what the two means of the closed form differ by."""
+    """Variance [n, h, w, 4]: the renderer's estimate of its noise, and the difference of the two means of the closed
+    form.
+    """
     truth: np.ndarray
-    """[n, h, w, 4]."""
+    """The closed form [n, h, w, 4]."""
     depth: np.ndarray
-    """[n, h, w]: rendered, 0 where nothing was hit."""
+    """Depth [n, h, w]: rendered, 0 where nothing was hit."""
     true_depth: np.ndarray
 
     @property
     def covered(self) -> np.ndarray:
-        """Pixels [n, h, w] that are covered from border to border, by the rendering and by the closed form."""
+        """Return the pixels [n, h, w] that are covered from border to border, by the rendering and by the closed
+        form.
+        """
         whole: np.ndarray = (self.rendered[..., 3] > 1 - 1e-6) & (self.truth[..., 3] > 1 - 1e-9)
         return whole
 
     def of(self, name: str) -> "Views":
-        """The one view of that name."""
+        """Return the one view of that name."""
         one = slice(index := self.names.index(name), index + 1)
         return Views(
             (name,), self.rendered[one], self.variance[one], self.truth[one], self.depth[one], self.true_depth[one]
@@ -63,7 +69,7 @@ class Views:
 
 
 def read_views_and_truth(folder: Path, names: Iterable[str], poses: Iterable[np.ndarray], truth: Truth) -> Views:
-    """`names` inside a view set's folder, without suffix, and their cameras [4, 4]."""
+    """Read `names` inside a view set's folder, without suffix, and their cameras [4, 4]."""
     names = tuple(names)
     rows = []
     for number, (name, pose) in enumerate(zip(names, poses, strict=True)):
@@ -79,7 +85,7 @@ def read_views_and_truth(folder: Path, names: Iterable[str], poses: Iterable[np.
 def closed_form(
     truth: Truth, pose: np.ndarray, width: int, height: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means over pixels [h, w, 4], the variance of each, and depth [h, w]."""
+    """Return means over pixels [h, w, 4], the variance of each, and depth [h, w]."""
     (first, first_depth), (second, second_depth) = (
         pixel_means(truth, pose, width, height, strata, np.random.default_rng((seed, strata))) for strata in STRATA
     )
@@ -87,7 +93,9 @@ def closed_form(
 
 
 def z_score(estimate: float, truth: float, variance: float) -> float:
-    """(estimate − truth) / standard error. Without variance: 0 where they agree to float32's digits, else infinite."""
+    """Return (estimate − truth) / standard error. Without variance: 0 if they agree to float32's digits, else
+    infinite.
+    """
     difference = estimate - truth
     if variance <= 0.0:
         return 0.0 if abs(difference) <= 1e-6 * max(abs(truth), 1.0) else float("inf")
@@ -95,7 +103,7 @@ def z_score(estimate: float, truth: float, variance: float) -> float:
 
 
 def worst_z(views: Views, chosen: np.ndarray | None = None) -> float:
-    """Of the means of red, green, blue and opacity over the pixels `chosen` [n, h, w]: the largest |z|."""
+    """Return the largest |z| of the means of red, green, blue and opacity over the pixels `chosen` [n, h, w]."""
     picked = np.ones(views.depth.shape, bool) if chosen is None else chosen
     count = np.count_nonzero(picked)
     return max(
@@ -111,9 +119,10 @@ def worst_z(views: Views, chosen: np.ndarray | None = None) -> float:
 
 
 def unexplained(views: Views) -> float:
-    """Mean square difference of pixels over what noise explains: about 1 where every pixel is right, not means alone.
+    """Return the mean square difference of pixels over what noise explains: about 1 if every pixel is right, not means
+    alone.
 
-    0 where there is neither difference nor noise.
+    It is 0 if there is neither difference nor noise.
     """
     square, noise = float(np.mean((views.rendered - views.truth) ** 2)), float(np.mean(views.variance))
     # float32 colours carry a rounding error that no noise explains
@@ -121,51 +130,53 @@ def unexplained(views: Views) -> float:
 
 
 def depth_error(views: Views) -> float:
-    """Largest |rendered − true| distance over pixels that are wholly covered, scene units; NaN where none is."""
+    """Return the largest |rendered − true| distance over pixels that are completely covered, scene units; NaN if none
+    is.
+    """
     if not views.covered.any():
         return float("nan")
     return float(np.abs(views.depth - views.true_depth)[views.covered].max())
 
 
 def explained_share(mse: float, variance: float) -> float:
-    """R² = 1 − mse / variance: 1 where everything is explained, 0 for what one flat colour would reach."""
+    """Return R² = 1 − mse / variance: 1 if everything is explained, 0 for what one flat colour would reach."""
     return 1.0 - mse / variance
 
 
 def colour_variance(pixels: np.ndarray) -> float:
-    """Mean square distance of pixels [n, 3] from the one colour that is nearest to them all."""
+    """Return the mean square distance of pixels [n, 3] from the one colour that is nearest to them all."""
     values = pixels.astype(np.float64)
     return float(np.mean((values - values.mean(axis=0)) ** 2))
 
 
 @dataclass(frozen=True)
 class SceneRun:
-    """What a run of the ordinary benchmark left behind."""
+    """The results of a run of the ordinary benchmark."""
 
     out: Path
     view_sets: Path
     run: RunRecord
     cells: dict[tuple[str, str], list[CellRecord]]
-    """(scene, method) → its cells, one a seed."""
+    """(scene, method) → its cells, one per seed."""
 
     @property
     def methods(self) -> list[str]:
         return list(self.run.methods)
 
     def of(self, scene: str) -> Iterator[CellRecord]:
-        """The cells of a scene, method by method in the order of the run."""
+        """Yield the cells of a scene, method by method in the order of the run."""
         return (cell for method in self.methods for cell in self.cells.get((scene, method), []))
 
     def folder(self, scene: str) -> Path:
-        """Its view set."""
+        """Return its view set."""
         return self.view_sets / next(one.view_set for one in self.run.scenes if one.name == scene)
 
 
 def trained(situation: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
-    """`folder` with every cell of these scenes: those that it lacks are trained.
+    """Return `folder` with every cell of these scenes: those that it lacks are trained.
 
-    What an earlier case trained there stays in its record: the scenes of both are planned, and finished cells are
-    kept. Where nothing is missing, nothing is run, so that cases can ask one after another.
+    The cells that an earlier case trained there stay in its record: the scenes of both are planned, and finished cells
+    are kept. If nothing is missing, nothing is run, so that cases can request it one after another.
     """
     before = _run_of(folder)
     there = [scene.name for scene in before.scenes] if before else []
@@ -195,7 +206,8 @@ def _run_of(folder: Path) -> RunRecord | None:
 
 
 def unscored(case: str, cell: CellRecord, what: str) -> Check | None:
-    """What is said of a cell without scores: not available where the method is not, else failed; None of a whole one.
+    """Return the check of a cell without scores: not available if the method is not, else failed; None for a complete
+    cell.
 
     A cell that diverged or failed is a failure of whoever its method belongs to.
     """
@@ -218,9 +230,9 @@ class Shown:
 
     view: str
     render: np.ndarray
-    """[h, w, 3], display colour over white."""
+    """The picture [h, w, 3], display colour over white."""
     opacity: np.ndarray
-    """[h, w]."""
+    """The opacity [h, w]."""
 
 
 def shown(found: SceneRun, cell: CellRecord) -> list[Shown]:
@@ -233,17 +245,17 @@ def shown(found: SceneRun, cell: CellRecord) -> list[Shown]:
 
 
 NOTHING_THERE = ("empty",)
-"""Scenes of which to show nothing is right."""
+"""The scenes of which to show nothing is right."""
 LARGEST_TRACE = 0.05
-"""Mean distance from white of a picture that shows nothing."""
+"""The mean distance from white, at most, of a picture that shows nothing."""
 
 
 def learnt_nothing(found: SceneRun, cell: CellRecord) -> bool:
-    """Whether a whole cell shows nothing at all of a scene in which there is something: empty collapse.
+    """Whether a complete cell shows nothing at all of a scene in which there is something: empty collapse.
 
-    That a training collapses within a few hundred steps hangs on its random numbers, and says nothing of how well a
-    formula is computed: it is recorded, and never taken for a result. What has no opacity and is dark all the same
-    adds up its colours wrongly, and is judged.
+    Whether a training collapses within a few hundred steps depends on its random numbers, and says nothing of how well
+    a formula is computed: it is recorded, and never taken for a result. A picture that has no opacity and is dark all
+    the same adds up its colours wrongly, and is judged.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
     if cell.status != "done" or not collapsed or cell.scene in NOTHING_THERE:
@@ -255,7 +267,7 @@ SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
 
 
 def scores_table(case: str, title: str, trained: SceneRun, scenes: Iterable[str], item: int) -> Table:
-    """Scene × method: training and test views always side by side."""
+    """Return scene × method: training and test views always side by side."""
     rows: list[list[str | float | None]] = [
         [
             scene,
@@ -282,20 +294,22 @@ SCENES: dict[str, tuple[str, ...]] = {
     "S6": ("hdr_emitter", "checker", "grazing", "furnace"),
     "S7": ("tiny", "huge"),
 }
-"""Case → the scenes that it looks at."""
+"""Case → the scenes that it examines."""
 LARGEST_EXCESS = 1.5
-"""Of the mean square difference of pixels from closed form over what noise explains; measured: 0.92 to 1.35."""
+"""The largest quotient of the mean square difference of pixels from closed form and what noise explains; measured: 0.92
+to 1.35.
+"""
 
 
 def stress(situation: StabilityContext, case: str) -> SceneRun:
-    """The scenes of all cases of this run, trained once."""
+    """Return the scenes of all cases of this run, trained once."""
     chosen = [name for name in SCENES if name in situation.cases] or list(SCENES)
     wanted = [scene for name in {case, *chosen} for scene in SCENES[name]]
     return trained(situation, PROFILE, wanted, situation.out)
 
 
 def views_of(found: SceneRun, scene: str, count: int | None = None) -> Views:
-    """The scene's test views beside their closed form."""
+    """Return the scene's test views beside their closed form."""
     truth = scene_named(scene).truth
     if truth is None:
         raise ValueError(f"scene {scene} has no closed form")
@@ -303,20 +317,22 @@ def views_of(found: SceneRun, scene: str, count: int | None = None) -> Views:
 
 
 def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
-    """The test views of a view set, or the first `count`, beside a closed form."""
+    """Return the test views of a view set, or the first `count`, beside a closed form."""
     frames = read_transforms(folder, "test")
     names = [file.relative_to(folder.resolve()).with_suffix("").as_posix() for file in frames.files]
     return read_views_and_truth(folder, names[:count], frames.camera_to_world[:count], truth)
 
 
 def view_set_of(situation: StabilityContext, scene: str) -> Path:
-    """A scene's view set as the stress scenes have theirs, rendered where the cache has none, and nothing trained."""
+    """Return a scene's view set as the stress scenes have theirs, rendered if the cache has none, and nothing
+    trained.
+    """
     views = situation.plan(PROFILE).views
     return next(event.path for event in render_view_sets((scene,), views, situation.view_sets) if event.path)
 
 
 def held_to_closed_form(case: str, scene: str, views: Views, why: str = "") -> Iterator[Check]:
-    """The rendered ground truth against closed form: the means of whole views, and pixel by pixel."""
+    """Check the rendered ground truth against closed form: the means of complete views, and pixel by pixel."""
     yield check(
         f"{scene}: largest |z| of red, green, blue and opacity against closed form",
         worst_z(views),
@@ -342,7 +358,7 @@ def each_method(
     unit: str = "",
     sense: Literal["at_most", "at_least"] = "at_most",
 ) -> Iterator[Check]:
-    """`figure` of every cell of the scene against `bar`; None where the cell has none, which is said.
+    """Check `figure` of every cell of the scene against `bar`; a cell whose figure is None is reported as such.
 
     A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at all comes close to many a
     scene, and is no success on any.
@@ -386,18 +402,18 @@ def each_method(
 
 
 def scores(case: str, title: str, found: SceneRun) -> Finding:
-    """Training and test views of the case's scenes side by side."""
+    """Return training and test views of the case's scenes side by side."""
     return scores_table(case, title, found, SCENES[case], ITEM)
 
 
 def mse_over_tests(cell: CellRecord) -> float | None:
-    """Mean over the test views of the mean square error, display colour over white."""
+    """Return the mean over the test views of the mean square error, display colour over white."""
     errors = [10.0 ** (-view.psnr / 10.0) for view in cell.views if view.psnr is not None]
     return float(np.mean(errors)) if errors else None
 
 
 def share_of_looks(found: SceneRun, cell: CellRecord, views: ViewSet) -> float | None:
-    """Over the pixels that are wholly covered; display colours of 8 bits."""
+    """Return the explained share over the pixels that are completely covered; display colours of 8 bits."""
     truth, render = [], []
     for one in shown(found, cell):
         rgba = views.test.rgba[views.test.names.index(one.view)]
@@ -412,7 +428,7 @@ def share_of_looks(found: SceneRun, cell: CellRecord, views: ViewSet) -> float |
 
 
 def textbook_scores(image: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """PSNR of an error that may be 0, and SSIM of whole images [h, w, 3] without its two constants."""
+    """Return PSNR of an error that may be 0, and SSIM of complete images [h, w, 3] without its two constants."""
     x, y = image.astype(np.float64), truth.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         psnr = -10.0 * np.log10(np.mean((x - y) ** 2))
