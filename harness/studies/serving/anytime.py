@@ -273,8 +273,8 @@ def reaching(one: TimedCurve, measure: Measure, error: float, share: float = SHA
 
 
 def reachings(curves: Sequence[TimedCurve]) -> list[Reaching]:
-    """Return when each measured error is small enough, for the curves of one scene and map, which begin with the same coarse frame, if with
-    any.
+    """Return when each measured error is small enough, for the curves of one scene and map, which begin with the same
+    coarse frame, if with any.
     """
     begun = next(one.anytime for one in curves if one.anytime.order != "plain")
     return [reaching(one, measure, begun.rmse(measure)[0]) for one in curves for measure in MEASURES]

@@ -42,8 +42,9 @@ LOOKS = ("frequency", "dynamic_range")
 
 
 LEAST_RUNGS = {"frequency": 1, "thinness": 2, "density": 5, "dynamic_range": 1, "scale": 5}
-"""The rungs that ours must climb: every rung of the control, and of the fog, where they explain 0.97 and more; measured: 1, 5,
-5, 5 and 5, of which thinness and dynamic range explain little more than half."""
+"""The rungs that ours must climb: every rung of the control, and of the fog, where they explain 0.97 and more;
+measured: 1, 5, 5, 5 and 5, of which thinness and dynamic range explain little more than half.
+"""
 
 
 @dataclass(frozen=True)

@@ -242,8 +242,8 @@ def _explained(found: SceneRun, scene: str, case: str, bar: float, situation: St
 
 
 def _left_of_blank(found: SceneRun, views: Views, cell: CellRecord) -> float | None:
-    """Return the error relative to that of a blank picture: at the Nyquist limit the fields need not be distinguished, but
-    their mean must be there.
+    """Return the error relative to that of a blank picture: at the Nyquist limit the fields need not be distinguished,
+    but their mean must be there.
     """
     left, blank = [], []
     for one in shown(found, cell):
