@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 CHECKPOINT_SCORES = ("psnr", "ssim", "flip", "rmse_linear", "depth_rmse")
 TRACED = ("loss", "gradient_norm", "clipped_norm", "samples_per_ray", "alpha", "beta")
 POINTS = 32**3
-"""At which a density histogram is taken (`harness.training.evaluate.density_histogram`)."""
+"""The number of points of a density histogram (`harness.training.evaluate.density_histogram`)."""
 
 
 def require_tensorboard(option: str) -> None:
-    """Raises `InputError` where the package is missing; called before anything is trained."""
+    """Raise `InputError` if the package is missing; called before anything is trained."""
     if importlib.util.find_spec("tensorboard") is None:
         raise InputError(
             f"{option}: the package tensorboard is not installed; install the extra of pyproject.toml, or leave it out "
@@ -39,8 +39,8 @@ def board_folder(out: Path, cell: CellRecord) -> Path:
 
 
 def write_board(out: Path, cell: CellRecord) -> Path:
-    """Writes the cell anew, whole or not at all; gives its folder. Raises `OSError`, and `DamagedRecord` for pictures
-    that cannot be read.
+    """Write the cell anew and atomically; returns its folder. Raises `OSError`, and `DamagedRecord` for pictures that
+    cannot be read.
     """
     from torch.utils.tensorboard import SummaryWriter
 
@@ -84,7 +84,7 @@ def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
 
 
 def _trace(writer: "SummaryWriter", cell: CellRecord) -> None:
-    """Seconds of a step lie on a line between checkpoints, from 0 at the start."""
+    """Write the steps; their seconds lie on a line between checkpoints, from 0 at the start."""
     steps = cell.trace.get("step", [])
     known = [0.0, *(float(point.step) for point in cell.curve)], [0.0, *(point.seconds for point in cell.curve)]
     for name in TRACED:
@@ -101,7 +101,9 @@ def _end(writer: "SummaryWriter", cell: CellRecord) -> None:
 
 
 def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:
-    """Display colour and opacity of every kept view at every checkpoint that has it; the truth stands at step 0."""
+    """Write display colour and opacity of every saved view at every checkpoint that has it; the truth stands at step
+    0.
+    """
     path = records_folder(out) / cell.pictures if cell.pictures else None
     if path is None or not path.is_file():
         return
@@ -116,7 +118,7 @@ def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:
 
 
 def _picture(writer: "SummaryWriter", tag: str, values: Any, step: int, seconds: float) -> None:
-    """`values` [h, w, channels], 0 … 1 and clipped to it; as 8 bits."""
+    """Write `values` [h, w, channels], clipped to 0 … 1, as 8 bits."""
     eight = np.round(np.clip(np.asarray(values, dtype=np.float32), 0.0, 1.0) * 255.0).astype(np.uint8)
     writer.add_image(tag, eight, step, seconds, dataformats="HWC")
 

@@ -21,7 +21,7 @@ SHELLS = {
     "tcsh": "alias harness 'python -m harness'\n",
     "fish": "function harness\n  python -m harness $argv\nend\n",
 }
-"""Shell → what `harness` is there."""
+"""Shell → the definition of `harness` in it."""
 
 
 def add_completion_options(command: argparse.ArgumentParser) -> None:
@@ -30,13 +30,13 @@ def add_completion_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_completion(options: argparse.Namespace, show: "Progress") -> int:
-    """Prints the script alone, so that a shell may evaluate it."""
+    """Print the script alone, so that a shell may evaluate it."""
     sys.stdout.write(script(options.shell, options.parser))
     return 0
 
 
 def script(shell: str, parser: argparse.ArgumentParser) -> str:
-    """Of the commands that `parser` has, with the names that this installation knows."""
+    """Return the script for the commands that `parser` has, with the names that this installation knows."""
     import shtab
 
     from harness.plan.plugins import method_names
@@ -57,7 +57,7 @@ def script(shell: str, parser: argparse.ArgumentParser) -> str:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Of the parser and of its commands, whose names are told from its own."""
+    """Yield the actions of the parser and of its commands, with the names of the commands."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):

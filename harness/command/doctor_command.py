@@ -14,7 +14,7 @@ def add_doctor_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 2 where something is missing that nothing works without."""
+    """Return 0, or 2 if something is missing that nothing works without."""
     from harness.machine.doctor import findings
 
     found = []

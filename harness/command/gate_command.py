@@ -27,7 +27,7 @@ def add_gate_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_gate(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 4 where a gate failed; raises `InputError` for what cannot be."""
+    """Return 0, or 4 if a gate failed; raises `InputError` for invalid options."""
     table = chosen(options.only)
     if options.list:
         for gate in table:
@@ -67,7 +67,9 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:
-    """Gates of these names, or whose names begin with them; raises `InputError` for one that is none's."""
+    """Return the gates of these names, or whose names begin with them; raises `InputError` for one that matches
+    none.
+    """
     from scenes.files.errors import InputError
 
     table = gates()

@@ -27,7 +27,7 @@ def add_judge_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_judge(options: argparse.Namespace, show: "Progress") -> int:
-    """Writes judgement.json and judgement.html; raises `InputError` for a table that cannot be judged."""
+    """Write judgement.json and judgement.html; raises `InputError` for a table that cannot be judged."""
     import subprocess
     import sys
     import time
@@ -63,7 +63,7 @@ def add_compare_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_compare(options: argparse.Namespace, show: "Progress") -> int:
-    """Raises `InputError` for outputs of different plans, and `DamagedRecord`."""
+    """Compare two outputs. Raises `InputError` for outputs of different plans, and `DamagedRecord`."""
     from harness.records.json_record import write_json
     from harness.verdicts.two_runs import as_json, lines_of, two_runs
 

@@ -47,7 +47,7 @@ def add_view_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_view(options: argparse.Namespace, show: "Progress") -> int:
-    """0 when it was stopped; raises `InputError` for what cannot be."""
+    """Return 0 when it was stopped; raises `InputError` for invalid options."""
     try:
         return _run_view(options, show)
     except KeyboardInterrupt:
@@ -108,7 +108,7 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def config_of(site: "Starlette") -> "uvicorn.Config":
-    """Says nothing of its own, and waits for nobody at the end."""
+    """Return a configuration that logs nothing of its own, and waits for nobody at the end."""
     import uvicorn
 
     return uvicorn.Config(
@@ -123,7 +123,7 @@ def config_of(site: "Starlette") -> "uvicorn.Config":
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """A socket that listens; raises `InputError` for an address that is not this machine's or is in use."""
+    """Return a socket that listens; raises `InputError` for an address that is not this machine's or is in use."""
     from scenes.files.errors import InputError
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -146,8 +146,8 @@ def bound(host: str, port: int) -> socket.socket:
 
 
 def hosts_of(host: str) -> list[str]:
-    """Names under which the page may be asked for. A name that an attacker's own server gives this machine (DNS
-    rebinding) is not among them.
+    """Return the names under which the page may be requested. A name that an attacker's own server gives this machine
+    (DNS rebinding) is not among them.
     """
     names = {"127.0.0.1", "localhost", "[::1]"}
     if host not in LOOPBACK:
@@ -163,12 +163,12 @@ def _in_address(host: str) -> str:
 
 
 def _has_screen() -> bool:
-    """Elsewhere a browser that runs in the terminal would be opened."""
+    """Whether there is a screen; elsewhere a browser that runs in the terminal would be opened."""
     return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
-"""Those of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
+"""The names of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
 MOST_FRAMES = 10_000
 MOST_PIXELS = 4096
 MOST_FPS = 60
@@ -202,7 +202,7 @@ def add_render_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_render(options: argparse.Namespace, show: "Progress") -> int:
-    """0 done, or 130 where it was interrupted; raises `InputError` for what cannot be."""
+    """Return 0 when done, or 130 if it was interrupted; raises `InputError` for invalid options."""
     from scenes.files.errors import InputError
 
     _check(options)
@@ -255,7 +255,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Raises `InputError` for numbers that no film can be made with."""
+    """Raise `InputError` for numbers that no film can be made with."""
     from scenes.files.errors import InputError
 
     bounds = {

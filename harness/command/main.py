@@ -1,4 +1,4 @@
-"""Which commands there are; parse, call, exit code."""
+"""The table of commands: parse, call, exit code."""
 
 import argparse
 import errno
@@ -82,7 +82,7 @@ STUDIES: dict[str, Command] = {
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options of each command; those of `run` are the same in every nox session."""
+    """Return the parser with the options of each command; those of `run` are the same in every nox session."""
     top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add(commands, COMMANDS)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from harness.plan.profiles import Plan
 
 LEAST_SEEDS = 3
-"""With which omissions are verified: the interval of two is six times as wide."""
+"""The fewest seeds with which omissions are verified: the interval of two is six times as wide."""
 PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 
 
@@ -39,7 +39,7 @@ def add_run_options(run: argparse.ArgumentParser) -> None:
 
 
 def add_plan_options(command: argparse.ArgumentParser) -> None:
-    """What is trained on what, for how long."""
+    """Add the options that say what is trained on what, for how long."""
     add = command.add_argument
     add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
     add("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
@@ -64,7 +64,7 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
 
 
 def add_scene_options(command: argparse.ArgumentParser) -> None:
-    """Images, or a scene to render, of the user's own."""
+    """Add the options for images, or a scene to render, of the user's own."""
     add = command.add_argument
     add(
         "--view-set",
@@ -94,7 +94,7 @@ def add_scene_options(command: argparse.ArgumentParser) -> None:
 
 
 def scene_source(options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `harness.plan.profiles.planned`; raises `InputError` for numbers that are no region."""
+    """Return arguments of `harness.plan.profiles.planned`; raises `InputError` for numbers that are no region."""
     from scenes.view_sets.source import Region
 
     given = [f"--{name}" for name in ("bounds", "near", "far") if getattr(options, name) is not None]
@@ -150,7 +150,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def _afterwards(options: argparse.Namespace) -> "tuple[Verify | None, Serve | None]":
-    """What is measured once a run is trained."""
+    """Return the measurements that follow once a run is trained."""
     verify = serve = None
     if options.verify_omissions:
         from harness.studies.choices.verification import verify_run

@@ -166,7 +166,9 @@ def add_serving_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_serving(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 3 where nothing of the run could be rendered or a study failed; raises `InputError` for what cannot be."""
+    """Return 0, or 3 if nothing of the run could be rendered or a study failed; raises `InputError` for invalid
+    options.
+    """
     from scenes.files.errors import InputError
 
     if not NARROWEST <= options.width <= WIDEST:
@@ -202,7 +204,7 @@ def add_conformance_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 3 where a check is broken. Raises `InputError` for a method that nobody has or that cannot be loaded."""
+    """Return 0, or 3 if a check is broken. Raises `InputError` for a method that does not exist or cannot be loaded."""
     import torch
 
     from harness.machine.device import use_threads
@@ -241,7 +243,7 @@ def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def methods_lines() -> list[str]:
-    """All methods that can be named; those of packages by package, which is not imported for it."""
+    """Return all methods that can be named; those of packages by package, which is not imported for it."""
     from baselines.catalog import CATALOG
     from harness.plan.plugins import OURS, offered, said_of
 
@@ -256,7 +258,7 @@ def add_scaling_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
-    """Prints the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
+    """Print the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
     import sys
 
     from harness.records.study import read_studies

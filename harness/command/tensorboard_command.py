@@ -18,7 +18,7 @@ def add_tensorboard_options(command: argparse.ArgumentParser) -> None:
 
 
 def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
-    """Writes every cell that has a record; raises `InputError` where there is none, or no tensorboard."""
+    """Write every cell that has a record; raises `InputError` if there is none, or no tensorboard."""
     from harness.command.board import require_tensorboard, write_board
     from harness.records.cells import read_cells
     from scenes.files.errors import InputError
@@ -37,7 +37,7 @@ def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def checked(options: argparse.Namespace) -> None:
-    """Raises `InputError` where `--tensorboard` is asked for and cannot be done."""
+    """Raise `InputError` if `--tensorboard` is given and cannot be done."""
     if options.tensorboard:
         from harness.command.board import require_tensorboard
 
@@ -45,7 +45,7 @@ def checked(options: argparse.Namespace) -> None:
 
 
 def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "Progress":
-    """`show`, which also writes each cell where `--tensorboard` asks for it; those from before a resume first."""
+    """Return `show`, which also writes each cell if `--tensorboard` is given; those from before a resume first."""
     if not options.tensorboard:
         return show
     from harness.command.board import board_folder, write_board
@@ -58,7 +58,7 @@ def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "P
 
 
 class _Written:
-    """Told of everything that happens, as the one inside it is."""
+    """A progress that writes each cell and passes everything on to the one inside it."""
 
     def __init__(self, out: Path, show: "Progress") -> None:
         self._out, self._show = out, show

@@ -1,1 +1,1 @@
-"""Has anything changed, and is it worse? Imports `studies` and what is below."""
+"""Gates that detect whether anything has changed, and whether it is worse. Imports `studies` and the rooms below it."""

@@ -41,11 +41,11 @@ STREAM = "early"
 
 @dataclass(frozen=True)
 class Precision:
-    """In what the first steps are calculated."""
+    """The precision in which the first steps are calculated."""
 
     dtype: torch.dtype
     steps: int
-    """As many are compared."""
+    """The number of steps that are compared."""
     rendered_after: tuple[int, ...]
 
 
@@ -57,12 +57,14 @@ PRECISIONS = {
 
 @dataclass(frozen=True)
 class Start:
-    """A training that is watched."""
+    """A training whose first steps are recorded."""
 
     method: str
     fine_bins: int = 0
     stirred: bool = False
-    """With an amplifier away from the values at which it does nothing, and raw densities of several units."""
+    """Whether the amplifier is moved away from the values at which it does nothing, and raw densities are of several
+    units.
+    """
 
 
 STARTS = {
@@ -90,11 +92,11 @@ REORDERINGS = {
     "small blocks": Reordering(block_bytes=1 << 18),
     "single operations": Reordering(fused=False),
 }
-"""The last one is of single precision alone: single operations round to it."""
+"""The last one applies to single precision alone: single operations round to it."""
 
 
 def settings_of(start: Start, fused: bool = True) -> TrainSettings:
-    """The default profile's, with a grid, a warm-up and a clipping that act within the first steps."""
+    """Return the default profile's settings, with a grid, a warm-up and a clipping that act within the first steps."""
     usual = PROFILES["reduced"].train
     return replace(
         usual,
@@ -111,7 +113,7 @@ def settings_of(start: Start, fused: bool = True) -> TrainSettings:
 
 
 def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
-    """All that is watched, in this process."""
+    """Return all that is recorded, in this process."""
     torch.set_num_threads(order.threads)
     usual = fused_network.BLOCK_BYTES
     fused_network.BLOCK_BYTES = order.block_bytes
@@ -132,14 +134,14 @@ def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reorderi
 
 @contextmanager
 def drawn() -> Iterator[ViewSet]:
-    """Views of a ball that need no renderer, so that no renderer's rounding is in them."""
+    """Provide views of a ball that need no renderer, so that no renderer's rounding is in them."""
     with tempfile.TemporaryDirectory() as folder:
         write_disc(Path(folder) / "views", 32, 12, 1, seed=1)
         yield read_view_set(Path(folder) / "views", scratch=Path(folder))
 
 
 def course(start: Start, views: ViewSet, precision: str, settings: TrainSettings) -> Course:
-    """The first steps of one training."""
+    """Return the first steps of one training."""
     kind = PRECISIONS[precision]
     usual = torch.get_default_dtype()
     torch.set_default_dtype(kind.dtype)
@@ -184,8 +186,8 @@ def _stir(learner: Trainer) -> None:
 
 
 def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
-    """The largest relative difference of a loss or RMS difference of a render, and where; None where they are not of
-    the same steps, or one is not finite.
+    """Return the largest relative difference of a loss or RMS difference of a render, and where; None if they are not
+    of the same steps, or one is not finite.
     """
     if len(new.losses) != len(stored.losses) or new.renders.keys() != stored.renders.keys():
         return None, "the stored steps are others"
@@ -202,7 +204,7 @@ def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
 
 
 def largest(new: Mapping[str, Course], stored: Mapping[str, Course]) -> float:
-    """The largest deviation of any start. Raises `ValueError` where one cannot be compared."""
+    """Return the largest deviation of any start. Raises `ValueError` if one cannot be compared."""
     sizes = [deviation(new[name], stored[name])[0] for name in new]
     if None in sizes:
         raise ValueError("a training of the first steps gave a number that is not finite")
@@ -210,7 +212,7 @@ def largest(new: Mapping[str, Course], stored: Mapping[str, Course]) -> float:
 
 
 def profile_settings() -> dict[str, Any]:
-    """What the profiles of the paper's two scales train, score and look at, setting by setting."""
+    """Return what the profiles of the paper's two scales train, score and look at, setting by setting."""
     found: dict[str, Any] = {}
 
     def walk(name: str, value: Any) -> None:
@@ -228,7 +230,7 @@ def profile_settings() -> dict[str, Any]:
 
 
 def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """The first steps again, held to the stored ones."""
+    """Compute the first steps again and compare them with the stored ones."""
     stored, found = situation.references, {}
     names = {gate.name for gate in gates}
     if "changed.settings" in names:
@@ -248,12 +250,12 @@ def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample
 
 
 def tolerance(precision: str, stored: References) -> float:
-    """As many times what reordered sums were measured to make as `FACTORS` says."""
+    """Return the deviation measured for reordered sums times the factor of `FACTORS`."""
     return FACTORS[precision] * max(stored.reordered[precision].values()) * stored.wider("changed")
 
 
 def renew(situation: GateContext) -> References:
-    """The references with new first steps, and with what other orders of the same sums make of them."""
+    """Return the references with new first steps, and with the deviations that other orders of the same sums cause."""
     name = situation.references.name
     usual = in_child(courses)
     reordered: dict[str, dict[str, float]] = {precision: {} for precision in PRECISIONS}

@@ -1,4 +1,4 @@
-"""Fairness gates: the comparison itself weighs nothing.
+"""Fairness gates: the comparison itself favours no method.
 
 Two copies of a method under different names must end bit for bit alike; what methods share must be the same bits; and
 the comparer, given cells without a difference, must not see one.
@@ -31,7 +31,7 @@ from harness.verdicts.comparisons import compare
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
 COPY_STEPS = 40
-"""Far enough for the occupancy grid to leave something out."""
+"""The steps of a copy: enough for the occupancy grid to leave something out."""
 CPU = torch.device("cpu")
 
 
@@ -62,7 +62,7 @@ def _counted(differing: int | None) -> Sample:
 
 
 def settings_of(methods: tuple[str, ...]) -> GroupSettings:
-    """The gate's own training, shorter."""
+    """Return the gate's own training, shorter."""
     plan = gate_plan((0,), TRAINED_SCENES, methods)
     train = replace(plan.train, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
     score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
@@ -70,19 +70,19 @@ def settings_of(methods: tuple[str, ...]) -> GroupSettings:
 
 
 def drawn(folder: Path) -> ViewSet:
-    """A view set that needs no renderer."""
+    """Return a view set that needs no renderer."""
     write_disc(folder / "views", 24, 8, 2, seed=1)
     return read_view_set(folder / "views", scratch=folder)
 
 
 def copy_of(method: str) -> str:
-    """The name of its copy; another length and another place in the alphabet."""
+    """Return the name of its copy, of another length and at another place in the alphabet."""
     return f"another_{method}"
 
 
 @contextmanager
 def listed(name: str, method: str) -> Iterator[None]:
-    """`method` in the catalogue under one more name."""
+    """List `method` in the catalogue under one more name."""
     CATALOG[name] = CATALOG[method]
     try:
         yield
@@ -91,9 +91,10 @@ def listed(name: str, method: str) -> Iterator[None]:
 
 
 def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
-    """In how many weights and scores a method and its copy differ after training in lockstep with two seeds; the cells.
+    """Return in how many weights and scores a method and its copy differ after training in lockstep with two seeds; the
+    cells.
 
-    None where a cell did not end: there is then nothing to compare.
+    The number is None if a cell did not end: there is then nothing to compare.
     """
     methods = (method, copy_of(method))
     cells: list[CellRecord] = []
@@ -119,8 +120,9 @@ def _nothing(share: float) -> None:
 
 
 def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
-    """What makes the learners of lockstep training: each is put into `made`, and what it is given step by step into
-    `batches`, by method."""
+    """Return a function that makes the learners of lockstep training: each is put into `made`, and the batches that it
+    is given step by step into `batches`, by method.
+    """
 
     def make(method: str, *others: Any) -> Learner:
         learner = learner_for(method, *others)
@@ -139,7 +141,9 @@ def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | Non
 
 
 def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
-    """How many batches of lockstep training are not the first method's of the same step; None without two methods."""
+    """Return how many batches of lockstep training are not the first method's of the same step; None without two
+    methods.
+    """
     given: dict[str, list[tuple[Tensor, ...]]] = {}
     cells = list(train_group(views, "drawn", 0, settings_of(methods), CPU, out, {}, _nothing, watching([], given)))
     if len(given) < 2 or any(cell.status != "done" for cell in cells):
@@ -156,7 +160,9 @@ def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | 
 
 
 def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
-    """How many first weights differ between methods in tensors of the same name and shape; None without any such."""
+    """Return how many first weights differ between methods in tensors of the same name and shape; None without any
+    such.
+    """
     settings: TrainSettings = settings_of(methods).train
     box, budget = box_of(views, CPU), Budget(COPY_STEPS, None)
     states = [
@@ -173,7 +179,9 @@ def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
 
 
 def seen_differences(cells: list[CellRecord], first: str, second: str) -> int | None:
-    """Comparisons of copies at equal steps with a difference that is not 0 or a verdict that is better or worse."""
+    """Count comparisons of copies at equal steps with a difference that is not 0 or a verdict that is better or
+    worse.
+    """
     rows = [row for row in compare(cells, [first, second]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None

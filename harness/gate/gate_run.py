@@ -27,7 +27,7 @@ from scenes.view_sets.images import write_png
 GATE_FILE = "gate.json"
 JUNIT_FILE = "junit.xml"
 ENLARGED = 6
-"""Pixels of a picture along each side of one of the image's."""
+"""The pixels of a picture along each side of one of the image's."""
 
 MEASURES: dict[Kind, Measure] = {
     "changed": early.measure,
@@ -37,13 +37,13 @@ MEASURES: dict[Kind, Measure] = {
     "speed": gate_speed.measure,
 }
 INPUTS: dict[Kind, Callable[[GateContext, tuple[Gate, ...]], object]] = {"images": images.references_for}
-"""What is read from files: read before anything is measured, so that a damaged one costs no measurements."""
+"""The inputs read from files before anything is measured, so that a damaged one costs no measurements."""
 RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
     "changed": early.renew,
     "worse": worse.renew,
     "speed": gate_speed.renew,
 }
-"""What depends on the class of processor; images do not."""
+"""The renewals that depend on the class of processor; images do not."""
 CLASSES = "classes"
 RENEWED_CLASSES = ("avx2", "avx512")
 
@@ -57,9 +57,10 @@ def run(
     replay: str,
     of_class: str | None = None,
 ) -> int:
-    """Measures and judges; 0, or 4 where a gate failed. `replay` is the command that a failing gate's name is added to.
+    """Measure and judge; returns 0, or 4 if a gate failed. `replay` is the command that a failing gate's name is added
+    to.
 
-    Raises `InputError` before anything is measured where limits, references or stored images cannot be read.
+    Raises `InputError` before anything is measured if limits, references or stored images cannot be read.
     """
     began = time.monotonic()
     limits = read_limits(limits_file)
@@ -101,7 +102,7 @@ def run(
 
 
 def class_line(name: str, references: References) -> str:
-    """Which class of processor is held to which references."""
+    """Return which class of processor is compared with which references."""
     if references.known:
         return f"processor of class {name}"
     return (
@@ -111,7 +112,7 @@ def class_line(name: str, references: References) -> str:
 
 
 def answers_of(outcomes: Sequence[GateOutcome]) -> dict[str, str]:
-    """The two questions about training, as far as they were asked."""
+    """Return the answers to the two questions about training, as far as they were asked."""
     found = {}
     changed = [one for one in outcomes if one.gate.kind == "changed"]
     if changed:
@@ -133,7 +134,7 @@ def _limit(gate: Gate, limits: LimitsFile, references: References) -> tuple[Limi
 
 
 def _measured(kind: Kind, situation: GateContext, of_kind: tuple[Gate, ...]) -> Mapping[str, Sample]:
-    """An error of ours in one kind costs its gates, not the others'."""
+    """Measure each kind; an error of ours in one costs its gates, not the others'."""
     missing = situation.references.missing(of_kind[0]) if kind in RENEWALS else ""
     if missing:
         return {}
@@ -154,10 +155,10 @@ def renew(
     show: Progress,
     of_class: str | None = None,
 ) -> int:
-    """Measures anew what chosen gates are held to, and writes it; prints old → new for limits of images.
+    """Measure anew the reference values of chosen gates, and write them; prints old → new for limits of images.
 
-    A kind is renewed as a whole, so that its limits have one origin; without `of_class` for the usual classes that
-    this machine can be, with it for that one and without what does not depend on it.
+    A kind is renewed completely, so that its limits have one origin; without `of_class` for the usual classes that this
+    machine can be, with it for that one and without what does not depend on it.
     """
     before = read_limits(limits_file) if limits_file.exists() else LimitsFile()
     kinds = {gate.kind for gate in chosen}
@@ -205,7 +206,7 @@ def _situation(
 
 
 def _leave(pictures: Pictures | None, folder: Path) -> Path | None:
-    """Image, reference and difference as PNG, enlarged."""
+    """Write image, reference and difference as PNG, enlarged."""
     if pictures is None:
         return None
     folder.mkdir(parents=True, exist_ok=True)
@@ -255,6 +256,6 @@ def _record(
 
 
 def cleared(out: Path) -> None:
-    """Removes what takes room and is not looked at again."""
+    """Remove large files that are not needed again."""
     shutil.rmtree(out / "renders", ignore_errors=True)
     sweep(out)

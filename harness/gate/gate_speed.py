@@ -35,7 +35,7 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
 STEPS_BEFORE = 80
-"""The occupancy grid is in use from then on."""
+"""The steps before the measurement: the occupancy grid is in use from then on."""
 FILTERS = 20
 STREAM = "speed"
 CPU = torch.device("cpu")
@@ -52,7 +52,9 @@ def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample
 
 
 def renew(situation: GateContext) -> References:
-    """In several processes, one after another: what a process finds where in memory is part of the spread."""
+    """Measure in several processes, one after another: where data lies in memory differs by process and is part of the
+    spread.
+    """
     names = tuple(gate.name for gate in gates() if gate.kind == "speed")
     found: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):
@@ -63,13 +65,13 @@ def renew(situation: GateContext) -> References:
 
 
 def centre_of(ratios: list[float]) -> float:
-    """Their geometric mean."""
+    """Return their geometric mean."""
     return math.exp(statistics.fmean(map(math.log, ratios)))
 
 
 def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
-    """Half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the factor found in
-    nine of ten runs, by the spread between the processes of the renewal.
+    """Return the limit half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the
+    factor found in nine of ten runs, by the spread between the processes of the renewal.
     """
     spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
     high = math.sqrt(SLOWER_FOUND) * wider
@@ -77,7 +79,7 @@ def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
 
 
 def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.perf_counter) -> dict[str, float]:
-    """Gate → median over the repetitions of seconds per seconds of the plain code."""
+    """Return gate → median over the repetitions of seconds per seconds of the plain code."""
     with scratch_folder(out) as scratch:
         write_disc(scratch / "views", 40, 20, 2, seed=3)
         views = read_view_set(scratch / "views", scratch=scratch)
@@ -87,13 +89,13 @@ def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.
 def ratio(
     side: Callable[[], object], plain: Callable[[], object], clock: Callable[[], float] = time.perf_counter
 ) -> float:
-    """Median of repeated pairs: what disturbs the machine for a while disturbs both."""
+    """Return the median of repeated pairs: what disturbs the machine for a while disturbs both."""
     seconds = interleaved({"side": side, "plain": plain}, SPEED_REPEATS, least_seconds=0.02, clock=clock)
     return statistics.median(quotients(seconds["side"], seconds["plain"]))
 
 
 def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[[], object]]:
-    """What the gate of that name measures and the plain code beside it, ready to be called."""
+    """Return what the gate of that name measures and the plain code beside it, as functions."""
     what, _, method = name.removeprefix("speed.").partition(".")
     learner = trained(method or "nerf", views)
     cameras = evaluate.cameras_of(views, views.test, CPU)
@@ -129,7 +131,7 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
 
 
 def trained(method: str, views: ViewSet) -> Learner:
-    """With the gate's settings, past the step from which the grid is in use."""
+    """Return a learner trained with the gate's settings, past the step from which the grid is in use."""
     plan = gate_plan((0,), TRAINED_SCENES, (method,))
     learner = Trainer(method, box_of(views, CPU), plan.train, plan.budget, STREAM, CPU)
     batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)

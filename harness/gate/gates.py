@@ -15,32 +15,34 @@ STEPS = 150
 RESOLUTION = 40
 GATE_SEEDS = (1000, 1001, 1002, 1003)
 DRAWS = 2
-"""Trainings of each cell at renewal that differ in the last bit of their first weights alone: the spread that rounding
-makes."""
+"""The trainings of each cell at renewal that differ in the last bit of their first weights alone: the spread that
+rounding causes.
+"""
 
 LARGEST_LOSS = {"psnr": 0.1, "ssim": 0.004, "depth_rmse": 0.02}
-"""By which the mean over all cells may be worse than the stored one, in the score's unit: half of the 0.2 dB that is to
-be found. That of a single method may be twice as much."""
+"""The amount by which the mean over all cells may be worse than the stored one, in the score's unit: half of the 0.2 dB
+that must be detected. That of a single method may be twice as much.
+"""
 LARGEST_SHIFT = 0.2
-"""By which a headline may differ from the stored one, in dB."""
+"""The amount in dB by which a headline may differ from the stored one."""
 SLOWER_FOUND = 1.5
-"""How many times as long something takes that is to be found; the limit is the square root of it."""
+"""The slowdown that must be detected; the limit is the square root of it."""
 FACTORS = {"double": 1e4, "single": 10.0}
-"""Precision → by how much more than all measured reorderings the first steps may deviate."""
+"""Precision → the factor by which the first steps may deviate by more than all measured reorderings."""
 WIDER = {"changed": 10.0, "worse": 2.0, "speed": 1.5}
-"""Kind → by how much wider its limits are on a class of processor that has no references."""
+"""Kind → the factor by which its limits are wider on a class of processor that has no references."""
 
 IMAGE_SCENES = ("lego", "drums", "hotdog", "materials")
 IMAGE_VIEW = 30
-"""Of the 200 test views."""
+"""The index of the view, of the 200 test views."""
 IMAGE_RESOLUTION = 48
 IMAGE_SPP = 256
 IMAGE_BATCHES = 16
-"""Independent renders of `IMAGE_SPP` samples a pixel that a gate looks at."""
+"""The independent renders of `IMAGE_SPP` samples per pixel that a gate examines."""
 REFERENCE_BATCHES = 96
-"""Renders that the stored mean and variance are made of."""
+"""The renders that the stored mean and variance are made of."""
 RENEWAL_BLOCKS = 10
-"""Times `IMAGE_BATCHES` further renders that limits are made of."""
+"""The times `IMAGE_BATCHES` further renders that limits are made of."""
 
 SPEED_REPEATS = 25
 RENEWAL_PROCESSES = 4
@@ -48,25 +50,25 @@ RENEWAL_PROCESSES = 4
 
 @dataclass(frozen=True)
 class Gate:
-    """One figure that is held to limits."""
+    """One figure that is compared with limits."""
 
     name: str
     kind: Kind
     what: str
     unit: str
     rule: Rule
-    """How limits follow from what was measured (`harness.gate.limits`, `harness.gate.references`)."""
+    """The rule by which limits follow from what was measured (`harness.gate.limits`, `harness.gate.references`)."""
     new: int = 1
-    """Measurements that the gate's figure is made from."""
+    """The measurements that the gate's figure is made from."""
 
 
 def gates() -> tuple[Gate, ...]:
-    """All of them, in the order in which they are shown."""
+    """Return all gates, in the order in which they are shown."""
     return (*_changed(), *_worse(), *_images(), *_fairness(), *_speed())
 
 
 STARTS = ("nerf", "nerf_matched", "nerf_fine", "qnerf", "qnerf_stirred", "qnerf_listing4", "qnerf_repaired")
-"""Trainings of which the first steps are watched (`harness.gate.early`)."""
+"""The trainings whose first steps are recorded (`harness.gate.early`)."""
 
 
 def _changed() -> list[Gate]:
@@ -153,7 +155,9 @@ def _speed() -> list[Gate]:
 
 
 def settings_of(kind: Kind) -> dict[str, Any]:
-    """What limits of a kind are only valid for, as JSON. What a change of shows as a failing gate is not in it."""
+    """Return the settings that limits of a kind are only valid for, as JSON, without those whose change shows as a
+    failing gate.
+    """
     found: dict[Kind, dict[str, Any]] = {
         "changed": {"starts": list(STARTS)},
         "worse": {

@@ -28,8 +28,8 @@ from scenes.view_sets.images import read_channels, write_channels
 from scenes.view_sets.pixels import display_from_linear, over_white
 
 LARGEST_SQUARE = 25.0
-"""A pixel's squared deviation is cut there, so that the mean is about all pixels; single ones have a test of their
-own.
+"""The value at which a pixel's squared deviation is cut, so that the mean is about all pixels; single ones have a test
+of their own.
 """
 
 

@@ -1,9 +1,8 @@
-"""What was measured of images → limits (`gates/limits.json`), and what they find.
+"""Limits of images derived from measurements (`gates/limits.json`), and the changes that they detect.
 
-A limit is a prediction interval: what new renders of the same code give lies outside with a probability of `LEVEL`,
-where spreads are normal, their own uncertainty included (Student). How far that holds in the outer tail is not known
-from a few measurements; nothing that was measured is ever left out. The file holds whatever the processor, and is
-reviewed like code.
+A limit is a prediction interval: new renders of the same code lie outside with a probability of `LEVEL`, if spreads are
+normal, their own uncertainty included (Student). How far that holds in the outer tail is not known from a few
+measurements; no measurement is ever left out. The file holds for every processor, and is reviewed like code.
 """
 
 import json
@@ -30,15 +29,15 @@ EULER = 0.5772156649
 
 @dataclass(frozen=True)
 class Limit:
-    """Of one gate: at least `low`, at most `high`."""
+    """The limits of one gate: at least `low`, at most `high`."""
 
     low: float | None
     high: float | None
     centre: float | None = None
     spread: float | None = None
-    """Standard deviation of one measurement, in the gate's unit; of the logarithm for `largest`."""
+    """The standard deviation of one measurement, in the gate's unit; of the logarithm for `largest`."""
     measured: int = 0
-    """Measurements that it is made of."""
+    """The number of measurements that it is made of."""
     detects: float | None = None
     """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
     `spread`; for `largest` the deviation itself."""
@@ -48,7 +47,7 @@ NONE_DIFFERS = Limit(None, 0.0, detects=1.0)
 
 
 def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
-    """From independent measurements that are not those of the gate.
+    """Return the limit from independent measurements that are not those of the gate.
 
     Raises `ValueError` for fewer than three, and for one that is not finite.
     """
@@ -69,7 +68,8 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
 
 
 def _largest(centre: float, spread: float, many: int, new: int) -> Limit:
-    """Fréchet by moments: the logarithm of the largest of very many pixels is taken to be Gumbel's.
+    """Return a limit by moments of a Fréchet distribution: the logarithm of the largest of very many pixels is taken to
+    be Gumbel's.
 
     Its scale is taken at the upper end of its 99 % interval, as the limit is far beyond what was measured.
     """
@@ -82,12 +82,14 @@ def _largest(centre: float, spread: float, many: int, new: int) -> Limit:
 
 @cache
 def _quantile(share: float, freedom: int) -> float:
-    """Student's."""
+    """Return Student's quantile."""
     return float(student.ppf(share, freedom))
 
 
 def figure_of(gate: Gate, values: Sequence[float | None]) -> float | None:
-    """The gate's figure from its new measurements; None where one is missing or not finite: that is never left out."""
+    """Return the gate's figure from its new measurements; None if one is missing or not finite: that is never left
+    out.
+    """
     sample = [value for value in values if value is not None and math.isfinite(value)]
     if len(sample) != len(values) or not sample:
         return None
@@ -95,7 +97,7 @@ def figure_of(gate: Gate, values: Sequence[float | None]) -> float | None:
 
 
 def excess_of(figure: float, limit: Limit) -> float:
-    """By how much the figure is beyond its limit; 0 or less where it is within."""
+    """Return by how much the figure is beyond its limit; 0 or less if it is within."""
     beyond = [limit.low - figure] if limit.low is not None else []
     beyond += [figure - limit.high] if limit.high is not None else []
     return max(beyond)
@@ -107,7 +109,7 @@ DIGITS = 5
 
 @dataclass(frozen=True)
 class KindFacts:
-    """Where and with what the limits of a kind were measured."""
+    """The place and the tools with which the limits of a kind were measured."""
 
     settings: dict[str, Any]
     provenance: dict[str, Any]
@@ -120,12 +122,12 @@ class KindFacts:
 class LimitsFile:
     kinds: dict[str, KindFacts] = field(default_factory=dict)
     values: dict[str, list[float]] = field(default_factory=dict)
-    """Gate → what was measured at renewal; limits follow from it (`harness.gate.limits.limit_from`)."""
+    """Gate → the measurements at renewal; limits follow from them (`harness.gate.limits.limit_from`)."""
     limits: dict[str, Limit] = field(default_factory=dict)
-    """What is held to."""
+    """The limits in force."""
 
     def limit_of(self, gate: Gate) -> tuple[Limit | None, str]:
-        """The limit, or None and why there is none, with the remedy."""
+        """Return the limit, or None and why there is none, with the remedy."""
         remedy = f"renew with `python -m harness gate --renew --only {gate.name}` and review what changed"
         if gate.name not in self.limits:
             return None, f"there is no limit for it; {remedy}"
@@ -137,7 +139,7 @@ class LimitsFile:
     def renewed(
         self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts, table: Sequence[Gate]
     ) -> "LimitsFile":
-        """With new measurements of one kind; every limit is computed anew."""
+        """Return the file with new measurements of one kind; every limit is computed anew."""
         kept = self.values | {name: [_rounded(one) for one in found] for name, found in values.items()}
         kept = {gate.name: kept[gate.name] for gate in table if gate.name in kept}
         limits = {gate.name: _tidy(limit_from(gate, kept[gate.name])) for gate in table if gate.name in kept}
@@ -145,7 +147,7 @@ class LimitsFile:
 
 
 def read_limits(file: Path) -> LimitsFile:
-    """Raises `InputError`, with the remedy, for a file that is missing or damaged."""
+    """Read the limits. Raises `InputError`, with the remedy, for a file that is missing or damaged."""
     remedy = "make it with `python -m harness gate --renew`, review it, and commit it"
     restore = f"get it back from version control, or {remedy}"
     try:
@@ -170,7 +172,7 @@ def read_limits(file: Path) -> LimitsFile:
 
 
 def write_limits(file: Path, limits: LimitsFile) -> None:
-    """Raises `OSError` where it cannot be written."""
+    """Write the limits. Raises `OSError` if they cannot be written."""
     text = {
         "schema": SCHEMA,
         "kinds": {name: asdict(facts) for name, facts in sorted(limits.kinds.items())},
@@ -181,7 +183,7 @@ def write_limits(file: Path, limits: LimitsFile) -> None:
 
 
 def a_line_each(data: dict[str, Any]) -> str:
-    """JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
+    """Return JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
 
     def rows(found: dict[str, Any]) -> str:
         lines = [f"  {json.dumps(name)}: {json.dumps(one, allow_nan=False)}" for name, one in found.items()]
@@ -195,7 +197,7 @@ def a_line_each(data: dict[str, Any]) -> str:
 
 
 def changes(before: LimitsFile, after: LimitsFile) -> list[str]:
-    """Old → new, a line for each gate whose limits changed."""
+    """Return old → new, a line for each gate whose limits changed."""
     lines = []
     for name in dict.fromkeys([*before.limits, *after.limits]):
         old, new = (_words(found.limits.get(name)) for found in (before, after))

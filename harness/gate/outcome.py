@@ -1,4 +1,4 @@
-"""What measuring a kind of gate gets to work with, what became of a gate, and all of them as JUnit XML."""
+"""The context in which a kind of gate is measured, the outcome of a gate, and all of them as JUnit XML."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from scenes.files.atomic import write_atomically
 
 @dataclass(frozen=True)
 class Pictures:
-    """Display colour [height, width, 3] each: what a failing gate leaves behind."""
+    """The pictures of a failing gate, display colour [height, width, 3] each."""
 
     image: np.ndarray
     reference: np.ndarray
@@ -30,12 +30,12 @@ class Sample:
 
     values: Sequence[float | None]
     why: str = ""
-    """Of a value that is missing."""
+    """The reason why a value is missing."""
     pictures: Pictures | None = field(default=None, compare=False)
     limit: Limit | None = None
-    """Of a gate whose limit depends on what was measured beside it, or on the class of the processor."""
+    """The limit of a gate whose limit depends on what was measured beside it, or on the class of the processor."""
     note: str = ""
-    """What is to be said of the figure whether it passes or not."""
+    """A remark about the figure, shown whether it passes or not."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class GateOutcome:
     figure: float | None
     limit: Limit | None
     excess: float | None
-    """By how much the figure is beyond its limit; None where it passes, and where there is no figure."""
+    """The amount by which the figure is beyond its limit; None if it passes, and if there is no figure."""
     why: str = ""
     pictures: Pictures | None = field(default=None, compare=False)
 
 
 def judged(gate: Gate, sample: Sample | None, limit: Limit | None, no_limit: str) -> GateOutcome:
-    """Fails whatever has no figure, no limit or lies beyond it; `no_limit` is why there is none."""
+    """Judge a sample: it fails if it has no figure, no limit or lies beyond it; `no_limit` is why there is none."""
     figure = None if sample is None else figure_of(gate, sample.values)
     pictures = None if sample is None else sample.pictures
     limit = sample.limit if sample is not None and sample.limit is not None else limit
@@ -71,7 +71,7 @@ def judged(gate: Gate, sample: Sample | None, limit: Limit | None, no_limit: str
 
 
 def limits_in_words(outcome: GateOutcome) -> str:
-    """`22.9 … 24.1 dB`, `at most 0`"""
+    """Return the limits as `22.9 … 24.1 dB` or `at most 0`."""
     limit, unit = outcome.limit, outcome.gate.unit and f" {outcome.gate.unit}"
     if limit is None:
         return "no limit"
@@ -83,7 +83,7 @@ def limits_in_words(outcome: GateOutcome) -> str:
 
 
 def line_of(outcome: GateOutcome) -> str:
-    """One plain line: status, name, measured, limit, and what is beyond it."""
+    """Return one plain line: status, name, measured, limit, and what is beyond it."""
     unit = outcome.gate.unit and f" {outcome.gate.unit}"
     measured = "no figure" if outcome.figure is None else f"{outcome.figure:.4g}{unit}"
     line = f"{outcome.status.upper()}  {outcome.gate.name:34} {measured:>22}   {limits_in_words(outcome)}"
@@ -98,22 +98,22 @@ class GateContext:
     out: Path
     limits: LimitsFile
     references: References
-    """What the class of processor gave that is measured, or another class."""
+    """The references of the class of processor that is measured, or of another class."""
     images: Path
-    """Folder of the stored mean and variance of the reference renders."""
+    """The folder of the stored mean and variance of the reference renders."""
     view_sets: Path
     workers: int
     show: Progress
 
 
 Measure = Callable[[GateContext, tuple[Gate, ...]], dict[str, Sample]]
-"""New measurements for the gates asked for; one that is missing fails."""
+"""New measurements for the gates requested; one that is missing fails."""
 
 
 def write_junit(
     file: Path, outcomes: Sequence[GateOutcome], seconds: Mapping[str, float], replay: Mapping[str, str]
 ) -> None:
-    """A suite a kind, a test case a gate. `seconds` by kind; `replay` by name of a failing gate."""
+    """Write a suite per kind and a test case per gate; `seconds` is by kind, `replay` by name of a failing gate."""
     failed = sum(one.status == "fail" for one in outcomes)
     top = ElementTree.Element("testsuites", tests=str(len(outcomes)), failures=str(failed), errors="0")
     for kind in KINDS:

@@ -31,7 +31,7 @@ OWN = {key: os.environ.get(key) for key in FORCED["default"]}
 
 
 def class_here() -> str:
-    """The class of this process: that of the processor, unless its environment forces another."""
+    """Return the class of this process: that of the processor, unless its environment forces another."""
     import torch
 
     capability = str(torch.backends.cpu.get_cpu_capability()).lower().replace("no avx", "default")
@@ -40,13 +40,13 @@ def class_here() -> str:
 
 
 def classes_here() -> tuple[str, ...]:
-    """The classes that can be measured on this machine, its own one last."""
+    """Return the classes that can be measured on this machine, its own one last."""
     own = class_here()
     return tuple(FORCED)[: tuple(FORCED).index(own) + 1] if own in FORCED else (own,)
 
 
 def environment_of(name: str) -> Mapping[str, str | None]:
-    """What a process of class `name` needs, None for what must not be set. Raises `InputError` where this processor
+    """Return what a process of class `name` needs, None for what must not be set. Raises `InputError` if this processor
     cannot be one of it.
     """
     possible = classes_here()
@@ -57,7 +57,7 @@ def environment_of(name: str) -> Mapping[str, str | None]:
 
 @contextmanager
 def forced(name: str) -> Iterator[None]:
-    """Processes that start within are of class `name`."""
+    """Make processes that start within this context be of class `name`."""
     before = {key: os.environ.get(key) for key in OWN}
     _set(environment_of(name))
     try:
@@ -75,12 +75,12 @@ def _set(environment: Mapping[str, str | None]) -> None:
 
 
 def in_child(function: Callable[..., Result], *given: Any) -> Result:
-    """`function(*given)` in a fresh process. Raises `RuntimeError` with what it said where it fails."""
+    """Run `function(*given)` in a fresh process. Raises `RuntimeError` with its error output if it fails."""
     return in_children(function, [given])[0]
 
 
 def in_children(function: Callable[..., Result], given: Sequence[tuple[Any, ...]]) -> list[Result]:
-    """`function` of each of `given`, in fresh processes side by side."""
+    """Run `function` on each of `given`, in fresh processes side by side."""
     context = get_context("spawn")
     children = []
     try:

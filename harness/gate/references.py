@@ -1,5 +1,6 @@
-"""`gates/classes/NAME.json`: what one class of processor gave, which the same class is to give again; and how well the
-order of methods there predicts that of a whole run."""
+"""The results of one class of processor, `gates/classes/NAME.json`, which the same class must reproduce; and how well
+the order of methods there predicts that of a complete run.
+"""
 
 import json
 from collections import defaultdict
@@ -19,26 +20,26 @@ from scenes.files.errors import InputError
 
 SCHEMA = 1
 USUAL = "avx2"
-"""The class that a class without references is held to, with wider limits."""
+"""The class whose references a class without its own is compared with, with wider limits."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What was seen of the first steps of one training."""
+    """The record of the first steps of one training."""
 
     losses: list[float]
-    """Of each step, before it."""
+    """The loss of each step, before it."""
     renders: dict[str, list[float]]
-    """After so many steps: red, green, blue and depth of some pixels of a test view."""
+    """Red, green, blue and depth of some pixels of a test view, by number of steps."""
 
 
 Courses = dict[str, dict[str, Course]]
-"""Precision → start → what was seen."""
+"""Precision → start → its record."""
 
 
 @dataclass(frozen=True)
 class References:
-    """One class of processor."""
+    """The references of one class of processor."""
 
     name: str
     kinds: dict[str, KindFacts] = field(default_factory=dict)
@@ -46,22 +47,22 @@ class References:
     """Setting of a profile → its value."""
     courses: Courses = field(default_factory=dict)
     reordered: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Precision → another order of the same sums → the largest deviation that it makes."""
+    """Precision → another order of the same sums → the largest deviation that it causes."""
     cells: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     """"scene/method/seed" → score → one value for each draw of the rounding."""
     statistics: dict[str, list[float]] = field(default_factory=dict)
     """Comparison → difference and ends of its intervals, of the cells above."""
     speed: dict[str, list[float]] = field(default_factory=dict)
-    """Gate → quotients, one a process."""
+    """Gate → quotients, one per process."""
     known: bool = True
     """False for the references of another class than the one that is measured."""
 
     def wider(self, kind: Kind) -> float:
-        """By how much the limits of a kind are wider than on the class of these references."""
+        """Return by how much the limits of a kind are wider than on the class of these references."""
         return 1.0 if self.known else WIDER[kind]
 
     def missing(self, gate: Gate) -> str:
-        """Why a gate cannot be held to these references, with the remedy; empty where it can."""
+        """Return why a gate cannot be compared with these references, with the remedy; empty if it can."""
         remedy = f"renew with `python -m harness gate --renew --only {gate.kind}` and review what changed"
         facts = self.kinds.get(gate.kind)
         if facts is None:
@@ -76,7 +77,7 @@ def references_file(folder: Path, name: str) -> Path:
 
 
 def references_for(folder: Path, name: str) -> References:
-    """Those of class `name`, or else of the usual one, as not known. Raises `InputError` where there is neither."""
+    """Return those of class `name`, or else of the usual one, as not known. Raises `InputError` if there is neither."""
     if references_file(folder, name).exists():
         return read_references(folder, name)
     found = read_references(folder, USUAL)
@@ -84,7 +85,7 @@ def references_for(folder: Path, name: str) -> References:
 
 
 def read_references(folder: Path, name: str) -> References:
-    """Raises `InputError`, with the remedy, for a file that is missing or damaged."""
+    """Read references. Raises `InputError`, with the remedy, for a file that is missing or damaged."""
     file = references_file(folder, name)
     remedy = "get it back from version control, or make it with `python -m harness gate --renew`"
     try:
@@ -114,7 +115,7 @@ def read_references(folder: Path, name: str) -> References:
 
 
 def write_references(folder: Path, found: References) -> None:
-    """Raises `OSError` where it cannot be written."""
+    """Write references. Raises `OSError` if they cannot be written."""
     data = {"schema": SCHEMA, **asdict(found)}
     del data["known"]
     write_atomically(references_file(folder, found.name), a_line_each(data))
@@ -136,27 +137,27 @@ def _numbers(found: Any) -> list[float]:
 
 RANK_FILE = "rank.json"
 FEWEST = 4
-"""Pairs of a scene and a method that a correlation needs."""
+"""The fewest pairs of a scene and a method that a correlation needs."""
 Scores = dict[tuple[str, str], float]
 """(scene, method) → PSNR, mean over seeds."""
 
 
 @dataclass(frozen=True)
 class Ranks:
-    """How alike two scales order scenes and methods."""
+    """The similarity of the orders of scenes and methods at two scales."""
 
     spearman: float
-    """Over all pairs of a scene and a method."""
+    """The rank correlation over all pairs of a scene and a method."""
     kendall: float
     pairs: int
     compared: int
-    """Pairs of methods on the same scene."""
+    """The number of pairs of methods on the same scene."""
     same_order: int
-    """Of these, how many stand in the same order at both scales."""
+    """The number of these in the same order at both scales."""
 
 
 def ranks(ours: Scores, theirs: Scores) -> Ranks:
-    """Raises `ValueError` where there are too few pairs in common."""
+    """Compare two scales. Raises `ValueError` if there are too few pairs in common."""
     common = sorted(ours.keys() & theirs.keys())
     if len(common) < FEWEST:
         raise ValueError(f"{len(common)} pairs of a scene and a method in common, {FEWEST} are needed")
@@ -172,7 +173,7 @@ def ranks(ours: Scores, theirs: Scores) -> Ranks:
 
 
 def gate_scores(references: References) -> Scores:
-    """The stored cells of the gate."""
+    """Return the stored cells of the gate."""
     found = defaultdict(list)
     for key, scores in references.cells.items():
         scene, method, _ = key.split("/")
@@ -181,7 +182,7 @@ def gate_scores(references: References) -> Scores:
 
 
 def run_scores(summary: dict[str, Any]) -> Scores:
-    """The finished cells of a run's `summary.json`."""
+    """Return the finished cells of a run's `summary.json`."""
     found = defaultdict(list)
     for cell in summary["cells"]:
         if cell["status"] == "done" and cell["psnr"] is not None:
@@ -190,7 +191,7 @@ def run_scores(summary: dict[str, Any]) -> Scores:
 
 
 def publish(run: Path, folder: Path) -> str:
-    """Writes `rank.json` beside the limits and gives it in words. Raises `InputError` for a run that has no summary."""
+    """Write `rank.json` beside the limits and return it in words. Raises `InputError` for a run that has no summary."""
     file = run / "summary.json" if run.is_dir() else run
     try:
         summary = load_json(file)

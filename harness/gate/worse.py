@@ -50,13 +50,13 @@ from scenes.files.errors import InputError
 Scores = dict[str, dict[str, float | None]]
 """scene/method/seed → score → value."""
 ERRORS = 3.0
-"""A limit is no nearer than so many standard errors of rounding."""
+"""The number of standard errors of rounding that a limit is away, at least."""
 LAST_BIT = 2.0**-23
 DIGITS = 7
 
 
 def gate_plan(seeds: tuple[int, ...], scenes: Sequence[str], methods: Sequence[str]) -> Plan:
-    """Float32 always, so that machines differ by rounding alone."""
+    """Return a plan in float32, so that machines differ by rounding alone."""
     return Plan(
         profile="gate",
         scenes=tuple(scenes),
@@ -72,7 +72,7 @@ def gate_plan(seeds: tuple[int, ...], scenes: Sequence[str], methods: Sequence[s
 
 
 def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """Trains what the gates need and nothing else."""
+    """Train what the gates need and nothing else."""
     stored = situation.references
     needed = methods_of(gates)
     cells = trained(situation, needed, draw=0) if needed else []
@@ -90,7 +90,7 @@ def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample
 
 
 def renew(situation: GateContext) -> References:
-    """The references with new cells. Raises `InputError` where one did not end."""
+    """Return the references with new cells. Raises `InputError` if one did not end."""
     draws = []
     for draw in range(DRAWS):
         cells = trained(situation, TRAINED_METHODS, draw)
@@ -113,7 +113,7 @@ def _rounded(value: float | None) -> float:
 
 
 def methods_of(gates: Iterable[Gate]) -> tuple[str, ...]:
-    """Methods that have to be trained for these gates."""
+    """Return the methods that have to be trained for these gates."""
     named: set[str] = set()
     for gate in gates:
         _, what, which = gate.name.split(".")
@@ -127,7 +127,7 @@ def methods_of(gates: Iterable[Gate]) -> tuple[str, ...]:
 
 
 def trained(situation: GateContext, methods: tuple[str, ...], draw: int) -> list[CellRecord]:
-    """All cells of `methods`, in as many processes as there are cores."""
+    """Return all cells of `methods`, trained in as many processes as there are cores."""
     plan = gate_plan(GATE_SEEDS, TRAINED_SCENES, methods)
     folders = view_set_folders(plan, situation.view_sets, situation.show)
     groups, many = plan.groups(), min(situation.workers, len(plan.groups()))
@@ -138,7 +138,7 @@ def trained(situation: GateContext, methods: tuple[str, ...], draw: int) -> list
 def train_groups(
     groups: Sequence[tuple[str, int]], folders: Mapping[str, Path], methods: tuple[str, ...], out: Path, draw: int
 ) -> list[CellRecord]:
-    """Cells of some scenes and seeds, in this process."""
+    """Return the cells of some scenes and seeds, trained in this process."""
     plan = gate_plan(GATE_SEEDS, TRAINED_SCENES, methods)
     settings = GroupSettings(methods, plan.train, plan.score, plan.budget)
     cells: list[CellRecord] = []
@@ -157,7 +157,9 @@ def _nothing(share: float) -> None:
 
 
 def rounded_otherwise(draw: int) -> Callable[..., Learner]:
-    """What makes learners whose first weights differ at random in their last bit; draw 0 leaves them as they are."""
+    """Return a function that makes learners whose first weights differ at random in their last bit; draw 0 leaves them
+    as they are.
+    """
 
     def make(method: str, *others: Any) -> Learner:
         learner = learner_for(method, *others)
@@ -172,7 +174,7 @@ def rounded_otherwise(draw: int) -> Callable[..., Learner]:
 
 
 def scores_of(cells: Iterable[CellRecord]) -> Scores:
-    """None for every score of a cell that did not end."""
+    """Return the scores; None for every score of a cell that did not end."""
     return {
         f"{cell.scene}/{cell.method}/{cell.seed}": {
             score: cell.scores.get(score) if cell.status == "done" else None for score in SCORES
@@ -182,7 +184,7 @@ def scores_of(cells: Iterable[CellRecord]) -> Scores:
 
 
 def loss_sample(method: str, score: str, new: Scores, stored: References) -> Sample:
-    """By how much the cells of a method, or of all, are better than the stored ones; below 0 they are worse."""
+    """Return by how much the cells of a method, or of all, are better than the stored ones; below 0 they are worse."""
     chosen = {key: draws[score] for key, draws in stored.cells.items() if method in ("all", key.split("/")[1])}
     missing = [key for key in chosen if new.get(key, {}).get(score) is None]
     if missing or not chosen:
@@ -203,7 +205,9 @@ def loss_sample(method: str, score: str, new: Scores, stored: References) -> Sam
 
 
 def loss_limit(method: str, score: str, stored: References) -> Limit:
-    """`LARGEST_LOSS`, or more where rounding alone may make more; `detects` is the loss found in nine of ten draws."""
+    """Return `LARGEST_LOSS`, or more if rounding alone may cause more; `detects` is the loss found in nine of ten
+    draws.
+    """
     draws = [scores[score] for key, scores in stored.cells.items() if method in ("all", key.split("/")[1])]
     error = rounding_error(draws)
     least = LARGEST_LOSS[score] * (1.0 if method == "all" else 2.0) * stored.wider("worse")
@@ -212,13 +216,15 @@ def loss_limit(method: str, score: str, stored: References) -> Limit:
 
 
 def rounding_error(draws: Sequence[Sequence[float]]) -> float:
-    """Standard error, by rounding alone, of a mean over cells of one draw each less the means of those stored."""
+    """Return the standard error, by rounding alone, of a mean over cells of one draw each minus the means of those
+    stored.
+    """
     several = [np.var(one, ddof=1) * (1.0 + 1.0 / len(one)) for one in draws if len(one) > 1]
     return math.sqrt(float(np.mean(several)) / len(draws)) if several else 0.0
 
 
 def headline_sample(name: str, cells: Sequence[CellRecord], stored: References) -> Sample:
-    """The difference of two methods over scenes, as a run's page has it, less the stored one."""
+    """Return the difference of two methods over scenes, as a run's page has it, minus the stored one."""
     if name not in stored.statistics:
         return Sample([None], "it is not among the stored comparisons")
     # scores alone are stored: a collapsed cell counts here as it does there, and is no failure of its own
@@ -232,7 +238,9 @@ def headline_sample(name: str, cells: Sequence[CellRecord], stored: References) 
 
 
 def statistics_of(cells: Sequence[CellRecord]) -> dict[str, list[float]]:
-    """What the comparer says of each headline: difference, interval on these scenes, interval on scenes like these."""
+    """Return the comparer's result for each headline: difference, interval on these scenes, interval on scenes like
+    these.
+    """
     found = {}
     for row in compare(list(cells), [method for method in TRAINED_METHODS if method in {one.method for one in cells}]):
         if (row.method, row.against) not in HEADLINES or (row.scene, row.metric, row.budget) != (
@@ -250,7 +258,7 @@ def statistics_of(cells: Sequence[CellRecord]) -> dict[str, list[float]]:
 
 
 def other_statistics(stored: References) -> int:
-    """How many numbers of the stored comparisons come out otherwise today."""
+    """Count the numbers of the stored comparisons that come out otherwise today."""
     found = statistics_of(stored_cells(stored))
     differing = 0
     for name, before in stored.statistics.items():
@@ -261,7 +269,7 @@ def other_statistics(stored: References) -> int:
 
 
 def stored_cells(stored: References) -> list[CellRecord]:
-    """The cells as they were trained without a change of their first weights."""
+    """Return the cells as they were trained without a change of their first weights."""
     found = []
     for key, scores in stored.cells.items():
         scene, method, seed = key.split("/")
@@ -270,7 +278,7 @@ def stored_cells(stored: References) -> list[CellRecord]:
 
 
 def cell_with(scene: str, method: str, seed: int, scores: dict[str, float | None]) -> CellRecord:
-    """A finished cell of which only scores are known."""
+    """Return a finished cell of which only scores are known."""
     point = Checkpoint(1, 1.0, 1, scores.get("psnr"), None, None)
     empty: dict[str, Any] = {"reason": None, "views": [], "trace": {}, "parameters": {}, "properties": {},
                              "warnings": [], "settings": {}, "provenance": {}}  # fmt: skip

@@ -1,1 +1,1 @@
-"""An output folder that survives kills; imports `plan`, `records` and what is below."""
+"""An output folder that survives kills; imports `plan`, `records` and the rooms below them."""

@@ -1,4 +1,4 @@
-"""What the record of a run holds already when the run is gone on with: clocks, notices, what omissions cost."""
+"""The facts that the record of a run holds already when the run is resumed: clocks, notices, costs of omissions."""
 
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,11 @@ from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
 from harness.records.json_record import DamagedRecord
 
 MEASURED = ("seconds_saved", "difference", "interval", "clock", "verdict")
-"""Of `LeftOut`, what `--verify-omissions` fills in."""
+"""The fields of `LeftOut` that `--verify-omissions` fills in."""
 
 
 def earlier_run(out: Path) -> RunRecord | None:
-    """None where nothing is there that can be read: it is then as if nothing had been."""
+    """Return the earlier record; None if nothing can be read, which is then treated as if nothing had been there."""
     try:
         return read_run(out)
     except DamagedRecord:
@@ -21,13 +21,13 @@ def earlier_run(out: Path) -> RunRecord | None:
 
 
 def notices_of(earlier: RunRecord | None) -> dict[str, Any]:
-    """For a record: `{"notices": lines}`, what an executor had to say, or nothing."""
+    """Return the notices of an executor for a record, `{"notices": lines}`, or an empty dictionary."""
     found = earlier.provenance.get("notices", []) if earlier is not None else []
     return {"notices": list(found)} if found else {}
 
 
 def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[SceneRecord]:
-    """`scenes` with what was measured on the same view set under the same settings."""
+    """Return `scenes` with what was measured on the same view set under the same settings."""
     if earlier is None:
         return scenes
     before = {scene.name: scene for scene in earlier.scenes}
@@ -50,11 +50,11 @@ def _measured(row: LeftOut, before: list[LeftOut]) -> LeftOut:
 
 
 def _asked(row: LeftOut) -> LeftOut:
-    """What it is and may cost, without what it did."""
+    """Return what the omission is and may cost, without what it did."""
     return replace(row, seconds_saved=None, difference=None, interval=None, clock="", verdict="")
 
 
 def _views_of(scene: SceneRecord) -> tuple[object, ...]:
-    """What tells a view set from another, as far as a run's record holds it."""
+    """Return the facts that identify a view set, as far as a run's record holds them."""
     sizes = scene.width, scene.height, scene.views, scene.near, scene.far, scene.bounds
     return scene.view_set, scene.rendered.get("digest"), *sizes

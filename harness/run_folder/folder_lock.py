@@ -16,15 +16,15 @@ from scenes.files.lock import Lock, LockTaken, acquire, is_held
 
 LOCK_FILE = ".lock"
 LEFT_SECONDS = 0.3
-"""A holder that was killed has workers, which end by themselves within this."""
+"""The time within which the workers of a holder that was killed end by themselves."""
 
 
 @contextmanager
 def locked_folder(out: Path, option: str = "--out") -> Iterator[Lock]:
-    """Holds the lock of a folder, which is made where it is not there; one that was made and stays empty is removed.
+    """Hold the lock of a folder, which is created if it is missing; one that was created and stays empty is removed.
 
-    Raises `InputError`, naming the `option` it is the value of, where another process has it, naming that, and where
-    the folder cannot be written.
+    Raises `InputError`, naming the `option` it is the value of, if another process has it, naming that, and if the
+    folder cannot be written.
     """
     fresh = False
     with suppress(OSError):  # a name that cannot be is refused below
@@ -40,7 +40,7 @@ def locked_folder(out: Path, option: str = "--out") -> Iterator[Lock]:
 
 
 def lock_folder(out: Path, option: str = "--out") -> Lock:
-    """Errors as in `locked_folder`."""
+    """Lock a folder; errors as in `locked_folder`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -81,7 +81,7 @@ PREFIX = ".scratch-"
 
 @contextmanager
 def scratch_folder(out: Path) -> Iterator[Path]:
-    """Makes a folder within `out` and removes it at the end. Raises `OSError` where `out` cannot be written."""
+    """Make a folder within `out` and remove it at the end. Raises `OSError` if `out` cannot be written."""
     folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=out))
     try:
         lock = lock_folder(folder)
@@ -94,7 +94,7 @@ def scratch_folder(out: Path) -> Iterator[Path]:
 
 
 def remove_abandoned(out: Path) -> int:
-    """Removes the scratch folders whose owners were killed; how many."""
+    """Remove the scratch folders whose owners were killed; returns their number."""
     folders = [folder for folder in out.glob(f"{PREFIX}*") if folder.is_dir()]
     found = [folder for folder in folders if is_held(folder / LOCK_FILE, create=True) is False]
     for folder in found:

@@ -1,6 +1,6 @@
-"""What a run left, checked before it is gone on with: whatever is damaged is moved aside, named, and made again.
+"""The files of a run, checked before it is resumed: whatever is damaged is quarantined, named, and made again.
 
-Nothing is deleted but what writers left half written: what is not as it was written goes to OUT/damaged.
+Nothing is deleted but incomplete files of writers: what is not as it was written goes to OUT/damaged.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,24 +29,25 @@ from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import InputError
 
 DAMAGED = "damaged"
-"""Folder under OUT."""
+"""The folder under OUT for damaged files."""
 FOLDERS = ("records", "records/cells", "records/pictures", "checkpoints", UNFINISHED)
-"""In which a run writes, the outer ones first."""
+"""The folders in which a run writes, the outer ones first."""
 Say = Callable[[str], None]
 
 
 def sweep(out: Path) -> int:
-    """Removes what killed writers left half written, and scratch folders that nobody works in; how many there were.
+    """Remove the incomplete files of killed writers, and scratch folders that nobody works in; returns their number.
 
-    Nobody else can be writing to the former: the folder is ours.
+    No other process can be writing the former: the folder is ours.
     """
     return sum(remove_leftovers(out / folder) for folder in (".", *FOLDERS)) + remove_abandoned(out)
 
 
 def mend(out: Path, plan: Plan, say: Say) -> None:
-    """Leaves nothing in the folder that is not as it was written; says what was damaged and what is done about it.
+    """Repair the folder, so that it holds only files as they were written; reports what was damaged and what is done
+    about it.
 
-    Raises `OSError` where something cannot be moved, and `InputError` where there is no place to move it to.
+    Raises `OSError` if something cannot be moved, and `InputError` if there is no place to move it to.
     """
     for folder in FOLDERS:
         if (out / folder).exists() and not (out / folder).is_dir():
@@ -76,7 +77,7 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
 
 
 def _mend_unfinished(out: Path, kept: Path, cell: CellRecord | None, say: Say) -> None:
-    """What is kept of a cell in training; there is nothing more to do for one that has ended."""
+    """Repair the snapshot of a cell in training; there is nothing to do for one that has ended."""
     if cell is not None and cell.status in ENDED and kept.is_file():
         kept.unlink()
     elif kept.exists():
@@ -86,8 +87,9 @@ def _mend_unfinished(out: Path, kept: Path, cell: CellRecord | None, say: Say) -
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
-    """Where finished cells were trained with other settings than those of a plan, as sentences: for a folder whose
-    plan is lost."""
+    """Return as sentences the settings in which finished cells differ from those of a plan: for a folder whose plan is
+    lost.
+    """
     found = []
     wanted = {"train": asdict(plan.train), "score": asdict(plan.score), "budget": asdict(plan.budget)}
     for scene, method, seed in plan.cells():
@@ -110,11 +112,11 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
 
 
 TRAINED_WITH = ("network", "rays", "bins", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
-"""Training settings that no scene changes."""
+"""The training settings that no scene changes."""
 
 
 def _plain(value: Any) -> Any:
-    """As it comes back from JSON."""
+    """Return a value as it comes back from JSON."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
     return [_plain(one) for one in value] if isinstance(value, (list, tuple)) else value
@@ -123,7 +125,7 @@ def _plain(value: Any) -> Any:
 def _cell_fault(
     out: Path, path: Path, key: tuple[str, str, int], names: list[str]
 ) -> tuple[CellRecord | None, str | None]:
-    """A sound record, or None where there is none yet; and what is wrong with it."""
+    """Return a valid record, or None if there is none yet; and what is wrong with it."""
     if not path.exists():
         return None, None
     shown = path.relative_to(out)
@@ -149,7 +151,9 @@ def _cell_fault(
 
 
 def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
-    """File → what is wrong with it and what becomes of it; a file that is missing is no fault but of pictures."""
+    """Yield file → what is wrong with it and what becomes of it; a missing file is no fault, except a missing
+    picture.
+    """
     started = any(cell_path(out, *key).exists() for key in plan.cells())
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"
@@ -167,7 +171,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
 
 
 def _serving(path: Path) -> None:
-    """Raises `DamagedRecord` also where one of its pictures is not as it was written."""
+    """Raise `DamagedRecord` also if one of its pictures is not as it was written."""
     record = read_serving(path)
     for name, digest in record.files.items():
         picture = records_folder(path.parent) / name
@@ -191,7 +195,7 @@ def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> It
 
 
 def mend_serving(out: Path, say: Say) -> None:
-    """As `mend`, of the measurements of what is served alone, pictures included."""
+    """Repair, as `mend` does, the measurements of what is served alone, pictures included."""
     if (out / SERVING_FILE).exists():
         for name, wrong in _fault(out, SERVING_FILE, _serving, "moved aside"):
             say(wrong)
@@ -199,13 +203,13 @@ def mend_serving(out: Path, say: Say) -> None:
 
 
 def reason_of(error: Exception, path: Path) -> str:
-    """Without the file's name and without the remedy, which is being applied."""
+    """Return the reason without the file's name and without the remedy, which is being applied."""
     said = " ".join(str(error).split()).removeprefix(f"{path}: ")
     return said.rsplit("; ", 1)[0][:200]
 
 
 def aside(out: Path, name: str) -> None:
-    """Moves a file or folder to OUT/damaged, under a name that is free."""
+    """Move a file or folder to OUT/damaged, under a name that is free."""
     path = out / name
     if not (path.exists() or path.is_symlink()):
         return

@@ -1,4 +1,4 @@
-"""The folder that a run writes to: a fresh one, or one that is gone on with; never one that is in use."""
+"""The folder that a run writes to: a fresh one, or one that is resumed; never one that is in use."""
 
 import json
 import shutil
@@ -23,7 +23,7 @@ Record = TypeVar("Record")
 
 
 def fresh_folder(profile: str, resume: bool) -> Path:
-    """`out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
+    """Return `out/<profile>-<time>`, or the folder that `out/latest` names when resuming."""
     latest = latest_folder()
     if resume and latest is not None:
         return latest
@@ -33,7 +33,7 @@ def fresh_folder(profile: str, resume: bool) -> Path:
 
 
 def point_latest_to(out: Path) -> None:
-    """`latest` beside the folder, where it lies in `out/`; elsewhere nothing."""
+    """Point `latest` to the folder if it lies in `out/`; elsewhere do nothing."""
     if out.resolve().parent != Path("out").resolve():
         return
     link = Path("out/latest")
@@ -42,13 +42,13 @@ def point_latest_to(out: Path) -> None:
 
 
 def latest_folder() -> Path | None:
-    """What `out/latest` names, if that is there."""
+    """Return what `out/latest` names, if that exists."""
     latest = Path("out/latest")
     return latest.resolve() if latest.exists() else None
 
 
 def claim_for(out: Path, file: str, resume: bool) -> bool:
-    """Make the folder ours for a measurement that keeps everything in `file`; whether there is one to go on with.
+    """Make the folder ours for a measurement that keeps everything in `file`; returns whether there is one to resume.
 
     Raises `InputError` for a folder that is in use, and with `resume` for one without that file.
     """
@@ -68,7 +68,9 @@ def claim_for(out: Path, file: str, resume: bool) -> bool:
 
 
 def claim_beside(out: Path, file: str, resume: bool) -> bool:
-    """As `claim_for`, for a measurement that may also be added to the folder of a finished run that lacks `file`."""
+    """Claim the folder as `claim_for`, for a measurement that may also be added to the folder of a finished run that
+    lacks `file`.
+    """
     if not resume and (records_folder(out) / "run.json").exists() and not (out / file).exists():
         return False
     return claim_for(out, file, resume)
@@ -83,11 +85,11 @@ def gone_on_with(
     beside: bool = False,
     folders: tuple[str, ...] = (),
 ) -> Record | None:
-    """Claims the folder as `claim_for` does, or `beside` a run as `claim_beside`; gives what is there to go on with.
+    """Claim the folder as `claim_for` does, or `beside` a run as `claim_beside`; returns the record to resume.
 
-    None for a fresh start, which it also is where `file` cannot be read: it is then said and moved to OUT/damaged, and
-    everything in it is measured again. So it is where it is missing beside one of `folders`, or
-    one of its own in OUT/damaged, which tell whose OUT is.
+    It is None for a fresh start, also if `file` cannot be read: that is then reported and the file moved to
+    OUT/damaged, and everything in it is measured again. The same holds if it is missing beside one of `folders`, or one
+    of its own in OUT/damaged, which tell whose OUT is.
     """
     ours = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
     if resume and ours and not (out / file).exists():
@@ -107,9 +109,9 @@ def gone_on_with(
 
 @contextmanager
 def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable[[str], None]) -> Iterator[None]:
-    """Locks the folder, makes it ours as `claim` does, and with `resume` sees to it that everything in it is sound.
+    """Lock the folder, make it ours as `claim` does, and with `resume` ensure that everything in it is valid.
 
-    A claim that comes to nothing because of the input is given up. Raises `InputError`, also for a folder in use.
+    A claim that fails because of the input is given up. Raises `InputError`, also for a folder in use.
     """
     with locked_folder(out) as lock:
         if not lock.is_held:
@@ -128,7 +130,7 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
 
 
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
-    """Make the folder ours, or refuse it. A run is gone on with by the same plan on the same kind of machine alone."""
+    """Make the folder ours, or refuse it. A run is resumed by the same plan on the same kind of machine alone."""
     try:
         free = shutil.disk_usage(next(one for one in (out, *out.absolute().parents) if one.exists())).free
         if free >= LEAST_FREE_BYTES:
@@ -172,7 +174,9 @@ def release(out: Path) -> None:
 
 
 def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
-    """A plan that is lost or damaged is what the options say, where that fits what was trained."""
+    """Check that the plan is the same; one that is lost or damaged is taken from the options, if they fit what was
+    trained.
+    """
     path = records_folder(out) / "plan.json"
     try:
         before = _load_plan(path)
@@ -199,7 +203,7 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
 
 
 def _lost_plan(out: Path) -> str | None:
-    """Why the plan of a run cannot be read; None where it can."""
+    """Return why the plan of a run cannot be read; None if it can."""
     try:
         _load_plan(records_folder(out) / "plan.json")
     except FileNotFoundError:
@@ -210,7 +214,7 @@ def _lost_plan(out: Path) -> str | None:
 
 
 def _load_plan(path: Path) -> dict[str, Any]:
-    """Errors as of `load_record`; a key that no plan has was damaged, be it the digest's own."""
+    """Load a plan, with the errors of `load_record`; a key that no plan has was damaged, be it the digest's own."""
     found = load_record(path)
     if unknown := sorted(set(found) - {"machine", "density_units", *(one.name for one in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")
