@@ -171,12 +171,12 @@ def with_packages(session: nox.Session) -> list[str]:
 
 
 def out_folder(options: list[str]) -> str:
-    """The folder that the run wrote: `--out`, else what `out/latest` names."""
+    """Return the folder that the run wrote: `--out`, else what `out/latest` names."""
     return given_out(options) or "out/latest"
 
 
 def given_out(options: list[str]) -> str | None:
-    """The value of `--out`."""
+    """Return the value of `--out`."""
     for index, option in enumerate(options):
         if option == "--out" and index + 1 < len(options):
             return options[index + 1]

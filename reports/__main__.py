@@ -157,8 +157,9 @@ def _tell(left_out: list[str]) -> None:
 
 
 def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Path | None, partial: bool = False) -> int:
-    """The page on which several runs are held against the first, with `partial` what of each is sound; 3 where a cell
-    of any of them failed."""
+    """Build the page on which several runs are compared with the first, with `partial` the valid parts of each; returns
+    3 if a cell of any of them failed.
+    """
     from reports.data.load import NoRecords, read_records
 
     twice = sorted({str(out) for out in outs if sum(out.resolve() == other.resolve() for other in outs) > 1})
@@ -249,7 +250,7 @@ def build_evidence(record: "Studies", out: Path, quiet: bool, publish: Path | No
 
 
 def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:
-    """The page and the numbers of a run."""
+    """Build the page and the numbers of a run."""
     from reports.claims.headline import headline
     from reports.run.publish import write_summary
     from reports.run.run_page import write_page

@@ -35,7 +35,7 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 
 STEPS = 24
 PIXELS_APART = 37
-"""Every so many pixels of a test view are compared."""
+"""The stride of the pixels of a test view that are compared."""
 STREAM = "early"
 
 

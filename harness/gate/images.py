@@ -35,18 +35,18 @@ of their own.
 
 @dataclass(frozen=True)
 class Reference:
-    """What a scene is known to look like."""
+    """The stored appearance of a scene."""
 
     mean: np.ndarray
-    """float64 [height, width, 4]."""
+    """The mean, float64 [height, width, 4]."""
     variance: np.ndarray
-    """float64 [height, width, 4]: of one render of `spp` samples."""
+    """The variance of one render of `spp` samples, float64 [height, width, 4]."""
     batches: int
-    """Renders that both were made of."""
+    """The renders that both were made of."""
     spp: int
 
     def __post_init__(self) -> None:
-        """Raises `ValueError` for what cannot be compared with."""
+        """Raises `ValueError` for a reference that nothing can be compared with."""
         if not (np.isfinite(self.mean).all() and np.isfinite(self.variance).all() and (self.variance >= 0).all()):
             raise ValueError("mean or variance is not finite, or a variance is below 0")
         if self.mean.shape != self.variance.shape or not self.mean[..., :3].any():
@@ -58,7 +58,7 @@ class Reference:
         return Reference(x.mean(axis=0), x.var(axis=0, ddof=1), len(x), spp)
 
     def variances(self) -> np.ndarray:
-        """The stored variance as if one sample more, as bright as the brightest pixel, had hit every pixel once.
+        """Return the stored variance as if one sample more, as bright as the brightest pixel, had hit every pixel once.
 
         A pixel that a surface touches by a hair may have been missed by all samples of the reference: its variance
         is then 0, and the first hit would be infinitely unlikely.
@@ -67,8 +67,9 @@ class Reference:
 
 
 def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
-    """How much brighter each render is than the reference, in % [batches]: the least-squares slope of its colour over
-    the reference's, pixels weighted by their precision, less 1."""
+    """Return how much brighter each render is than the reference, in % [batches]: the least-squares slope of its colour
+    over the reference's, pixels weighted by their precision, minus 1.
+    """
     r = reference.mean[..., :3]
     weighted = r / reference.variances()[..., :3]
     difference = np.asarray(renders, dtype=np.float64)[..., :3] - r
@@ -76,7 +77,8 @@ def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
 
 
 def mean_square(renders: np.ndarray, reference: Reference) -> float:
-    """Mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each cut at 25.
+    """Return the mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each
+    cut at 25.
 
     Well below 1 where nothing differs: empty pixels and the opacity of full ones count and do not deviate, and the
     floor of `variances` makes dark ones deviate by less. What is usual for a scene is measured, not derived.
@@ -87,20 +89,20 @@ def mean_square(renders: np.ndarray, reference: Reference) -> float:
 
 
 def standardised(renders: np.ndarray, reference: Reference) -> np.ndarray:
-    """Deviation of the renders' mean from the reference's [height, width, 4], in standard errors of both."""
+    """Return the deviation of the renders' mean from the reference's [height, width, 4], in standard errors of both."""
     x = np.asarray(renders, dtype=np.float64)
     return (x.mean(axis=0) - reference.mean) / np.sqrt(reference.variances() * (1 / len(x) + 1 / reference.batches))
 
 
 def largest(renders: np.ndarray, reference: Reference) -> np.ndarray:
-    """The largest deviation of any pixel of each render [batches], in standard deviations of one render."""
+    """Return the largest deviation of any pixel of each render [batches], in standard deviations of one render."""
     x = np.asarray(renders, dtype=np.float64)
     z = np.abs(x - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
     return z.max(axis=(1, 2, 3))
 
 
 def pooled(by_scene: list[np.ndarray], spreads: list[float]) -> np.ndarray:
-    """Biases [batches] of several scenes as one, scenes weighted by their precision."""
+    """Pool the biases [batches] of several scenes, weighted by their precision."""
     weights = np.array(spreads, dtype=np.float64) ** -2.0
     return np.asarray(np.einsum("s,sb->b", weights / weights.sum(), np.stack(by_scene)))
 
@@ -110,13 +112,13 @@ Renders = dict[str, np.ndarray]
 
 
 def scenes_of(gates: Iterable[Gate]) -> tuple[str, ...]:
-    """Whose renders these gates need."""
+    """Return the scenes whose renders these gates need."""
     names = {gate.name.split(".")[1] for gate in gates}
     return tuple(scene for scene in IMAGE_SCENES if scene in names or "all" in names)
 
 
 def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """Renders and compares. Raises `InputError` as `references_for`."""
+    """Render and compare. Raises `InputError` as `references_for`."""
     scenes = scenes_of(gates)
     references = references_for(situation, gates)
     shown = rendered(scenes, "gate", IMAGE_BATCHES, situation.out)
@@ -129,14 +131,14 @@ def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample
 
 
 def references_for(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Reference]:
-    """Raises `InputError` for a stored reference that is missing, damaged or not the one of the limits."""
+    """Read the references. Raises `InputError` for one that is missing, damaged or not the one of the limits."""
     return {scene: stored(situation, scene) for scene in scenes_of(gates)}
 
 
 def samples(
     gates: Iterable[Gate], renders: Renders, references: dict[str, Reference], spreads: dict[str, float]
 ) -> dict[str, Sample]:
-    """One for each gate; `spreads` of the biases weigh the scenes."""
+    """Return one sample for each gate; `spreads` of the biases weigh the scenes."""
     shifts = {scene: biases(renders[scene], references[scene]) for scene in renders}
     found = {}
     for gate in gates:
@@ -156,7 +158,7 @@ def samples(
 
 
 def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[float | None]:
-    """Of one test: a figure a render, or one of all."""
+    """Return the figures of one test: one per render, or one of all."""
     if test == "bias":
         return list(biases(renders, reference))
     if test == "largest":
@@ -165,9 +167,9 @@ def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[floa
 
 
 def renew(situation: GateContext) -> dict[str, list[float]]:
-    """Renders references anew, stores them, and measures further renders against them, which limits are made of.
+    """Render references anew, store them, and measure further renders against them, which limits are made of.
 
-    Always all scenes: an image and its limits belong together.
+    All scenes are renewed together: an image and its limits belong together.
     """
     reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, situation.out)
     further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, situation.out)
@@ -188,8 +190,9 @@ def renew(situation: GateContext) -> dict[str, list[float]]:
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
-    """By `python -m scenes repeats`. Raises `InputError` with what it said; where Dr.Jit takes the process down, what
-    is missing is rendered with `scalar_rgb`."""
+    """Render by `python -m scenes repeats`. Raises `InputError` with its error output; if Dr.Jit ends the process, what
+    is missing is rendered with `scalar_rgb`.
+    """
     folder = out / "renders" / stream
     folder.mkdir(parents=True, exist_ok=True)
     ended = _render(scenes, stream, count, folder, ())
@@ -212,7 +215,7 @@ def _render(
 
 
 def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
-    """Writes mean and variance and gives them as they are read back."""
+    """Write mean and variance and return them as they are read back."""
     folder.mkdir(parents=True, exist_ok=True)
     reference = Reference.of(renders, IMAGE_SPP)
     channels = {name: reference.mean[..., i] for i, name in enumerate("RGBA")}
@@ -222,7 +225,7 @@ def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
 
 
 def read_reference(folder: Path, scene: str) -> Reference:
-    """Raises `InputError` for a file that is missing or damaged."""
+    """Read a reference. Raises `InputError` for a file that is missing or damaged."""
     file = folder / f"{scene}.exr"
     channels = read_channels(file)
     remedy = "get it back from version control, or renew with `python -m harness gate --renew --only images`"
@@ -239,7 +242,7 @@ def read_reference(folder: Path, scene: str) -> Reference:
 
 
 def stored(situation: GateContext, scene: str) -> Reference:
-    """The reference that the limits were measured against; raises `InputError` for another one."""
+    """Return the reference that the limits were measured against; raises `InputError` for another one."""
     facts = situation.limits.kinds.get("images")
     reference = read_reference(situation.images, scene)
     name = f"{scene}.exr"
@@ -256,8 +259,9 @@ def digest(file: Path) -> str:
 
 
 def pictures_of(renders: np.ndarray, reference: Reference, test: str) -> Pictures:
-    """The renders' mean, or for `largest` the render that deviates most; the difference is in standard deviations,
-    grey where nothing differs, black and white at ± 5."""
+    """Return the renders' mean, or for `largest` the render that deviates most; the difference is in standard
+    deviations, grey if nothing differs, black and white at ± 5.
+    """
     if test == "largest":
         image = renders[int(np.argmax(largest(renders, reference)))]
         z = (image - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))

@@ -1,4 +1,5 @@
-"""What a question that is measured leaves behind: `OUT/<shelf>.json`, one entry a study and one shape for all shelves.
+"""The record of a question answered by measurement: `OUT/<shelf>.json`, one entry per study and one shape for all
+shelves.
 
 A finding is a sentence, a check against limits, an effect, a line, a table or a picture; the first sentence of a study
 is its answer. This module imports no other library than msgspec, as reports read it.
@@ -19,7 +20,7 @@ SCHEMA = 2
 SHELVES = {"evidence": "evidence.json", "stability": "stability.json", "speed": "speed.json"}
 """Shelf → its file under OUT."""
 PICTURES_FOLDER = "stability"
-"""Folder under OUT in which `Picture.path` lies."""
+"""The folder under OUT in which `Picture.path` lies."""
 
 CHAPTERS: dict[int, str] = {
     1: "Rounding: error against optical depth",
@@ -36,15 +37,18 @@ CHAPTERS: dict[int, str] = {
     12: "An independent reference",
     13: "What scenes do not need",
 }
-"""Chapters of stability, across its cases: the number in `Series.item`, `Table.item` and `Picture.item` → its title."""
+"""The chapters of stability, across its cases: the number in `Series.item`, `Table.item` and `Picture.item` → its
+title.
+"""
 
 Owner = Literal["ours", "paper", "usual", "machine"]
-"""Who answers for a check: this harness, the paper's form as printed, the form that the field's code usually has, or
-the machine that it was measured on. Only a check of ours fails a run; the others are properties that are shown."""
+"""The owner of a check: this harness, the paper's form as printed, the form that the field's code usually has, or the
+machine that it was measured on. Only a check of ours fails a run; the others are properties that are shown.
+"""
 Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "not_available"]
 """`measured`: a figure without a limit."""
 Values = Sequence[float | None]
-"""`None` where a figure was not finite: a gap in the line, which a chart marks."""
+"""Figures in which `None` stands for one that was not finite: a gap in the line, which a chart marks."""
 
 
 class Answer(Record, frozen=True, tag="answer"):
@@ -54,27 +58,27 @@ class Answer(Record, frozen=True, tag="answer"):
 
 
 class Check(Record, frozen=True, tag="check"):
-    """A figure, and what became of it against its limits."""
+    """A figure and its outcome against its limits."""
 
     what: str
-    """What the figure is, in a few words: `largest relative error of colour`."""
+    """The name of the figure, in a few words: `largest relative error of colour`."""
     value: float | None
-    """The worst or the median of what was measured; `None` where nothing was: `why` says so."""
+    """The worst or the median of what was measured; `None` if nothing was: `why` says so."""
     low: float | None = None
     high: float | None = None
     unit: str = ""
-    """`×` for a ratio, `%` for a share, else a unit."""
+    """The unit: `×` for a ratio, `%` for a share, else a unit."""
     why: str = ""
-    """How it was measured, what a reader must know, or why there is no figure."""
+    """The way it was measured, what a reader must know, or why there is no figure."""
     subject: str = ""
-    """Method, quadrature rule, encoding, amplifier or `harness`; empty where the study is about one thing."""
+    """The method, quadrature rule, encoding, amplifier or `harness`; empty if the study is about one thing."""
     owner: Owner = "ours"
     status: Status = "measured"
     spread: tuple[float, float] | None = None
-    """Smallest and largest of the repetitions."""
+    """The smallest and largest of the repetitions."""
     repeats: int = 1
     id: str = ""
-    """A stable dotted name, where others ask for this figure: `training.dense.ratio`."""
+    """A stable dotted name by which others refer to this figure: `training.dense.ratio`."""
 
     @property
     def holds(self) -> bool:
@@ -91,7 +95,7 @@ class Check(Record, frozen=True, tag="check"):
 
     @property
     def limit(self) -> float | None:
-        """The only limit, or the nearer one of two."""
+        """Return the only limit, or the nearer one of two."""
         limits = [one for one in (self.low, self.high) if one is not None]
         return min(limits, key=lambda one: abs(one - (self.value or 0.0)), default=None)
 
@@ -100,7 +104,7 @@ class Effect(Record, frozen=True, tag="effect"):
     """A difference with its interval: of one method from another, of a part, or of an interaction of parts."""
 
     name: str
-    """What is added, changed or taken away: a method's name where it is one method against another."""
+    """The part that is added, changed or taken away: a method's name if it is one method against another."""
     against: str
     """A method's name; empty for a main effect or an interaction, which is against its own absence."""
     scene: str
@@ -112,17 +116,18 @@ class Effect(Record, frozen=True, tag="effect"):
     interval: tuple[float, float] | None
     """The 95 % interval of this comparison alone."""
     simultaneous: tuple[float, float] | None
-    """The one that the verdict is taken from: as many are looked at together as `family` says."""
+    """The interval that the verdict is taken from: `family` says how many comparisons are judged together."""
     family: int
     verdict: Literal["better", "worse", "equivalent", "inconclusive"]
     smallest_detectable: float | None
     pairs: int
     unpaired: int
-    """Pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
+    """The pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
     note: str = ""
     on_these_scenes: Estimate | None = None
-    """The estimate with error from seeds alone. What stands beside the difference itself is of scenes like these where
-    several were tried."""
+    """The estimate with error from seeds alone. The value beside the difference itself is of scenes like these if
+    several were tried.
+    """
 
 
 class Series(Record, frozen=True, tag="series"):
@@ -230,7 +235,7 @@ class Studies(Record, frozen=True):
 
     @property
     def broken(self) -> list[tuple[StudyRecord, Check]]:
-        """What must hold and does not."""
+        """Return the checks that must hold and do not."""
         return [(study, check) for study, check in self.checks() if check.is_broken]
 
     @property
@@ -253,7 +258,7 @@ def check(
     repeats: int = 1,
     id: str = "",
 ) -> Check:
-    """`value` against its limits. One that is missing or not finite fails, whatever the limits."""
+    """Check `value` against its limits. One that is missing or not finite fails, whatever the limits."""
     if value is not None and not math.isfinite(value):
         why = f"the figure is {value}" + (f"; {why}" if why else "")
         value = None
@@ -267,14 +272,14 @@ def check(
 
 
 def limits(bar: float, sense: Literal["at_most", "at_least"]) -> tuple[float | None, float | None]:
-    """The lowest and the highest value of a check whose sense is decided elsewhere."""
+    """Return the lowest and the highest value of a check whose sense is decided elsewhere."""
     return (None, bar) if sense == "at_most" else (bar, None)
 
 
 def write_studies(path: Path, record: Studies) -> None:
     """Writes `record` as JSON. A point of a line that is not finite is kept as a gap, a table's as words.
 
-    Raises `ValueError` where another figure is not finite.
+    Raises `ValueError` if another figure is not finite.
     """
     data = msgspec.to_builtins(record)
     for finding in (one for study in data["studies"] for one in study["findings"]):
@@ -287,7 +292,7 @@ def write_studies(path: Path, record: Studies) -> None:
 
 
 def read_studies(path: Path) -> Studies:
-    """Raises `DamagedRecord` where the file is not what this version or the one before it writes."""
+    """Read studies. Raises `DamagedRecord` if the file is not what this version or the one before it writes."""
     from harness.records.study_of_schema_1 import converted
 
     shelf = path.stem

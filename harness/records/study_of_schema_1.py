@@ -23,7 +23,9 @@ QUESTIONS: dict[int, str] = {
 
 
 def converted(shelf: str, data: dict[str, Any]) -> dict[str, Any]:
-    """The record of a shelf as plain data of schema 2; raises what a dictionary raises where something is missing."""
+    """Return the record of a shelf as plain data of schema 2; raises what a dictionary raises if something is
+    missing.
+    """
     made = {"evidence": _evidence, "stability": _stability, "speed": _speed}[shelf](data)
     common = {name: data[name] for name in ("provenance", "settings")}
     return {**common, "shelf": shelf, "schema": 2, "finished": data.get("finished", True), "studies": made}

@@ -1,1 +1,1 @@
-"""What studies found, as sections and pages; imports `page` and what is below."""
+"""The results of studies as sections and pages; imports `page` and the rooms below it."""

@@ -1,8 +1,8 @@
-"""Effects → forest plots as plain data: a row an effect, its place on an axis that every row shares, verdict in words.
+"""Effects → forest plots as plain data: one row per effect, its place on an axis that all rows share, verdict in words.
 
 Places are shares of the axis in per cent, so that a page may draw a row as wide as its column is. An interval that
-reaches beyond the axis ends at its edge, and the row says so: three scenes and forty comparisons at once make
-intervals of which the axis would show nothing else.
+reaches beyond the axis ends at its edge, and the row says so: three scenes and forty comparisons at once make intervals
+of which the axis would show nothing else.
 """
 
 from collections.abc import Iterable
@@ -19,17 +19,17 @@ from reports.page.grid import Entry
 
 BUDGETS = {"steps": "at equal steps", "seconds": "at equal training time"}
 WIDEST = 1.6
-"""On either side of 0 an axis reaches at most so many times as far as the largest difference there,"""
+"""The factor by which an axis, on either side of 0, may reach beyond the largest difference there."""
 LEAST = 0.25
-"""and is thought to be at least this share of the largest one on any side."""
+"""The least share of the largest difference on any side that the largest one on either side is taken to be."""
 MARGIN = 0.06
 READABLE = 16
-"""Rows that stay in sight without unfolding."""
+"""The rows that stay in sight without unfolding."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A horizontal bar from `start` to `end`, in per cent of the axis; cut where it goes on beyond it."""
+    """A horizontal bar from `start` to `end`, in per cent of the axis; cut if it extends beyond it."""
 
     start: float
     end: float
@@ -51,11 +51,11 @@ class Row:
     verdict: str
     tone: str
     dot: float | None
-    """None where there is no difference."""
+    """None if there is no difference."""
     alone: Mark | None
     together: Mark | None
     title: str
-    """Everything that is known of the effect in a line."""
+    """All facts of the effect in one line."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Forest:
-    """Everything of one metric at one budget; `groups` are scenes."""
+    """All effects of one metric at one budget; `groups` are scenes."""
 
     title: str
     unit: str
@@ -74,14 +74,14 @@ class Forest:
     folded: list[Group]
     zero: float
     band: Mark | None
-    """± the smallest effect of interest, where it is known."""
+    """The range of ± the smallest effect of interest, if it is known."""
     of_interest: str
     ticks: list[tuple[float, str]]
     family: str
 
     @property
     def keys(self) -> list[tuple[str, str]]:
-        """Class of each kind of mark, and what it means."""
+        """Return the class of each kind of mark, and what it means."""
         found = {"dot": "difference", "alone": "its 95 % interval alone", "together": f"so wide that {self.family}"}
         if self.band:
             found["interest"] = f"{self.of_interest}, the smallest effect of interest"
@@ -90,30 +90,30 @@ class Forest:
 
 @dataclass(frozen=True)
 class Axis:
-    """Differences from `low` to `high`; 0 lies between."""
+    """An axis of differences from `low` to `high`; 0 lies between."""
 
     low: float
     high: float
 
     def place(self, value: float) -> float:
-        """In per cent of the axis."""
+        """Return the place in per cent of the axis."""
         return round(100 * (value - self.low) / (self.high - self.low), 2)
 
     def mark(self, pair: tuple[float, float] | None) -> Mark | None:
-        """None where nothing of `pair` lies on the axis."""
+        """Return the mark of `pair`; None if nothing of it lies on the axis."""
         if pair is None or pair[0] > self.high or pair[1] < self.low:
             return None
         start, end = max(pair[0], self.low), min(pair[1], self.high)
         return Mark(self.place(start), self.place(end), start > pair[0], end < pair[1])
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Those that have room for their words."""
+        """Return the ticks that have room for their words."""
         every = [(self.place(at), tick(round(float(at), 10))) for at in MaxNLocator(6).tick_values(self.low, self.high)]
         return [(place, words) for place, words in every if 3 <= place <= 97]
 
 
 def forests(effects: list[Effect], of_interest: dict[str, float]) -> list[Forest]:
-    """By metric and budget in the order of the record; forests of one metric share their axis.
+    """Return forests by metric and budget in the order of the record; forests of one metric share their axis.
 
     `of_interest`: metric → the smallest effect that matters to anybody, from the record's settings.
     """
@@ -127,7 +127,7 @@ def forests(effects: list[Effect], of_interest: dict[str, float]) -> list[Forest
 
 
 def axis_of(effects: Iterable[Effect], of_interest: float) -> Axis:
-    """Around every difference, the intervals as far as `WIDEST` allows, and the band of interest."""
+    """Return an axis around every difference, the intervals as far as `WIDEST` allows, and the band of interest."""
     there = list(effects)
     values = [one.difference for one in there if one.difference is not None]
     ends = [end for one in there for pair in (one.interval, one.simultaneous) for end in pair or ()]
@@ -167,7 +167,7 @@ class _Effects:
 
 
 def _groups(effects: list[Effect]) -> list[_Effects]:
-    """By scene, all scenes together first; in each of them parts and interactions, then method against method."""
+    """Group by scene, all scenes together first; in each of them parts and interactions, then method against method."""
     scenes = sorted(dict.fromkeys(one.scene for one in effects), key=lambda scene: scene != "all")
     both = len({bool(one.against) for one in effects}) == 2
     found = []
@@ -180,7 +180,7 @@ def _groups(effects: list[Effect]) -> list[_Effects]:
 
 
 def family_said(families: list[int]) -> str:
-    """What holds together in 95 % of repetitions, from the sizes of the families, rising."""
+    """Return what holds together in 95 % of repetitions, from the sizes of the families, rising."""
     if families[-1] == 1:
         return "each comparison stands for itself"
     few = "" if families[0] == families[-1] else f"{families[0]} to "
@@ -192,7 +192,7 @@ def scene_said(scene: str) -> str:
 
 
 def metric_of(name: str) -> Metric:
-    """What is known of a metric; one that this version does not know keeps its name."""
+    """Return the facts of a metric; one that this version does not know keeps its name."""
     return next((one for one in METRICS if one.name == name), Metric(name, name, "", 3, True, ""))
 
 
@@ -225,7 +225,9 @@ def figures_of(one: Effect, metric: Metric) -> Entry:
 
 
 def told(one: Effect, metric: Metric) -> str:
-    """`φ encoding on lego: +0.31 dB; alone [+0.11, +0.51], together with 23 others [−0.09, +0.71]; inconclusive`"""
+    """Return a line such as `φ encoding on lego: +0.31 dB; alone [+0.11, +0.51], together with 23 others [−0.09,
+    +0.71]; inconclusive`.
+    """
     subject = f"{one.name} against {one.against}" if one.against else one.name
     figure = f"{signed(one.difference, metric.digits)}{after(metric.unit)}"
     alone = f"95 % interval {interval(one.interval, metric.digits)}" if one.interval else "no interval"

@@ -1,4 +1,4 @@
-"""An evidence record → evidence.html and the sections of the report, as self-contained."""
+"""An evidence record → evidence.html and the sections of the report, both self-contained."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from reports.studies.effects_plot import BUDGETS, Forest, forests, metric_of, sc
 from scenes.files.atomic import write_atomically
 
 AT_ONCE = 4
-"""Findings in sight besides the answer."""
+"""The number of findings in sight besides the answer."""
 HOLDS, FAILS = "✓ holds", "✕ does not hold"
 
 
@@ -27,16 +27,16 @@ class StudyShown:
     info: StudyInfo
     answer: str
     findings: list[str]
-    """What else was found first,"""
+    """The other findings that are in sight."""
     more: list[str]
-    """and what is left to those who unfold it."""
+    """The remaining findings, which are unfolded on request."""
     scale: str
     failed: bool
     checks: Grid | None
     forests: list[Forest]
-    """Of the metric that comes first."""
+    """The forests of the metric that comes first."""
     others: list[Forest]
-    """Of the other metrics."""
+    """The forests of the other metrics."""
     effects: Grid | None
     charts: list[Chart]
     tables: list[Grid]
@@ -47,7 +47,7 @@ class StudyShown:
 class Evidence:
     headline: str
     failed: list[tuple[str, str]]
-    """Anchor of the study, and what does not hold."""
+    """The anchor of the study, and what does not hold."""
     finished: bool
     quick: bool
     studies: list[StudyShown]
@@ -64,13 +64,13 @@ def evidence(record: Studies) -> Evidence:
 
 
 def of_interest(record: Studies) -> dict[str, float]:
-    """Metric → the smallest effect of interest, as far as the record knows it."""
+    """Return metric → the smallest effect of interest, as far as the record knows it."""
     known: Any = record.settings.get("smallest_of_interest")
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
 
 
 def headline(record: Studies) -> str:
-    """What a reader takes home: whether the rest may be trusted."""
+    """Return the main message of the page: whether the rest may be trusted."""
     every, lost = list(record.checks()), record.broken
     if not every:
         return f"Evidence: {counted(len(record.studies), 'study', 'studies')}, without a check"
@@ -107,7 +107,7 @@ def study_shown(study: StudyRecord, of_interest: dict[str, float]) -> StudyShown
 
 
 def checks_grid(checks: list[Check]) -> Grid:
-    """What does not hold comes first."""
+    """Return the checks; what does not hold comes first."""
     columns = [Column("what must hold", numeric=False), Column("measured"), Column("wanted"), Column("")]
     rows = [
         [
@@ -122,13 +122,13 @@ def checks_grid(checks: list[Check]) -> Grid:
 
 
 def check_said(one: Check) -> str:
-    """`share of A/A comparisons that are called better or worse: 0.081, wanted ≤ 0.05 (why)`"""
+    """Return a line such as `share of A/A comparisons that are called better or worse: 0.081, wanted ≤ 0.05 (why)`."""
     limits = f", wanted {wanted(one)}" if wanted(one) else ""
     return f"{one.what}: {figure_said(one)}{limits}" + (f" ({one.why})" if one.why else "")
 
 
 def figure_said(one: Check) -> str:
-    """With as many digits as it takes to tell a failing one from its limits."""
+    """Return the figure with as many digits as it takes to distinguish a failing one from its limits."""
     if one.value is None:
         return "no figure"
     limits = [limit for limit in (one.low, one.high) if limit is not None]
@@ -141,7 +141,7 @@ def figure_said(one: Check) -> str:
 
 
 def wanted(one: Check) -> str:
-    """`≤ 0.05`, `0.8 … 1`, or nothing."""
+    """Return the limits as `≤ 0.05` or `0.8 … 1`; empty without any."""
     low, high = (None if limit is None else plain(limit) for limit in (one.low, one.high))
     if low and high:
         return f"{low} … {high}{after(one.unit)}"
@@ -149,12 +149,12 @@ def wanted(one: Check) -> str:
 
 
 def plain(value: float) -> str:
-    """A limit without digits that nobody asked for: 0.05, 30."""
+    """Return a limit without superfluous digits: 0.05, 30."""
     return number(value, 3).rstrip("0").rstrip(".") if 1e-3 <= abs(value) < 1e3 else of_any_size(value, 2)
 
 
 def effects_grid(effects: list[Effect]) -> Grid:
-    """Every effect with everything that is known of it."""
+    """Return every effect with all facts about it."""
     labels = ("effect", "against", "scene", "metric", "budget")
     figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "unpaired")
     columns = [*(Column(one, numeric=False) for one in labels), *map(Column, figures), Column("verdict", numeric=False)]
@@ -191,7 +191,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
 
 
 def sentences(record: Studies) -> list[str]:
-    """How much was asked, and how long it took."""
+    """Return how many questions were examined, and how long it took."""
     if not record.studies:
         return ["No study is whole."]
     seconds = sum(study.seconds for study in record.studies)
@@ -202,7 +202,7 @@ def sentences(record: Studies) -> list[str]:
 
 
 def evidence_page(record: Studies) -> str:
-    """The whole page as text."""
+    """Return the complete page as text."""
     shown = evidence(record)
     return (
         shell.environment()
@@ -221,13 +221,13 @@ def evidence_page(record: Studies) -> str:
 
 
 def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Groups of name and value: how to get the same again, and how long that takes."""
+    """Return groups of name and value: how to reproduce the figures, and how long that takes."""
     spent = [(study.info.title, wording.duration(study.seconds)) for study in record.studies if study.seconds]
     return shell.groups_of(record.provenance, record.settings, spent)
 
 
 def write_evidence_page(record: Studies, out: Path) -> Path:
-    """Into `out`; gives the page's path."""
+    """Write the page into `out`; returns its path."""
     path = out / shell.EVIDENCE_PAGE
     write_atomically(path, evidence_page(record), fsync=False)
     return path

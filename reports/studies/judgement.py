@@ -1,4 +1,4 @@
-"""A judgement of somebody's table → judgement.html, in the same design as the report and as self-contained."""
+"""A judgement of a user's table → judgement.html, in the same design as the report and as self-contained."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,12 +21,14 @@ from scenes.files.atomic import write_atomically
 MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
 TURNED = {"better": "worse", "worse": "better"}
 MOST_TITLES = 40
-"""Methods up to which each pair of the matrix says its numbers."""
+"""The number of methods up to which each pair of the matrix shows its numbers."""
 MOST_CHANGES = 30
 ROW_INCHES = 0.19
 LEAST_FOR_FAR = 6
 FAR = 6.0
-"""Robust standard deviations from the middle at which a method's mean is off the axis, its figure beside its name."""
+"""The robust standard deviations from the middle at which a method's mean is off the axis, its figure beside its
+name.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,9 @@ class Square:
 
 
 def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Grid:
-    """Methods from best to worst with their groups and what each is less the next one, or less the baseline."""
+    """Return methods from best to worst with their groups and their difference from the next one, or from the
+    baseline.
+    """
     everything = record.baseline is None
     shown = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
     seeded = any(pair.on_these_scenes for pair in ranking.pairs)
@@ -76,7 +80,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Gri
 
 
 def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:
-    """The difference with its simultaneous interval, and the verdict where it has no column of its own."""
+    """Return the difference with its simultaneous interval, and the verdict if it has no column of its own."""
     if pair is None or estimate is None:
         return EMPTY
     words = within(record, estimate) + (f"\n{said(estimate.verdict)}" if worded else "")
@@ -93,7 +97,7 @@ def within(record: JudgementRecord, estimate: Estimate) -> str:
 
 
 def matrix(record: JudgementRecord) -> list[tuple[str, list[Square]]]:
-    """Each method's row against every method, in their order; nothing against a baseline."""
+    """Return each method's row against every method, in their order; nothing against a baseline."""
     if record.baseline is not None:
         return []
     names = [one.method for one in record.given.places]
@@ -140,7 +144,7 @@ def changes_grid(record: JudgementRecord) -> Grid:
 
 
 def panel(record: JudgementRecord) -> Panel:
-    """Means with a bar for each group below them; against a baseline, differences with their intervals."""
+    """Return means with a bar for each group below them; against a baseline, differences with their intervals."""
     unit = f" ({record.unit})" if record.unit else ""
     return _against(record, unit) if record.baseline is not None else _groups(record, unit)
 
@@ -169,7 +173,7 @@ def _groups(record: JudgementRecord, unit: str) -> Panel:
 
 
 def _limits(means: list[float]) -> tuple[float, float] | None:
-    """Of an axis that leaves out methods far from the others, which would have it to themselves."""
+    """Return the limits of an axis that leaves out methods far from the others, which would otherwise fill it alone."""
     if len(means) < LEAST_FOR_FAR:
         return None
     middle = median(means)
@@ -207,7 +211,7 @@ JUDGEMENT_PAGE = "judgement.html"
 
 
 def judgement_page(record: JudgementRecord) -> str:
-    """The whole page as text."""
+    """Return the complete page as text."""
     clean = record.without_suspects
     return (
         shell.environment()
@@ -234,7 +238,7 @@ def judgement_page(record: JudgementRecord) -> str:
 
 
 def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Which table was judged, and how."""
+    """Return which table was judged, and how."""
     better = "higher" if record.higher_is_better else "lower"
     settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
     settings |= {"baseline": record.baseline} if record.baseline is not None else {}
@@ -242,7 +246,7 @@ def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]
 
 
 def write_judgement_page(record: JudgementRecord, out: Path) -> Path:
-    """Into `out`; gives the page's path."""
+    """Write the page into `out`; returns its path."""
     path = out / JUDGEMENT_PAGE
     write_atomically(path, judgement_page(record), fsync=False)
     return path

@@ -1,4 +1,4 @@
-"""What the README shows of the studies: their records, each with the small plots that tell most."""
+"""The figures of the studies that the README shows: their records, each with the small plots that show most."""
 
 import math
 from collections.abc import Iterable
@@ -30,7 +30,7 @@ from reports.studies.stability_matrix import LEGEND, MARKS, OWNERS, Tone, cell, 
 
 MATRIX, CURVES = "stability.png", "stability_curves.png"
 CHAPTERS_DRAWN = (1, 2, 3, 9)
-"""Rounding, truncation, gradients, ladders: the first chart of each."""
+"""Rounding, truncation, gradients, ladders: the first chart of each is drawn."""
 INKS: dict[Tone, str] = {
     "passes": "#00654c",
     "fails": "#a8330a",
@@ -41,14 +41,14 @@ INKS: dict[Tone, str] = {
 }
 GROUNDS: dict[Tone, str] = {"passes": "#e4f2ee", "fails": "#f7b8a0", "property": "#ecd9f1"}
 TITLE_WIDTH = 14.0
-"""Of the column of titles, in squares."""
+"""The width of the column of titles, in squares."""
 LEAST_WIDTH = 9.0
-"""Of the squares of one owner: its name stands above them."""
+"""The least width of the squares of one owner: its name stands above them."""
 LEGEND_WIDTH = 40.0
 
 
 def write_published_stability(record: Studies, folder: Path) -> list[Path]:
-    """The record without its pictures, which stay behind, and a PNG for each of what there is to draw."""
+    """Write the record without its pictures, which are left out, and a PNG for each of what there is to draw."""
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / SHELVES["stability"]]
     write_studies(written[0], without(record, Picture))
@@ -61,7 +61,7 @@ def write_published_stability(record: Studies, folder: Path) -> list[Path]:
 
 
 def without(record: Studies, kind: type) -> Studies:
-    """The record without its findings of one kind."""
+    """Return the record without its findings of one kind."""
     kept = [
         msgspec.structs.replace(study, findings=[one for one in study.findings if not isinstance(one, kind)])
         for study in record.studies
@@ -70,7 +70,7 @@ def without(record: Studies, kind: type) -> Studies:
 
 
 def miniature(record: Studies) -> Figure | None:
-    """A row a case; a square a subject, under whose form it is, marked by what became of it."""
+    """Draw a row per case, and a square per subject, below the owner of its form, marked by its outcome."""
     cases = [case for case in record.studies if case.checks]
     if not cases:
         return None
@@ -97,7 +97,7 @@ def miniature(record: Studies) -> Figure | None:
 
 
 def squares(case: StudyRecord, whose: str) -> list[Tone]:
-    """What became of each subject of one owner."""
+    """Return the outcome of each subject of one owner."""
     chosen = [one for one in case.checks if one.owner == whose]
     subjects = dict.fromkeys(one.subject for one in chosen)
     return [cell([one for one in chosen if one.subject == subject]).tone for subject in subjects]
@@ -120,7 +120,7 @@ def _legend(axes: Axes, y: float, tones: set[Tone]) -> None:
 
 
 def curves(record: Studies) -> Figure | None:
-    """The first chart of each chosen chapter, side by side."""
+    """Draw the first chart of each chosen chapter, side by side."""
     series = [one for case in record.studies for one in case.series]
     chosen = [found for item in CHAPTERS_DRAWN if (found := first_chart([one for one in series if one.item == item]))]
     if not chosen:
@@ -137,21 +137,21 @@ def curves(record: Studies) -> Figure | None:
 
 
 def chart(axes: Axes, title: str, group: list[Series], pens: dict[str, Pen]) -> None:
-    """One chart as the page shows it, with its title above and its key below."""
+    """Draw one chart as the page shows it, with its title above and its key below."""
     paint(axes, panel(title, group, pens))
     axes.set_title(title, fontsize=9, loc="left", color=palette.INK.light)
     keys(axes, dict.fromkeys(one.name for one in group), pens)
 
 
 def first_chart(series: list[Series]) -> tuple[str, list[Series], dict[str, Pen]] | None:
-    """Title, lines and pens of the first chart of a chapter, where it has one."""
+    """Return title, lines and pens of the first chart of a chapter, if it has one."""
     drawn = with_points(series)
     charts = panels_of(drawn)
     return (*charts[0], pens_in(drawn)) if charts else None
 
 
 def keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
-    """What the lines of a chart are, below it."""
+    """Draw the key of a chart's lines, below it."""
     handles = [
         axes.plot(
             [], [], label=name, color=pens[name].colour.light, marker=pens[name].marker, markersize=4.6,
@@ -165,11 +165,11 @@ def keys(axes: Axes, names: Iterable[str], pens: dict[str, Pen]) -> None:
 
 EFFECTS, BANDWIDTH = "evidence_effects.png", "bandwidth.png"
 LARGEST = 500_000
-"""Bytes of a published record; a longer one is left without its lines."""
+"""The largest size in bytes of a published record; a longer one is left without its lines."""
 
 
 def write_published_evidence(record: Studies, folder: Path) -> list[Path]:
-    """The record, and a PNG for each of what there is to draw; gives what was written."""
+    """Write the record, and a PNG for each of what there is to draw; returns the written paths."""
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / SHELVES["evidence"]]
     write_studies(written[0], record)
@@ -184,7 +184,7 @@ def write_published_evidence(record: Studies, folder: Path) -> list[Path]:
 
 
 def effects_figure(record: Studies) -> Figure | None:
-    """What each part does to PSNR over all scenes, at equal steps and at equal time, side by side."""
+    """Draw what each part does to PSNR over all scenes, at equal steps and at equal time, side by side."""
     study = record.study("factorial")
     effects = [one for one in study.effects if (one.metric, one.scene) == ("psnr", "all")] if study else []
     effects = [one for one in effects if not one.against and one.difference is not None]
@@ -218,12 +218,14 @@ def effects_figure(record: Studies) -> Figure | None:
 
 
 def _name(one: Effect) -> str:
-    """With its note, where effects of one name differ by it."""
+    """Return the name, with its note if effects of one name differ by it."""
     return f"{one.name} ({one.note})" if one.note else one.name
 
 
 def _row(axes: Axes, one: Effect, axis: Axis, place: int) -> None:
-    """The pale bar is the interval that the verdict is taken from, the dark one that of this effect alone."""
+    """Draw a row. The pale bar is the interval that the verdict is taken from, the dark one that of this effect
+    alone.
+    """
     colour = palette.KNOWN["nerf"].light
     settled = one.verdict in ("better", "worse")
     for pair, width, alpha in ((one.simultaneous, 6.0, 0.3), (one.interval, 1.8, 1.0)):
@@ -236,7 +238,7 @@ def _row(axes: Axes, one: Effect, axis: Axis, place: int) -> None:
 
 
 def bandwidth_figure(record: Studies) -> Figure | None:
-    """The first chart of the study: how far φ and its controls are from NeRF, over resolution."""
+    """Draw the first chart of the study: how far φ and its controls are from NeRF, over resolution."""
     study = record.study("bandwidth")
     found = first_chart(study.series) if study else None
     if found is None:
@@ -251,9 +253,10 @@ MEASURES_DRAWN: dict[Measure, str] = {"whole": "whole picture", "hardest": "its 
 
 
 def write_published_serving(record: ServingRecord, methods: list[str], folder: Path) -> list[Path]:
-    """The record without pictures and curves (summary.json holds those), and a plot where there is something to draw.
+    """Write the record without pictures and curves (summary.json holds those), and a plot if there is something to
+    draw.
 
-    Gives what was written.
+    Returns the written paths.
     """
     folder.mkdir(parents=True, exist_ok=True)
     attention = record.attention and replace(record.attention, frames=[], curves=[])
@@ -268,7 +271,9 @@ def write_published_serving(record: ServingRecord, methods: list[str], folder: P
 
 
 def serving_figure(record: ServingRecord, methods: list[str]) -> Figure | None:
-    """Latencies on the first scene; error over time on the first scene, by the first map, attended and whole."""
+    """Draw latencies on the first scene, and error over time on the first scene, by the first map, attended and
+    complete.
+    """
     drawn: list[tuple[str, Panel, dict[str, Pen]]] = []
     if record.cache is not None and record.cache.latencies:
         pens = pens_of_methods(methods, [one.method for one in record.cache.latencies])
@@ -312,7 +317,7 @@ DASHED: dict[str, Any] = {"color": MUTED.light, "linewidth": 1.0, "linestyle": (
 
 
 def write_published_speed(record: Studies, folder: Path) -> list[Path]:
-    """speed.json and, where there is something to draw, speed.png; gives what was written."""
+    """Write speed.json and, if there is something to draw, speed.png; returns the written paths."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / SHELVES["speed"]
     write_studies(path, record)
@@ -325,7 +330,7 @@ def write_published_speed(record: Studies, folder: Path) -> list[Path]:
 
 
 def time_to_target(record: Studies) -> Figure | None:
-    """The curves of question 3, a panel each; dashed, the best that the first line of a panel reached."""
+    """Draw the curves of question 3, one panel each; dashed, the best that the first line of a panel reached."""
     study = record.study(TIME_TO_TARGET)
     drawn = [one for one in study.series if one.x and min(one.x) > 0] if study else []
     if not drawn:
@@ -365,7 +370,7 @@ def _curve(axes: Axes, one: Series, pen: Pen) -> None:
 
 
 def short(titles: list[str]) -> list[str]:
-    """Titles without the words that all begin with."""
+    """Return titles without the words that all begin with."""
     if len(titles) < 2:
         return titles
     words = [title.split(" ") for title in titles]
@@ -376,7 +381,7 @@ def short(titles: list[str]) -> list[str]:
 
 
 def ratios(record: Studies) -> Figure | None:
-    """Every ratio with a target: what was measured, and a bar where the target stands."""
+    """Draw every ratio with a target: the measured value, and a bar at the target."""
     chosen = [one for _, one in record.checks() if one.unit == "×" and one.low]
     drawn = [one for one in chosen if one.value is not None and one.value > 0]
     if not drawn:

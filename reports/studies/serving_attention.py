@@ -1,4 +1,4 @@
-"""Attention-prioritised rendering as measured → what the report shows of it, as plain data."""
+"""Attention-prioritised rendering as measured → the report's section on it, as plain data."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,14 +44,14 @@ from reports.studies.serving_said import (
 )
 
 FRAMES_BYTES = 400_000
-"""Of the page, for example frames."""
+"""The bytes of the page that example frames may take."""
 IN_SIGHT = 6
-"""Cases of the table that need no unfolding."""
+"""The cases of the table that need no unfolding."""
 
 
 @dataclass(frozen=True)
 class Tab:
-    """A choice of the reader."""
+    """One choice of the reader."""
 
     name: str
     label: str
@@ -59,13 +59,13 @@ class Tab:
 
 @dataclass(frozen=True)
 class Choice:
-    """What is seen when its map and its method are chosen."""
+    """The content that is shown when its map and its method are chosen."""
 
     name: str
     words: str
-    """What is attended to, as far as the record says it."""
+    """A description of what is attended to, as far as the record says it."""
     curves: list[tuple[str, list[Plot]]]
-    """By where the error is taken, in words."""
+    """The curves by where the error is taken, in words."""
     allocations: list[Plot]
 
 
@@ -86,7 +86,7 @@ class Strip:
 class Attention:
     answer: str
     sentences: list[tuple[str, str]]
-    """What about, and what was found."""
+    """Pairs of a topic and its finding."""
     maps: list[Tab]
     methods: list[Tab]
     choices: list[Choice]
@@ -99,7 +99,7 @@ class Attention:
 
     @property
     def rules(self) -> Markup:
-        """The style that shows what is chosen, and what is missing where nothing was measured for it."""
+        """Return the style that shows what is chosen, and what is missing if nothing was measured for it."""
         known = {one.name for one in self.choices}
         shown = [
             f'.served:has([name=map][value="{kind.name}"]:checked):has([name=served][value="{method.name}"]:checked) .'
@@ -112,7 +112,7 @@ class Attention:
 
 @dataclass(frozen=True)
 class About:
-    """What both sections about serving say of themselves."""
+    """The facts that both sections about serving state about themselves."""
 
     quick: bool
     whole: bool
@@ -131,7 +131,9 @@ def about(record: ServingRecord) -> About:
 
 
 def attention(record: ServingRecord, folder: Path) -> Attention | None:
-    """`folder`: the run's records, where the pictures are. None where nothing of it was measured."""
+    """Return the section; None if nothing of it was measured. `folder` holds the run's records, where the pictures
+    are.
+    """
     found, seen = record.attention, record.first_frame
     if found is None:
         return _bare(seen) if seen or record.left_out else None
@@ -171,7 +173,7 @@ def attention(record: ServingRecord, folder: Path) -> Attention | None:
 
 
 def _bare(seen: FirstFrame | None) -> Attention:
-    """The viewer's first frame alone, if anything."""
+    """Return the viewer's first frame alone, if anything."""
     said = "No method of this run was rendered by regions."
     return Attention(said, _viewer(seen), [], [], [], [], [], None, None, [], 0)
 
@@ -196,7 +198,7 @@ def _choice(name: str, record: ServingRecord, found: AttentionRecord, kind: str,
 
 
 def _curves(curves: list[Anytime], found: AttentionRecord, measure: Measure, name: str) -> list[Plot]:
-    """In the order in which they are told apart: attention last, on top."""
+    """Return the curves, ordered so that attention is last, on top."""
     sorted_ = sorted(curves, key=lambda one: -RACED_ORDERS.index(one.order))
     panels = anytime_panels(sorted_, found.reaching, measure)
     return plots(panels, f"{name}-{measure}")
@@ -208,7 +210,7 @@ def _shared(found: list[Allocation], name: str) -> list[Plot]:
 
 
 def races_grid(cases: list[Race]) -> Grid:
-    """Seconds of every order to the same share of the error; the first of each group stands out."""
+    """Return the seconds of every order to the same share of the error; the first of each group stands out."""
     there = [order for order in RACED_ORDERS if any(order in times for one in cases for times in one.times.values())]
     columns = [Column("where", numeric=False), Column("attention", numeric=False)]
     columns += [Column(order, small=measure) for measure in MEASURES for order in there]
@@ -237,7 +239,7 @@ def _times(times: Times, orders: list[Order]) -> list[Entry]:
 
 
 def allocations_grid(found: list[Allocation], reference_bins: int) -> Grid:
-    """Every picture with its samples shared out in either way."""
+    """Return every picture with its samples distributed in either way."""
     columns = [Column(name, numeric=False) for name in ("where", "attention", "samples")]
     columns += [Column(name) for name in ("a ray", "evaluations")]
     columns += [Column("of these", small="to find out"), Column("time")]
@@ -266,7 +268,7 @@ def allocations_grid(found: list[Allocation], reference_bins: int) -> Grid:
 
 
 def strips(frames: list[ExampleFrame], folder: Path) -> list[Strip]:
-    """By scene and method, as the record has them."""
+    """Return the strips by scene and method, in the order of the record."""
     side = side_for(len(frames), FRAMES_BYTES)
     found = []
     for scene, method in dict.fromkeys((one.scene, one.method) for one in frames):

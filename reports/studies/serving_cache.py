@@ -1,4 +1,4 @@
-"""The view cache as measured → what the report shows of it, as plain data."""
+"""The view cache as measured → the report's section on it, as plain data."""
 
 from dataclasses import dataclass, replace
 
@@ -23,22 +23,22 @@ ROWS = {
     "level 1": "memory 1",
     "level 0": "memory 0",
 }
-"""Short, as there is little room beside a plot."""
+"""Short names, as there is little room beside a plot."""
 LIMITS = {**dict.fromkeys(MEMORY + HASHED, "target_memory"), **dict.fromkeys(DISK, "target_disk")}
 APART = 0.24
-"""Of a row, between methods."""
+"""The share of a row between methods."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A piece of a stacked bar: how many views came from there."""
+    """A piece of a stacked bar: how many views came from one source."""
 
     tone: str
     """A class of the style sheet."""
     said: str
     many: int
     share: float
-    """In per cent."""
+    """The share in per cent."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Use:
     """Views by where they came from, for a file."""
     rate: str
     others: str
-    """Hit rates of paths like it."""
+    """The hit rates of similar paths."""
     seconds: str
     without: str
     bounds: str
@@ -66,14 +66,16 @@ class Cache:
     plots: list[Plot]
     latencies: Grid | None
     tones: list[tuple[str, str]]
-    """Class and words of each part of a bar."""
+    """The class and words of each part of a bar."""
     uses: list[Use]
     confused: str
     confusions: Grid | None
 
 
 def cache(record: CacheRecord, methods: list[str]) -> Cache:
-    """`methods`: of the run, in its order, whose colours they have everywhere."""
+    """Return the section on the cache. `methods` are those of the run, in its order, whose colours they have
+    everywhere.
+    """
     pens = pens_of_methods(methods, [one.method for one in record.latencies])
     panels = latency_panels(record, pens)
     return Cache(
@@ -90,14 +92,14 @@ def cache(record: CacheRecord, methods: list[str]) -> Cache:
 
 
 def pens_of_methods(methods: list[str], others: list[str]) -> dict[str, Pen]:
-    """The page's colours, a marker for each, no dashes."""
+    """Return the page's colours, a marker for each, no dashes."""
     every = list(dict.fromkeys([*methods, *others]))
     colours = palette.colours_of(every)
     return {name: Pen(colours[name], *MARKERS[place % len(MARKERS)], ()) for place, name in enumerate(every)}
 
 
 def answer(record: CacheRecord) -> str:
-    """How much faster, against the targets, and under which conditions."""
+    """Return how much faster it is, against the targets, and under which conditions."""
     said = []
     for sources, where, target in (
         (MEMORY, "in memory, of a method that is no longer trained,", record.target_memory),
@@ -114,7 +116,7 @@ def answer(record: CacheRecord) -> str:
 
 
 def stored(record: CacheRecord) -> str:
-    """What a view takes."""
+    """Return the bytes of a view."""
     return (
         f"A view of {record.width} × {record.height} px takes {bytes_said(record.memory_bytes_per_view)} in memory and "
         f"{bytes_said(record.disk_bytes_per_view)} on disk. Level 0 keeps what was asked for again, level 1 what was "
@@ -125,7 +127,7 @@ def stored(record: CacheRecord) -> str:
 
 
 def latencies_grid(record: CacheRecord) -> Grid:
-    """Scene by scene, from rendering down to the fastest level."""
+    """Return latencies scene by scene, from rendering down to the fastest level."""
     columns = [
         Column("where", numeric=False),
         Column("from", numeric=False),
@@ -166,7 +168,9 @@ def _latency(one: Latency, record: CacheRecord) -> list[Entry]:
 
 
 def latency_panels(record: CacheRecord, pens: dict[str, Pen]) -> list[Panel]:
-    """A panel a scene: a row for each source, a marker with its spread for each method, a dash where its target is."""
+    """Return one panel per scene: a row for each source, a marker with its spread for each method, a dash at its
+    target.
+    """
     there = [source for source in TIMED if any(one.source == source for one in record.latencies)]
     panels = []
     for scene in dict.fromkeys(one.scene for one in record.latencies):
@@ -227,7 +231,7 @@ def _use(one: PathUse) -> Use:
 
 
 def _others(one: PathUse) -> str:
-    """Mean and range over all seeds; nothing where there is one."""
+    """Return mean and range over all seeds; empty if there is one."""
     if not one.other_hit_rates:
         return ""
     rates = [100 * rate for rate in (one.hit_rate, *one.other_hit_rates)]
@@ -236,7 +240,7 @@ def _others(one: PathUse) -> str:
 
 
 def confused(found: list[Confusion]) -> str:
-    """What the key of the pose alone would have done; nothing where nobody looked."""
+    """Return what the key of the pose alone would have done; empty if it was not tried."""
     views, stale = sum(one.views for one in found), sum(one.stale for one in found)
     if not views:
         return ""

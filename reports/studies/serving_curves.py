@@ -15,7 +15,7 @@ PENS: dict[Order, Pen] = {
     "spread": Pen(palette.OTHERS[2], "s", False, (1.2, 1.2)),
     "plain": Pen(palette.OTHERS[3], "^", True, (8, 2, 1.2, 2)),
 }
-"""Not in the colours of methods."""
+"""The pens of the orders, not in the colours of methods."""
 ALLOCATED: dict[str, Pen] = {
     f"{words}, {where}": Pen(colour, marker, where == "whole", () if where == "attended" else (1.2, 1.2))
     for words, colour, marker in (
@@ -26,14 +26,18 @@ ALLOCATED: dict[str, Pen] = {
     for where in ("attended", "whole")
 }
 INVISIBLE = 1e-4
-"""Of display colour, a fortieth of a step of an 8-bit picture: below it a curve stands at the foot of its axis."""
+"""The smallest visible difference of display colour, a fortieth of a step of an 8-bit picture: below it a curve stands
+at the foot of its axis.
+"""
 AT_MOST = 80
-"""Steps of a line."""
+"""The steps of a line, at most."""
 SIZE = (3.4, 2.3)
 
 
 def anytime_panels(curves: list[Anytime], reaching: list[Reaching], measure: Measure) -> list[Panel]:
-    """A panel a scene, a line an order; a marker where it has come down to the error that `reaching` says."""
+    """Return one panel per scene and one line per order; a marker stands where it has come down to the error that
+    `reaching` says.
+    """
     panels = []
     for scene in dict.fromkeys(one.scene for one in curves):
         some = [one for one in curves if one.scene == scene]
@@ -87,7 +91,9 @@ def _panel(scene: str, curves: list[Anytime], goals: list[Reaching], measure: Me
 
 
 def _drawn(seconds: list[float], error: list[float]) -> tuple[list[float], list[float]]:
-    """As steps, for an error stays until the next region is done; what is done at once, to the eye, is one step."""
+    """Return the curve as steps, for an error stays until the next region is done; what is done at once, to the eye, is
+    one step.
+    """
     apart = (seconds[-1] - seconds[0]) / AT_MOST
     kept = [(seconds[0], error[0])]
     for place in range(1, len(seconds)):
@@ -102,7 +108,9 @@ def _drawn(seconds: list[float], error: list[float]) -> tuple[list[float], list[
 
 
 def allocation_series(found: list[Allocation]) -> list[Series]:
-    """Error over network evaluations, a chart a scene; a line for each way to share samples out and each error."""
+    """Return error over network evaluations, one chart per scene; a line for each way to distribute samples and each
+    error.
+    """
     series = []
     for scene in dict.fromkeys(one.scene for one in found):
         for way, words in WAYS.items():

@@ -25,7 +25,7 @@ SOURCES = {
     "level 1": "memory (level 1)",
     "level 0": "memory (level 0)",
 }
-"""From the slowest to the fastest."""
+"""The sources from the slowest to the fastest."""
 TIMED = {
     "render": "rendered",
     "level 2 cold": "disk, file not in the system’s memory",
@@ -34,7 +34,7 @@ TIMED = {
     "level 1": "memory (level 1)",
     "level 0": "memory (level 0)",
 }
-"""What was timed, in the same order."""
+"""The timed operations, in the same order."""
 MAPS = {
     "point": "a point of interest",
     "mask": "a user’s mask",
@@ -42,7 +42,7 @@ MAPS = {
     "error": "estimated error",
     "foveal": "falling off as in an eye",
 }
-"""Attention maps; others are called as the record calls them."""
+"""Attention maps in words; others are named as in the record."""
 ORDERS = {"attention": "by attention", "raster": "in raster order", "spread": "spread", "plain": "plain"}
 MEASURES: dict[Measure, str] = {
     "whole": "the whole picture",
@@ -58,7 +58,7 @@ OUTCOMES: dict[Verdict, str] = {"seen": "met", "not seen at this scale": "missed
 
 
 def brief(seconds: float) -> str:
-    """18.3 µs, 45.2 ms, 1.20 s."""
+    """Return the time as 18.3 µs, 45.2 ms, 1.20 s."""
     for size, unit in ((1.0, "s"), (1e-3, "ms")):
         if seconds >= size:
             return f"{significant(seconds / size)} {unit}"
@@ -66,7 +66,7 @@ def brief(seconds: float) -> str:
 
 
 def bytes_said(many: int) -> str:
-    """160 kB, 1.05 MB: powers of a thousand."""
+    """Return the size as 160 kB, 1.05 MB: powers of a thousand."""
     for size, unit in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
         if many >= size:
             return f"{significant(many / size)} {unit}"
@@ -74,13 +74,13 @@ def bytes_said(many: int) -> str:
 
 
 def times(ratios: Sequence[float]) -> str:
-    """2 100 times, 2 100 to 3 900 times."""
+    """Return the factor as 2 100 times, 2 100 to 3 900 times."""
     low, high = significant(min(ratios)), significant(max(ratios))
     return f"{low} times" if low == high else f"{low} to {high} times"
 
 
 def outcome(verdicts: Sequence[Verdict]) -> str:
-    """`met`, `missed`, `met in 4 of 6 cases, missed in 1, open in 1: its spread reaches across`."""
+    """Return `met`, `missed`, `met in 4 of 6 cases, missed in 1, open in 1: its spread reaches across`."""
     kinds = [one for one in OUTCOMES if one in verdicts]
     across = ": the spread reaches across" if "inconclusive" in kinds else ""
     if len(kinds) == 1:
@@ -91,7 +91,7 @@ def outcome(verdicts: Sequence[Verdict]) -> str:
 
 
 def factor(ratios: Sequence[float]) -> str:
-    """Geometric mean and range: `0.61 times (0.41 to 0.92)`."""
+    """Return geometric mean and range: `0.61 times (0.41 to 0.92)`."""
     from statistics import geometric_mean
 
     middle = number(geometric_mean(ratios))
@@ -100,7 +100,7 @@ def factor(ratios: Sequence[float]) -> str:
 
 
 def of_cases(names: Sequence[tuple[str, str]]) -> str:
-    """Scene and map, gathered by scene: `lego (point, foveal) and ship (mask)`."""
+    """Return scene and map, gathered by scene: `lego (point, foveal) and ship (mask)`."""
     scenes = dict.fromkeys(scene for scene, _ in names)
     gathered = [
         f"{scene} ({', '.join(dict.fromkeys(kind for one, kind in names if one == scene))})" for scene in scenes
@@ -109,7 +109,7 @@ def of_cases(names: Sequence[tuple[str, str]]) -> str:
 
 
 SHARE = 0.1
-"""Of the coarse frame's error: when so little is left, a picture is called useful."""
+"""The share of the coarse frame's error at which a picture is called useful."""
 RACED_ORDERS: tuple[Order, ...] = ("attention", "raster", "spread", "plain")
 
 
@@ -123,7 +123,7 @@ class At:
 
 
 Times = dict[Order, At | None]
-"""By order; None where an order never gets there."""
+"""Order → its time; None if it never gets there."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Race:
 
 
 def races(record: AttentionRecord, share: float = SHARE) -> list[Race]:
-    """In the order of the record."""
+    """Return the races in the order of the record."""
     known: dict[tuple[str, str, str], dict[Measure, Times]] = {}
     for one in record.reaching:
         if math.isclose(one.share_of_error, share):
@@ -156,15 +156,16 @@ def earlier(times: Times, one: Order, other: Order) -> bool:
 
 
 def first(times: Times) -> Order | None:
-    """The order that gets there before all others; None where none does, or where the repeats leave it undecided."""
+    """Return the order that gets there before all others; None if none does, or if the repeats leave it undecided."""
     there = [one for one, at in times.items() if at is not None]
     return next((one for one in there if all(earlier(times, one, other) for other in times if other != one)), None)
 
 
 def mean_error(curve: Anytime, until: float, measure: Measure) -> float | None:
-    """Mean over time of an error from the first frame on, until so many seconds: what a viewer sees meanwhile.
+    """Return the mean over time of an error from the first frame on, until so many seconds: what a viewer sees
+    meanwhile.
 
-    A picture keeps its last error until the next region is done. None where the first frame comes later.
+    A picture keeps its last error until the next region is done. The mean is None if the first frame comes later.
     """
     begin = curve.seconds[0]
     if until <= begin:
@@ -178,7 +179,7 @@ PERCENT = f"{100 * SHARE:.0f}{NARROW}%"
 
 
 def answer(cases: list[Race]) -> str:
-    """Which order is first to the whole picture, in how many cases, and after how long."""
+    """Return which order is first to the complete picture, in how many cases, and after how long."""
     if not cases:
         return "No order was timed."
     times = [f"{brief(at)} {ORDERS[order]}" for order in RACED_ORDERS if (at := _median(cases, order)) is not None]
@@ -190,14 +191,14 @@ def answer(cases: list[Race]) -> str:
 
 
 def _median(cases: list[Race], order: Order) -> float | None:
-    """None where some case never got there."""
+    """Return the median; None if some case never got there."""
     times = [one.to("whole").get(order) for one in cases]
     there = [at.seconds for at in times if at is not None]
     return median(there) if there and len(there) == len(times) else None
 
 
 def _counted(cases: list[Race], measure: Measure) -> str:
-    """In how many cases attention is first of all orders, and in how many nobody can tell."""
+    """Return in how many cases attention is first of all orders, and in how many it is undecided."""
     known = [one for one in cases if one.to(measure)]
     won = sum(first(one.to(measure)) == "attention" for one in known)
     open_ = sum(first(one.to(measure)) is None for one in known)
@@ -206,7 +207,7 @@ def _counted(cases: list[Race], measure: Measure) -> str:
 
 
 def compared(cases: list[Race]) -> list[str]:
-    """The whole picture order against order, then the parts of it."""
+    """Compare the complete picture order against order, then the parts of it."""
     said = []
     parts = []
     for order in RACED_ORDERS[1:]:
@@ -238,7 +239,7 @@ def _where(some: list[tuple[str, str]], known: list[Race]) -> str:
 
 
 def totals(record: AttentionRecord) -> list[str]:
-    """What the parts cost: the whole picture's seconds in each order against plain rendering's."""
+    """Return the cost of the parts: the complete picture's seconds in each order against those of plain rendering."""
     parts = []
     for order in RACED_ORDERS[:-1]:
         found = [
@@ -262,7 +263,9 @@ def _named(order: Order) -> str:
 
 
 def averaged(record: AttentionRecord) -> list[str]:
-    """What a viewer sees meanwhile: errors averaged over the time until both are done, against the other orders."""
+    """Return what a viewer sees meanwhile: errors averaged over the time until both are done, against the other
+    orders.
+    """
     said = []
     for order in RACED_ORDERS[1:]:
         ratios: dict[Measure, list[float]] = {"whole": [], "hardest": []}
@@ -286,13 +289,13 @@ def averaged(record: AttentionRecord) -> list[str]:
 
 
 def _partner(record: AttentionRecord, one: Anytime, order: Order) -> Anytime | None:
-    """The same picture in another order."""
+    """Return the same picture in another order."""
     wanted = (one.scene, one.method, one.attention, order)
     return next((it for it in record.curves if (it.scene, it.method, it.attention, it.order) == wanted), None)
 
 
 def allocated(found: list[Allocation]) -> list[str]:
-    """Samples placed by attention against the same for each ray: at the same total cost, and with as many."""
+    """Compare samples placed by attention with the same for each ray: at the same total cost, and with as many."""
     said = []
     if pairs := pairs_of(found, "evaluations"):
         said.append(
@@ -317,7 +320,7 @@ def _errors(pairs: list[tuple[Allocation, Allocation]]) -> str:
 
 
 def _cost(pairs: list[tuple[Allocation, Allocation]]) -> str:
-    """Evaluations and seconds, and against the truth where it is known."""
+    """Return evaluations and seconds, and the comparison with the truth if it is known."""
     evaluations = factor([one.evaluations / other.evaluations for one, other in pairs])
     seconds = _ratios([(one.seconds, other.seconds) for one, other in pairs])
     truths = [
@@ -339,7 +342,7 @@ def _percent(shares: list[float]) -> str:
 
 
 def pairs_of(found: list[Allocation], way: Way) -> list[tuple[Allocation, Allocation]]:
-    """By attention, and the even picture that it is compared with."""
+    """Return pairs of an allocation by attention and the even picture that it is compared with."""
     even = {(one.scene, one.method, one.attention, one.against): one for one in found if one.way == "even"}
     return [
         (one, other)
@@ -353,7 +356,7 @@ def _ratios(pairs: Sequence[tuple[float, float]]) -> list[float]:
 
 
 def phi_said(phi: PhiCheck) -> list[str]:
-    """That a factor scales all alike, and what was found when it was left out."""
+    """Return that a factor scales all alike, and what was found when it was left out."""
     if not phi.maps:
         return []
     changed = phi.orders_changed + phi.allocations_changed
@@ -370,7 +373,7 @@ def phi_said(phi: PhiCheck) -> list[str]:
 
 
 def plainly(found: list[NotByRegions]) -> list[str]:
-    """What is not rendered by regions, why, and what that would change; a sentence a method."""
+    """Return what is not rendered by regions, why, and what that would change; one sentence per method."""
     said = []
     for method, reason in dict.fromkeys((one.method, one.reason) for one in found):
         off = [
@@ -384,7 +387,7 @@ def plainly(found: list[NotByRegions]) -> list[str]:
 
 
 def seen_first(one: FirstFrame) -> str:
-    """How soon the viewer shows something, against its target."""
+    """Return how soon the viewer shows something, against its target."""
     met = "met" if one.seconds_coarse <= one.target else "missed"
     beside = " side by side" if len(one.methods) > 1 else ""
     coarse = [

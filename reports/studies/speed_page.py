@@ -17,11 +17,11 @@ from reports.page.script import content_policy
 from scenes.files.atomic import write_atomically
 
 SMALL_FACTOR = 2.0
-"""Up to here a distance from the target is a percentage, beyond it a factor."""
+"""The largest factor that is shown as a percentage; a larger distance from the target is a factor."""
 
 
 def spread(one: Check) -> str:
-    """`7.11–7.63×`, or nothing where it was not repeated."""
+    """Return the spread as `7.11–7.63×`; empty if it was not repeated."""
     if one.spread is None or one.value is None:
         return ""
     low, high = one.spread
@@ -32,7 +32,7 @@ def spread(one: Check) -> str:
 
 
 def target(one: Check) -> str:
-    """`≥ 10×`: without digits that nobody asked for."""
+    """Return the target as `≥ 10×`, without superfluous digits."""
     if one.limit is None:
         return ""
     short = f"{one.limit:.6g}"
@@ -41,7 +41,7 @@ def target(one: Check) -> str:
 
 
 def outcome(one: Check) -> str:
-    """`met, 12 % above`, `missed by 6.9 points`, `no figure, so not met`; nothing without a target."""
+    """Return `met, 12 % above`, `missed by 6.9 points` or `no figure, so not met`; empty without a target."""
     if one.limit is None:
         return ""
     if one.value is None:
@@ -73,7 +73,7 @@ def _shortfall(value: float, goal: float, unit: str) -> str:
 
 
 def in_repetitions(one: Check) -> str:
-    """Where the spread straddles the target: the median alone says too little."""
+    """Return how many repetitions meet the target if the spread straddles it: the median alone says too little."""
     if one.limit is None or one.value is None or one.spread is None:
         return ""
     worst, best = one.spread if one.high is None else reversed(one.spread)
@@ -86,7 +86,7 @@ def in_repetitions(one: Check) -> str:
 
 
 def _factor(value: float, goal: float) -> float | None:
-    """How many times the larger is the smaller."""
+    """Return how many times the larger is the smaller."""
     small, large = sorted((value, goal))
     return large / small if small > 0 and math.isfinite(large / small) else None
 
@@ -104,7 +104,7 @@ def _two_digits(value: float) -> str:
 
 
 def tone_of(one: Check) -> str:
-    """`met`, `missed` or `unmeasured`; `muted` without a target."""
+    """Return `met`, `missed` or `unmeasured`; `muted` without a target."""
     if one.limit is None:
         return "muted"
     return "unmeasured" if one.value is None else "met" if one.holds else "missed"
@@ -112,7 +112,7 @@ def tone_of(one: Check) -> str:
 
 @dataclass(frozen=True)
 class Aim:
-    """One target and what became of it."""
+    """One target and its outcome."""
 
     title: str
     item: str
@@ -127,7 +127,7 @@ class Aim:
 
 
 def asked(record: Studies) -> list[StudyRecord]:
-    """The questions that have something to show."""
+    """Return the questions that have something to show."""
     return [
         one
         for one in record.studies
@@ -136,7 +136,7 @@ def asked(record: Studies) -> list[StudyRecord]:
 
 
 def aims(record: Studies) -> list[Aim]:
-    """Every target, by question."""
+    """Return every target, by question."""
     return [
         Aim(
             title=one.what,
@@ -161,7 +161,7 @@ def _repeated(one: Check) -> str:
 
 
 def headline(found: list[Aim]) -> str:
-    """How many targets are met, missed, and without a figure, which may be a miss as well."""
+    """Return how many targets are met, missed, and without a figure, which may be a miss as well."""
     if not found:
         return "Speed of training and rendering"
     met, missed, unmeasured = (sum(one.tone == tone for one in found) for tone in ("met", "missed", "unmeasured"))
@@ -172,7 +172,7 @@ def headline(found: list[Aim]) -> str:
 
 
 def measurements_grid(study: StudyRecord) -> Grid | None:
-    """Every figure of a question; columns that would be empty are left out."""
+    """Return every figure of a question; columns that would be empty are left out."""
     chosen = study.checks
     if not chosen:
         return None
@@ -211,7 +211,7 @@ class Section:
 
 
 def speed_page(record: Studies, beside_report: bool = False) -> str:
-    """The whole page as text; `beside_report` says that report.html lies in the same folder."""
+    """Return the complete page as text; `beside_report` says that report.html lies in the same folder."""
     targets = aims(record)
     return (
         shell.environment()
@@ -244,7 +244,7 @@ def section(study: StudyRecord) -> Section:
 
 
 def machine(origin: dict[str, Any]) -> str:
-    """`Measured on X with 2 cores and 2 threads, which multiply bfloat16 matrices fast.`"""
+    """Return a sentence such as `Measured on X with 2 cores and 2 threads, which multiply bfloat16 matrices fast.`"""
     words = f"Measured on {_known(origin, 'processor') or 'an unnamed processor'}"
     parts = [
         wording.counted(origin[name], noun)
@@ -261,7 +261,7 @@ def machine(origin: dict[str, Any]) -> str:
 
 
 def effort(record: Studies) -> str:
-    """`32 figures in 12 min 05 s.`"""
+    """Return a sentence such as `32 figures in 12 min 05 s.`"""
     figures = [one.value for _, one in record.checks()]
     if not figures:
         return "No figure was recorded."
@@ -278,7 +278,7 @@ def _known(origin: dict[str, Any], name: str) -> str:
 
 
 def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Groups of name and value: how to get the same again, and how long that takes."""
+    """Return groups of name and value: how to reproduce the figures, and how long that takes."""
     spent = [(study.info.title, wording.duration(study.seconds)) for study in record.studies if study.seconds]
     total = [("total", wording.duration(sum(study.seconds for study in record.studies)))] if spent else []
     return shell.groups_of(record.provenance, record.settings, [*spent, *total])

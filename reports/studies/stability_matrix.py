@@ -1,7 +1,7 @@
 """Outcomes of stability cases in words, and the matrix case × subject.
 
-A table stands for each group of cases with the subjects that recur in it. A subject of a single case would be a column
-of one cell: it stands below the row of its case instead.
+There is one table for each group of cases with the subjects that recur in it. A subject of a single case would be a
+column of one cell: it stands below the row of its case instead.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from reports.data.wording import MINUS, RAISED, after, counted, listed, of_any_s
 from reports.page import shell
 
 Tone = Literal["passes", "fails", "property", "unsettled", "absent", "spared"]
-"""What became of an outcome; `property`: a formula that is not ours fails, which is what it was tried for."""
+"""The tone of an outcome; `property`: a formula that is not ours fails, which is what it was tried for."""
 
 MARKS: dict[Tone, str] = {"fails": "✕", "property": "◆", "passes": "✓", "unsettled": "?", "absent": "○", "spared": "·"}
-"""The gravest first."""
+"""The mark of each tone, the gravest first."""
 
 WHOSE = {"ours": "ours", "paper": "paper", "usual": "usual"}
 OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
@@ -43,7 +43,7 @@ def tone_of(one: Check) -> Tone:
 
 
 def verdict(one: Check) -> str:
-    """`passes`, `fails`, `fails: a property of the paper’s form as printed`, …"""
+    """Return `passes`, `fails`, `fails: a property of the paper’s form as printed`, …"""
     tone = tone_of(one)
     if tone == "property":
         return f"fails: a property of {OWNERS[one.owner]}"
@@ -52,7 +52,9 @@ def verdict(one: Check) -> str:
 
 
 def written(one: Check, digits: int = 3) -> str:
-    """The figure with its unit, or nothing; with as many digits as it takes to tell a failing one from its bar."""
+    """Return the figure with its unit, or nothing; with as many digits as it takes to distinguish a failing one from
+    its bar.
+    """
     if one.value is None:
         return ""
     if one.status == "fail" and one.limit is not None:
@@ -63,14 +65,14 @@ def written(one: Check, digits: int = 3) -> str:
 
 
 def wanted(one: Check) -> str:
-    """`≤ 10⁻⁶`, or nothing."""
+    """Return the bar as `≤ 10⁻⁶`, or nothing."""
     if one.limit is None:
         return ""
     return f"{'≤' if one.low is None else '≥'} {round_figure(one.limit)}{after(one.unit)}"
 
 
 def round_figure(value: float) -> str:
-    """A bar without digits that nobody asked for: 2·10⁻⁶, 0.15, 200."""
+    """Return a bar without superfluous digits: 2·10⁻⁶, 0.15, 200."""
     mantissa, _, exponent = f"{value:.4g}".partition("e")
     if not exponent and value != 0 and abs(value) < 1e-2:
         mantissa, _, exponent = f"{value:.3e}".partition("e")
@@ -82,7 +84,9 @@ def round_figure(value: float) -> str:
 
 
 def strain(one: Check) -> float:
-    """How near to its bar or how far beyond it: 1 at the bar, more where it fails; to find the worst of several."""
+    """Return how near it is to its bar or how far beyond it: 1 at the bar, more if it fails; to find the worst of
+    several.
+    """
     if one.value is None or one.limit is None:
         return float("inf") if one.status == "fail" else 0.0
     large, small = (one.value, one.limit) if one.low is None else (one.limit, one.value)
@@ -90,14 +94,14 @@ def strain(one: Check) -> float:
 
 
 def told(one: Check) -> str:
-    """Everything that is known of an outcome in a line: for whoever points at a cell."""
+    """Return all facts of an outcome in one line, shown when a reader points at a cell."""
     figures = " ".join(filter(None, (written(one), f"(wanted {wanted(one)})" if one.limit is not None else "")))
     said = "; ".join(filter(None, (one.what, one.why)))
     return f"{one.subject} ({OWNERS[one.owner]}): " + ", ".join(filter(None, (verdict(one), figures, said)))
 
 
 def headline(record: Studies) -> str:
-    """What a reader takes home: ours first."""
+    """Return the main message of the page: ours first."""
     ours = [one for _, one in record.checks() if one.must_hold and one.status in ("pass", "fail")]
     lost = record.broken
     if not ours:
@@ -111,7 +115,7 @@ def headline(record: Studies) -> str:
 
 
 def sentences(record: Studies) -> list[str]:
-    """How much was tried, what of ours failed, what was found of the others, what could not be tried."""
+    """Return how much was tried, what of ours failed, what was found of the others, what could not be tried."""
     outcomes = [one for _, one in record.checks()]
     if not outcomes:
         return [f"{counted(len(record.studies), 'case')} tried, without an outcome."]
@@ -145,7 +149,7 @@ def sentences(record: Studies) -> list[str]:
 
 
 def _others(outcomes: list[Check]) -> str:
-    """What was found of the forms that are not ours."""
+    """Return what was found of the forms that are not ours."""
     parts = []
     for whose, words in (("paper", "the paper’s forms as printed"), ("usual", "the field’s usual forms")):
         tried = [one for one in outcomes if one.owner == whose and one.status in ("pass", "fail")]
@@ -157,7 +161,7 @@ def _others(outcomes: list[Check]) -> str:
 
 
 def shown(one: Check, digits: int = 2) -> str:
-    """What a cell of the matrix says: the figure, else a word."""
+    """Return the text of a cell of the matrix: the figure, else a word."""
     words = {"passes": "pass", "unsettled": "inconclusive", "absent": "not here", "spared": "n/a"}
     lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
     return written(one, digits) or lost or words.get(tone_of(one), "fails")
@@ -175,21 +179,21 @@ GROUPS = {
     "N": "What a scene does not need",
 }
 WIDEST = 9
-"""Columns of subjects that a reader can still compare."""
+"""The largest number of columns of subjects that a reader can still compare."""
 ROW_ALONE = 6
-"""Up to so many subjects a group of one case has columns too."""
+"""The number of subjects up to which a group of one case has columns too."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What became of one case on one subject, the gravest of what was measured."""
+    """The outcome of one case on one subject, the gravest of what was measured."""
 
     subject: str
     tone: Tone
     mark: str
     text: str
     small: str
-    """`worst of 3`, where there are several."""
+    """`worst of 3`, if there are several."""
     title: str
     """Every outcome in full."""
 
@@ -202,21 +206,21 @@ class Row:
     bar: str
     failed: bool
     cells: list[Cell | None]
-    """A cell a column; None where the case was not tried on it."""
+    """One cell per column; None if the case was not tried on it."""
     others: list[Cell]
-    """Subjects without a column."""
+    """The subjects without a column."""
 
 
 @dataclass(frozen=True)
 class Group:
     title: str
     subjects: list[tuple[str, str]]
-    """Column and whose form it is."""
+    """The column and whose form it is."""
     rows: list[Row]
 
 
 def groups(record: Studies) -> list[Group]:
-    """By the letter of the case, in the order of the record; a case without an outcome has an empty row."""
+    """Group by the letter of the case, in the order of the record; a case without an outcome has an empty row."""
     letters = dict.fromkeys(letter(case) for case in record.studies)
     return [_group(one, [case for case in record.studies if letter(case) == one]) for one in letters]
 
@@ -226,7 +230,7 @@ def letter(case: StudyRecord) -> str:
 
 
 def anchor(case: StudyRecord) -> str:
-    """The id of its details in the page."""
+    """Return the id of its details in the page."""
     return shell.anchor("case", case.info.id)
 
 
@@ -242,7 +246,7 @@ def _group(name: str, cases: list[StudyRecord]) -> Group:
 
 
 def _columns(cases: list[StudyRecord]) -> list[str]:
-    """Subjects of at least two cases, the most frequent where there are too many; what is ours first."""
+    """Return the subjects of at least two cases, the most frequent if there are too many; what is ours first."""
     many = {
         subject: sum(any(one.subject == subject for one in case.checks) for case in cases)
         for subject in dict.fromkeys(one.subject for case in cases for one in case.checks)
@@ -272,7 +276,8 @@ def _row(case: StudyRecord, columns: list[str]) -> Row:
 
 
 def cell(found: list[Check]) -> Cell:
-    """One cell of however many outcomes: the gravest, of equally grave ones that nearest to or furthest beyond its bar.
+    """Return one cell for any number of outcomes: the gravest, of equally grave ones that nearest to or furthest beyond
+    its bar.
 
     `found` is not empty.
     """

@@ -1,4 +1,4 @@
-"""A stability record → stability.html and the section of the report, as self-contained."""
+"""A stability record → stability.html and the section of the report, both self-contained."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,10 +32,10 @@ from reports.studies.stability_matrix import (
 from scenes.files.atomic import write_atomically
 
 BUDGET_BYTES = 3_000_000
-"""Of all pictures together, in base64."""
+"""The bytes of all pictures together, in base64."""
 SIDES = (640, 480, 320, 240, 160, 96)
 SMALL = 200
-"""Up to so many pixels a picture is shown enlarged with its pixels sharp."""
+"""The pixels up to which a picture is shown enlarged with its pixels sharp."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Shown:
     title: str
     caption: str
     source: str | None
-    """A data URI; None where the file is missing or no picture."""
+    """A data URI; None if the file is missing or no picture."""
     wide: bool
     sharp: bool
 
@@ -62,7 +62,7 @@ class CaseShown:
     anchor: str
     info: StudyInfo
     tally: list[tuple[Tone, str, str]]
-    """Tone, mark and how many, the gravest first."""
+    """Tone, mark and count, the gravest first."""
     failed: bool
     outcomes: Grid
     seconds: str
@@ -73,20 +73,20 @@ class Stability:
     headline: str
     sentences: list[str]
     broken: list[tuple[str, str]]
-    """Anchor of the case, and what of ours failed."""
+    """The anchor of the case, and what of ours failed."""
     finished: bool
     quick: bool
     legend: list[tuple[Tone, str, str]]
     """Tone, mark, meaning."""
     groups: list[Group]
     findings: list[Grid]
-    """What fails of the forms that are not ours."""
+    """The failures of the forms that are not ours."""
     cases: list[CaseShown]
     chapters: list[Chapter]
 
 
 def stability(record: Studies, out: Path) -> Stability:
-    """`out` is the folder that its pictures are relative to."""
+    """Return the section; `out` is the folder that its pictures are relative to."""
     tones = {tone_of(one) for _, one in record.checks()}
     anchors = {case.info.id: anchor(case) for case in record.studies}
     return Stability(
@@ -104,7 +104,7 @@ def stability(record: Studies, out: Path) -> Stability:
 
 
 def failure(case: StudyRecord, one: Check) -> str:
-    """`Q1 midpoint: 0.02, wanted ≤ 10⁻⁶ (largest relative error; …)`."""
+    """Return a line such as `Q1 midpoint: 0.02, wanted ≤ 10⁻⁶ (largest relative error; …)`."""
     figure = shown(one, 3)
     bar = f", wanted {wanted(one)}" if one.limit is not None else ""
     said = "; ".join(filter(None, (one.what, one.why)))
@@ -112,7 +112,7 @@ def failure(case: StudyRecord, one: Check) -> str:
 
 
 def findings_grid(record: Studies, whose: str) -> Grid:
-    """Every bar that the forms of one owner miss."""
+    """Return every bar that the forms of one owner miss."""
     columns = [Column("case", numeric=False), Column("form", numeric=False), Column("figure"), Column("wanted")]
     columns.append(Column("what it is", numeric=False))
     rows = [
@@ -155,7 +155,9 @@ def outcomes_grid(case: StudyRecord) -> Grid:
 
 
 def chapters(record: Studies, out: Path) -> list[Chapter]:
-    """Those with something to look at: in their own order, then numbers that this version does not know."""
+    """Return the chapters with something to look at: in their own order, then numbers that this version does not
+    know.
+    """
     series = [one for case in record.studies for one in case.series]
     tables = [one for case in record.studies for one in case.tables]
     pictures = [one for case in record.studies for one in case.pictures]
@@ -185,7 +187,7 @@ def picture_shown(one: Picture, out: Path, side: int) -> Shown:
 
 
 def side_for(out: Path, pictures: list[Picture]) -> int:
-    """The longest side at which all pictures stay within the page's budget, by the size of their files."""
+    """Return the longest side at which all pictures stay within the page's budget, by the size of their files."""
     shapes = [found.shape[:2] for one in pictures if (found := read(out, one.path)) is not None]
     for side in SIDES:
         sizes = (height * width * min(1.0, side / max(height, width)) ** 2 for height, width in shapes)
@@ -195,7 +197,7 @@ def side_for(out: Path, pictures: list[Picture]) -> int:
 
 
 def stability_page(record: Studies, out: Path, beside_report: bool = False) -> str:
-    """The whole page as text; `beside_report` says that report.html lies in the same folder."""
+    """Return the complete page as text; `beside_report` says that report.html lies in the same folder."""
     shown = stability(record, out)
     return (
         shell.environment()
@@ -214,14 +216,14 @@ def stability_page(record: Studies, out: Path, beside_report: bool = False) -> s
 
 
 def provenance(record: Studies) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Groups of name and value: how to get the same again, and how long that takes."""
+    """Return groups of name and value: how to reproduce the figures, and how long that takes."""
     spent = [(f"{case.info.id} {case.info.title}", wording.duration(case.seconds)) for case in record.studies]
     total = [("all cases", wording.duration(sum(case.seconds for case in record.studies)))] if spent else []
     return shell.groups_of(record.provenance, record.settings, [*total, *spent])
 
 
 def write_stability_page(record: Studies, out: Path, beside_report: bool = False) -> Path:
-    """Into `out`, where the pictures of the record are; gives the page's path."""
+    """Write the page into `out`, where the pictures of the record are; returns its path."""
     path = out / shell.STABILITY_PAGE
     write_atomically(path, stability_page(record, out, beside_report), fsync=False)
     return path

@@ -1,6 +1,6 @@
 """Files and folders that are complete or absent, also under `kill -9`: written beside their place, then renamed.
 
-A writer that was killed leaves `.<name>.<process>.part`, with the suffix of the file after it where a library goes by
+A writer that was killed leaves `.<name>.<process>.part`, followed by the suffix of the file if a library decides by
 that.
 """
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> None:
-    """Writes a file; without `fsync` one that a crash of the system may empty. Raises `OSError`, naming the file."""
+    """Write a file; without `fsync` a crash of the system may leave it empty. Raises `OSError`, naming the file."""
     with replacing(path) as beside, beside.open("xb") as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
         if fsync:
@@ -22,9 +22,9 @@ def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> No
 
 @contextmanager
 def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
-    """Gives a free name, which ends in `suffix`, for what then takes the place of a file or of an empty folder.
+    """Yield a free name, which ends in `suffix`, for what then takes the place of a file or of an empty folder.
 
-    It is removed where anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere.
+    What stands there is removed if anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.part{suffix}")
     try:
@@ -44,7 +44,7 @@ def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
 
 
 def remove_leftovers(folder: Path, of: str = "*") -> int:
-    """Removes what killed writers left of files `of` this name, a pattern, where nobody writes; gives their number."""
+    """Remove what killed writers left of files `of` this name, a pattern, if nobody writes; returns their number."""
     found = [one for pattern in (f".{of}.part", f".{of}.part.*") for one in folder.glob(pattern) if one.is_file()]
     for one in found:
         one.unlink(missing_ok=True)

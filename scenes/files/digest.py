@@ -8,7 +8,7 @@ import numpy as np
 
 
 def digest_of(value: Any) -> str:
-    """SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
+    """Return the SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
     state = hashlib.sha256()
     for piece in _pieces(value):
         state.update(piece)
@@ -16,7 +16,7 @@ def digest_of(value: Any) -> str:
 
 
 def _pieces(value: Any) -> Iterator[bytes]:
-    """Self-delimiting bytes: each piece says its type and its length, so that no two values look alike."""
+    """Yield self-delimiting bytes: each piece states its type and its length, so that no two values look alike."""
     if isinstance(value, dict):
         yield f"dict {len(value)}\n".encode()
         for key, inner in value.items():

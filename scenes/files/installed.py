@@ -1,4 +1,4 @@
-"""Around a command: a missing package, and a reader that has enough, end it with a line or none, not a traceback."""
+"""Errors around a command: a missing package, or a reader that stops, ends it with a line or none, not a traceback."""
 
 import os
 import select
@@ -11,10 +11,10 @@ OURS = ("scenes", "baselines", "harness", "reports")
 
 @contextmanager
 def packages_needed() -> Iterator[None]:
-    """Around a command: where it meets a package that is not installed, a line about it and exit code 2.
+    """Wrap a command: if it meets a package that is not installed, it ends with a line about it and exit code 2.
 
-    What a scene file or a package of the user's own cannot import is told by its reader, and never arrives here.
-    Where standard output is closed, as by `| head`, the command ends without a word.
+    An import error within a scene file or a package of the user's own is reported by its reader, and never arrives
+    here. If standard output is closed, as by `| head`, the command ends without a word.
     """
     try:
         try:

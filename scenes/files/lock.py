@@ -1,7 +1,7 @@
-"""A lock on a file, which the system lets go of when its holder dies; containers that share the disk see it.
+"""A lock on a file, which the system releases when its holder dies; containers that share the disk see it.
 
-The file is opened here and its descriptor locked by `filelock`: no link is followed, who only asks makes no file, and
-it takes 0.015 ms, where a `filelock.FileLock` takes 0.12. Every descriptor has a lock of its own, threads included.
+The file is opened here and its descriptor locked by `filelock`: no link is followed, a mere query creates no file, and
+it takes 0.015 ms, against 0.12 for a `filelock.FileLock`. Every descriptor has a lock of its own, threads included.
 """
 
 import errno
@@ -14,25 +14,25 @@ from pathlib import Path
 from types import ModuleType
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
-"""What systems and file systems without locks answer."""
+"""The errors of systems and file systems without locks."""
 FLAGS = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-"""A pipe is not waited for."""
+"""The flags of opening: a pipe is not waited for."""
 POLL_SECONDS = 0.001
 NOTE_BYTES = 500
-"""More is not read of what the holder says about itself."""
+"""The number of bytes that are read of what the holder says about itself."""
 
 
 class LockTaken(BlockingIOError):
-    """Another holder does not let go of the lock."""
+    """Another holder does not release the lock."""
 
     def __init__(self, path: Path, note: bytes) -> None:
         super().__init__(errno.EAGAIN, "locked by another process", str(path))
         self.note = note
-        """What its holder wrote into the file."""
+        """The text that its holder wrote into the file."""
 
 
 class Lock:
-    """It is held until `release`, or until this process dies; never where there are no locks."""
+    """A lock that is held until `release`, or until this process dies; never if there are no locks."""
 
     def __init__(self, path: Path, handle: int | None) -> None:
         self.path = path
@@ -40,18 +40,18 @@ class Lock:
 
     @property
     def is_held(self) -> bool:
-        """False where the system or its file system has no locks."""
+        """False if the system or its file system has no locks."""
         return self._handle is not None
 
     @property
     def handle(self) -> int:
-        """The locked file, open for reading and writing."""
+        """Return the locked file, open for reading and writing."""
         if self._handle is None:
             raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK), str(self.path))
         return self._handle
 
     def release(self, remove: bool = False) -> None:
-        """Lets go; removes the file first on request, while nobody else can have made it theirs."""
+        """Release the lock; removes the file first on request, while nobody else can have made it theirs."""
         if self._handle is None:
             return
         if remove:
@@ -62,8 +62,8 @@ class Lock:
 
 
 def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
-    """Locks a file, made where it is not there. Raises `LockTaken` where another still has it after `seconds`, and
-    `OSError` where it cannot be opened: `ELOOP` for a link of either kind or a device, which is not ours to write.
+    """Lock a file, created if it is missing. Raises `LockTaken` if another still has it after `seconds`, and `OSError`
+    if it cannot be opened: `ELOOP` for a link of either kind or a device, which is not ours to write.
     """
     until = time.monotonic() + seconds
     while True:
@@ -89,8 +89,8 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:
-    """Whether anybody has the lock; None where that cannot be known, be it that there is no such file and none is to be
-    made.
+    """Whether anybody has the lock; None if that cannot be known, for instance because there is no such file and none
+    is to be created.
     """
     try:
         handle = _opened(path, os.O_CREAT if create else 0)
@@ -110,7 +110,7 @@ def _opened(path: Path, flags: int, mode: int = 0o644) -> int:
 
 
 def _try(handle: int) -> bool | None:
-    """Locks an open file: False where another has it, None where there are no locks."""
+    """Lock an open file; False if another has it, None if there are no locks."""
     try:
         library = _library()
         return library.lock_descriptor(handle, blocking=False) if library.has_fcntl else None
@@ -121,7 +121,7 @@ def _try(handle: int) -> bool | None:
 
 
 def _close(handle: int) -> None:
-    """Unlocks first: a process that was forked meanwhile has the descriptor, too, and would keep the lock."""
+    """Unlock first: a process that was forked meanwhile has the descriptor, too, and would keep the lock."""
     with suppress(OSError):
         _library().unlock_descriptor(handle)
     os.close(handle)
@@ -129,14 +129,14 @@ def _close(handle: int) -> None:
 
 @cache
 def _library() -> ModuleType:
-    """Takes 0.05 s, for which a command that locks nothing need not wait."""
+    """Import the library, which takes 0.05 s that a command without locks need not wait for."""
     import filelock
 
     return filelock
 
 
 def _is_still(path: Path, ours: os.stat_result) -> bool:
-    """Whether the file that was opened has its name yet: its holder may have removed it before it was locked."""
+    """Whether the file that was opened still has its name: its holder may have removed it before it was locked."""
     try:
         there = os.stat(path)  # noqa: PTH116 - in half the time of a path's own method
     except FileNotFoundError:

@@ -21,7 +21,9 @@ LOCK = ".lock"
 
 @contextmanager
 def working_folder(cache: Path, name: str) -> Iterator[Path]:
-    """A fresh temporary folder for one view set, known to be in work until this is left; who uses it removes it."""
+    """Yield a fresh temporary folder for one view set, marked as in use until the context is left; the user removes
+    it.
+    """
     partial = cache / f".{name}.{secrets.token_hex(4)}{PARTIAL}"
     lock = acquire(_lock_of(partial))
     if not lock.is_held:
@@ -36,14 +38,14 @@ def working_folder(cache: Path, name: str) -> Iterator[Path]:
 
 
 def remove(partial: Path) -> None:
-    """With its lock."""
+    """Remove a folder with its lock."""
     shutil.rmtree(partial, ignore_errors=True)
     _lock_of(partial).unlink(missing_ok=True)
 
 
 def remove_stale(cache: Path, but: str | None = None) -> None:
-    """Removes temporary folders that killed processes left: of which nobody has the lock, or two days old where locks
-    tell nothing; those of the view set `but` stay while they are young, as the next process takes over what they hold.
+    """Remove temporary folders that killed processes left: those whose lock nobody has, or two days old if locks say
+    nothing; those of the view set `but` stay while they are young, as the next process takes over what they hold.
     """
     for partial in {*cache.glob(f".*{PARTIAL}"), *(one.with_suffix("") for one in cache.glob(f".*{PARTIAL}{LOCK}"))}:
         held = is_held(_lock_of(partial))
@@ -60,7 +62,7 @@ def remove_stale(cache: Path, but: str | None = None) -> None:
 
 
 def abandoned(cache: Path, name: str) -> list[Path]:
-    """Temporary folders of one view set whose process has died."""
+    """Return the temporary folders of one view set whose process has died."""
     found = sorted(cache.glob(f".{glob.escape(name)}.*{PARTIAL}"))
     return [partial for partial in found if is_held(_lock_of(partial)) is False]
 

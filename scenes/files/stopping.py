@@ -10,16 +10,16 @@ from pathlib import Path
 from types import FrameType
 
 IN_ORDER_SECONDS = 1.7
-"""What is finished is written by then, or is as it was: every file is written whole or not at all."""
+"""The time by which finished work is written: every file is written completely or stays as it was."""
 STOPPED = 130
-"""Exit code."""
+"""The exit code."""
 LATE = "what is finished is kept; give the command again, with --resume and --out where it has them"
-"""Said where nobody knows better."""
+"""The default message."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def stop_on_signals() -> None:
-    """From now on; a signal that is ignored, as in the background of a shell, stays so.
+    """Stop on signals from now on; a signal that is ignored, as in the background of a shell, stays so.
 
     The main thread hears of a signal only between two steps of Python, which may be minutes apart where a library is
     at work. The system writes the signal's number into a pipe at once: another thread sees to the two seconds.
@@ -41,11 +41,11 @@ def _stop(_number: int, _frame: FrameType | None) -> None:
 
 
 def _nothing(_number: int, _frame: FrameType | None) -> None:
-    """Keeps the number of the signal going into the pipe."""
+    """Do nothing: the number of the signal then still goes into the pipe."""
 
 
 def _end_late(asked: int) -> None:
-    """Ends this process `IN_ORDER_SECONDS` after the first signal, or at the second."""
+    """End this process `IN_ORDER_SECONDS` after the first signal, or at the second."""
     while signal.getsignal(os.read(asked, 1)[0]) not in (_stop, _nothing):
         pass  # somebody else's, such as a server's
     select.select([asked], [], [], IN_ORDER_SECONDS)
@@ -56,7 +56,9 @@ def _end_late(asked: int) -> None:
 
 
 def _end_children() -> None:
-    """The renderer as well, where the system tells who they are; elsewhere that ends when nobody listens any more."""
+    """End the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens any
+    more.
+    """
     for worker in multiprocessing.active_children():
         worker.kill()
     for listing in Path("/proc/self/task").glob("*/children"):
