@@ -162,11 +162,10 @@ def line_of(one: Check) -> str:
 
 
 def list_lines(shelf: Shelf) -> list[str]:
-    """Return one line per study: its id, how long it takes, and what it asks."""
+    """Return a line per study: its id, how long it takes, and what it asks."""
+    asks = {name: study.info.question or study.info.facts.get("bar", "") for name, study in shelf.studies.items()}
     return [
-        f"{name:18} {study.seconds / 60:4.0f} min  {study.info.title}: {study.info.question or study.info.facts['bar']}"
-        if study.info.question or "bar" in study.info.facts
-        else f"{name:18} {study.seconds / 60:4.0f} min  {study.info.title}"
+        f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))
         for name, study in shelf.studies.items()
     ]
 

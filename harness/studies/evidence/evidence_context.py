@@ -157,7 +157,7 @@ class EvidenceContext:
 
         Studies may request the same training, one after another.
         """
-        from harness.execution.run import run
+        from harness.execution import run as execution
 
         plan, folder = self.plan(name), folder_of(self.out, name)
         if _is_of_another_plan(folder, plan):
@@ -165,7 +165,7 @@ class EvidenceContext:
             aside(self.out, folder.relative_to(self.out).as_posix())
         if lacks_cells(folder, plan):
             folder.mkdir(parents=True, exist_ok=True)
-            run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
+            execution.run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return StudyRun(folder, plan, read_run(folder).scenes, list(read_cells(folder)))
 
     def mended(self, name: str) -> bool:

@@ -57,9 +57,9 @@ class StabilityContext:
 
     def trained(self, plan: Plan, folder: Path) -> Path:
         """Return `folder` with the records of that plan; cells that are there already are not trained again."""
-        from harness.execution.run import run
+        from harness.execution import run as execution
 
-        run(plan, folder, self.view_sets, Machine("cpu", self.workers, 1), "nox -s stability", self.show)
+        execution.run(plan, folder, self.view_sets, Machine("cpu", self.workers, 1), "nox -s stability", self.show)
         return folder
 
 
