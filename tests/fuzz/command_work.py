@@ -45,9 +45,14 @@ def loaded(scene: Any, variant: Any, width: int, *_: Any, **__: Any) -> Any:
     raise Reached
 
 
+def _home_of(package: str) -> Any:
+    """The module in which options are read."""
+    return importlib.import_module("harness.command.main" if package == "harness" else f"{package}.__main__")
+
+
 def parser_of(package: str) -> Any:
     """Its real parser, made once."""
-    module = importlib.import_module(f"{package}.__main__")
+    module = _home_of(package)
     return _parser(getattr(module, "parser", None) or module._parser)
 
 
@@ -63,7 +68,7 @@ def prepare(package: str) -> None:
 
 def called(package: str, arguments: list[str], folder: Path) -> tuple[int | str | None, str]:
     """Exit code and what was said of `python -m PACKAGE ARGUMENTS` in `folder`; 0 where work would begin."""
-    module = importlib.import_module(f"{package}.__main__")
+    module = _home_of(package)
     said, before = io.StringIO(), Path.cwd()
     with _cut_off(package), contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
         os.chdir(folder)
@@ -109,7 +114,7 @@ def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
         if module.startswith(package):
             owner = importlib.import_module(module)
             found += [(owner, name, reached) for name in names]
-    main = importlib.import_module(f"{package}.__main__")
+    main = _home_of(package)
     name = "parser" if hasattr(main, "parser") else "_parser"
     make = getattr(main, name)
     found.append((main, name, lambda: _parser(make)))

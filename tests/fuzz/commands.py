@@ -114,23 +114,29 @@ def names_its_option(text: str, arguments: list[str], package: str) -> bool:
 
 
 def command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
-    """The parser of the command that is named, or the whole one."""
+    """The parser of the command that is named, and of the study within it; or the whole one."""
     parser: argparse.ArgumentParser = parser_of(package)
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            found = [action.choices[one] for one in arguments if one in action.choices]
-            return found[0] if found else parser
+    while inner := commands_of(parser):
+        named = [inner[one] for one in arguments if one in inner]
+        named += [one for group in map(commands_of, inner.values()) for name, one in group.items() if name in arguments]
+        if not named:
+            break
+        parser = named[0]
     return parser
+
+
+def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    found = [one.choices for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
+    return dict(found[0]) if found else {}
 
 
 def _arguments(random: Random, parser: argparse.ArgumentParser) -> bytes:
     """A command and some of its options; most values are such as somebody might give."""
     arguments: list[str] = []
-    inner = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
-    if inner:
-        command = random.choice(list(inner[0].choices))
+    while inner := commands_of(parser):
+        command = random.choice(list(inner))
         arguments.append(command if random.randrange(30) else random.choice(TEXTS))
-        parser = inner[0].choices[command]
+        parser = inner[command]
     actions = [one for one in parser._actions if not isinstance(one, argparse._HelpAction)]
     often = random.choice((3, 6))  # with many options it is mostly the parser that refuses one
     for action in actions:
