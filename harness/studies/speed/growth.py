@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from msgspec import structs
 
 from harness.execution.group import GroupTask
 from harness.execution.local_executor import run_locally
@@ -110,7 +111,7 @@ def _reported(
         "exponent",
         detail=f"fitted to {x[0]:g} … {x[-1]:g}, range between neighbours; {situation.threads} threads",
     )
-    yield replace(fitted, low=low, high=high, repeats=len(x) - 1)
+    yield structs.replace(fitted, spread=(low, high), repeats=len(x) - 1)
 
 
 def run_seconds(situation: SpeedContext, what: str, count: int) -> float:

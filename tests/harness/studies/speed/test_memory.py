@@ -27,7 +27,7 @@ READ_AND_TRAIN = """
 import re, sys
 from pathlib import Path
 import torch
-from harness import evaluate
+from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.trainer import Trainer
 from baselines.contract import Box
