@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.command.options import add_shared
 from harness.gate.gates import KINDS, Gate, gates
 
 if TYPE_CHECKING:
@@ -19,11 +20,9 @@ def add_gate_options(command: argparse.ArgumentParser) -> None:
     add("--renew", action="store_true", help="measure limits and references anew, write them and print what changed")
     add("--class", dest="of_class", metavar="NAME", help="be a processor of this class: default avx2 avx512")
     add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh one)")
-    add("--list", action="store_true", help="print the gates, do nothing")
+    add_shared(command, "--view-sets", "--out", "--list")
     add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
-    add("--quiet", action="store_true", help="no progress, and no table")
+    add_shared(command, "--quiet", help="no progress, and no table")
 
 
 def run_gate(options: argparse.Namespace, show: "Progress") -> int:

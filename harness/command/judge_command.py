@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.command.options import add_shared
+
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
@@ -23,13 +25,12 @@ def add_judge_options(command: argparse.ArgumentParser) -> None:
     add("--lower", nargs="+", default=[], metavar="NAME", help="metrics that are better when lower")
     add("--margin", type=float, metavar="SIZE", help="smallest effect of interest (default: 0.2 dB of psnr, …)")
     add("--baseline", metavar="METHOD", help="compare each method with this one alone (default: all pairs)")
-    add("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/judge-TIME)")
+    add_shared(command, "--out", help="output folder (default: a fresh out/judge-TIME)")
 
 
 def run_judge(options: argparse.Namespace, show: "Progress") -> int:
     """Write judgement.json and judgement.html; raises `InputError` for a table that cannot be judged."""
     import subprocess
-    import sys
     import time
 
     from harness.records.json_record import file_digest

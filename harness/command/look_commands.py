@@ -1,9 +1,7 @@
-"""`python -m harness view | render`: their options, and how they are checked. Nothing heavy is imported for the
-help."""
+"""`python -m harness view | render`: their options, and what they do; nothing heavy is imported for the help."""
 
 import argparse
 import errno
-import math
 import os
 import socket
 import sys
@@ -13,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from harness.command.options import add_finished_run, add_shared, require_between
 
 if TYPE_CHECKING:
     import uvicorn
@@ -26,24 +26,17 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 def add_view_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    finished = "output folder of a finished run (default: out/latest)"
-    add("out", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
+    add_finished_run(command)
     add("--scene", metavar="SCENE", help="scene to begin with (default: the first that was trained)")
-    add("--methods", nargs="+", metavar="METHOD", help="to begin with (default: nerf qnerf, else the first two)")
-    add("--seed", type=int, default=0, metavar="N", help="of the runs to show (default: 0)")
+    add_shared(command, "--methods", help="to begin with (default: nerf qnerf, else the first two)")
+    add_shared(command, "--seed")
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="to listen on (default: this machine alone)")
     add("--port", type=int, default=PORT, metavar="N", help=f"0 takes a free one (default: {PORT})")
     add("--no-browser", action="store_true", help="print the address, open nothing")
-    add("--threads", type=int, metavar="N", help="that render (default: all cores but one)")
-    add("--resolution", type=int, metavar="PX", help="width of the pictures (default: that of the run's views)")
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add(
-        "--mask",
-        type=Path,
-        metavar="FILE",
-        help="image, stretched over the picture: its bright pixels can be attended",
-    )
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add_shared(command, "--threads", "--resolution", "--device")
+    mask = "image, stretched over the picture: its bright pixels can be attended"
+    add("--mask", type=Path, metavar="FILE", help=mask)
+    add_shared(command, "--view-sets")
 
 
 def run_view(options: argparse.Namespace, show: "Progress") -> int:
@@ -59,14 +52,8 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
     from harness.viewer.asked import LARGEST_WIDTH
     from harness.viewer.attended import read_mask
     from harness.viewer.shown_run import ShownRun
-    from scenes.files.errors import InputError
 
-    if not 0 <= options.port <= 65535:
-        raise InputError(f"--port {options.port}: must lie between 0 and 65535")
-    if options.threads is not None and not 1 <= options.threads <= 256:
-        raise InputError(f"--threads {options.threads}: must lie between 1 and 256")
-    if options.resolution is not None and not 8 <= options.resolution <= LARGEST_WIDTH:
-        raise InputError(f"--resolution {options.resolution}: must lie between 8 and {LARGEST_WIDTH}")
+    require_between(options, port=(0, 65535), threads=(1, 256), resolution=(8, LARGEST_WIDTH))
     shown = ShownRun.of(
         options.out,
         options.scene,
@@ -169,43 +156,36 @@ def _has_screen() -> bool:
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
 """The names of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
-MOST_FRAMES = 10_000
-MOST_PIXELS = 4096
-MOST_FPS = 60
 
 
 def add_render_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    finished = "output folder of a finished run (default: out/latest)"
-    add("run", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
+    add_finished_run(command, "run")
     add("--path", default="orbit", choices=PATH_NAMES, help="where the camera goes (default: orbit)")
-    add("--scenes", nargs="+", metavar="SCENE", help="scenes (default: all of the run)")
-    add("--methods", nargs="+", metavar="METHOD", help="methods side by side (default: nerf qnerf)")
-    add("--seed", type=int, default=0, metavar="N", help="of the training whose weights are shown (default: 0)")
+    add_shared(command, "--scenes")
+    add_shared(command, "--methods", help="methods side by side (default: nerf qnerf)")
+    add_shared(command, "--seed")
     add("--frames", type=int, metavar="N", help="default: 60; with --path test every test view of the run")
-    add("--resolution", type=int, metavar="PX", help="width of the pictures (default: that of the run)")
+    add_shared(command, "--resolution")
     add("--fps", type=int, default=20, metavar="N", help="frames a second of the animation (default: 20)")
     add("--elevation", type=float, metavar="DEG", help="height of an orbit above the horizon (default: 30)")
     add("--to", type=Path, metavar="DIR", help="folder to write to or to go on with (default: OUT/films/…)")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache, for --path test")
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add(
-        "--threads",
-        type=int,
-        metavar="N",
-        help="that render (default: all cores but one, as in `view`); views that were cached with another number are "
-        "rendered anew, as they may differ in their last bits",
-    )
+    add_shared(command, "--view-sets", help="view-set cache, for --path test")
+    add_shared(command, "--device")
+    others = "views that were cached with another number are rendered anew, as they may differ in their last bits"
+    add_shared(command, "--threads", help=f"that render (default: all cores but one, as in `view`); {others}")
     add("--no-cache", action="store_true", help="render every missing frame; neither read nor fill the view cache")
-    add("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
-    add("--quiet", action="store_true", help="no progress")
+    add_shared(command, "--dry-run", "--quiet")
 
 
 def run_render(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0 when done, or 130 if it was interrupted; raises `InputError` for invalid options."""
     from scenes.files.errors import InputError
 
-    _check(options)
+    require_between(options, frames=(1, 10_000), resolution=(1, 4096), fps=(1, 60))
+    require_between(options, threads=(1, 256), seed=(0, 2**31), elevation=(-90, 90))
+    if options.elevation is not None and options.path != "orbit":
+        raise InputError(f"--elevation: --path {options.path} has heights of its own; leave it out")
 
     from harness.machine.device import chosen_device, keep_freed_memory, rendering_threads, use_threads
     from harness.playback.run_loader import FinishedRun
@@ -219,25 +199,20 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     use_threads(options.threads or rendering_threads())
     keep_freed_memory()
     run = FinishedRun.of(options.run)
-    wish = FilmSpec(
-        path=options.path,
-        frames=options.frames,
-        resolution=options.resolution,
-        elevation=options.elevation,
-        seed=options.seed,
-    )
+    names = ("path", "frames", "resolution", "elevation", "seed")
+    film = FilmSpec(**{name: getattr(options, name) for name in names})
     cache = options.run / "view_cache"
     # a dry run writes nothing, not even an empty cache
     disk = None if options.no_cache or (options.dry_run and not cache.is_dir()) else cache
-    folder = options.to or options.run / "films" / wish.name
+    folder = options.to or options.run / "films" / film.name
     try:
-        plan = planned(run, options.scenes, options.methods, wish, folder, options.view_sets, disk, device)
+        plan = planned(run, options.scenes, options.methods, film, folder, options.view_sets, disk, device)
         for line in plan.lines():
             (print if options.dry_run else show.line)(line)
         if options.dry_run:
             return 0
         with locked_folder(folder, "--to"):
-            claim(folder, wish, run.out, show.line)
+            claim(folder, film, run.out, show.line)
             for line in filmed(plan, options.fps, show):
                 show.line(line)
     except OSError as error:
@@ -252,23 +227,3 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
         print(f"interrupted: finished frames are kept in {folder}; the same command goes on", file=sys.stderr)
         return 130
     return 0
-
-
-def _check(options: argparse.Namespace) -> None:
-    """Raise `InputError` for numbers that no film can be made with."""
-    from scenes.files.errors import InputError
-
-    bounds = {
-        "frames": (1, MOST_FRAMES),
-        "resolution": (1, MOST_PIXELS),
-        "fps": (1, MOST_FPS),
-        "threads": (1, 256),
-        "seed": (0, 2**31),
-        "elevation": (-90, 90),
-    }
-    for name, (least, most) in bounds.items():
-        value = getattr(options, name)
-        if value is not None and not (math.isfinite(value) and least <= value <= most):
-            raise InputError(f"--{name} {value}: must lie between {least} and {most}")
-    if options.elevation is not None and options.path != "orbit":
-        raise InputError(f"--elevation: --path {options.path} has heights of its own; leave it out")

@@ -46,7 +46,7 @@ COMMANDS: dict[str, Command] = {
     "render": Command("a camera path through a finished run, its methods side by side",
                       look_commands.add_render_options, look_commands.run_render),
     "study": Command("measure a question: evidence, stability, speed, serving, conformance, …",
-                     lambda command: _add_studies(command),
+                     lambda command: _add(command.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES),
                      lambda options, show: STUDIES[options.study].call(options, show)),
     "doctor": Command("what this machine has, and how to get the rest",
                       doctor_command.add_doctor_options, doctor_command.run_doctor),
@@ -87,10 +87,6 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add(commands, COMMANDS)
     return top
-
-
-def _add_studies(command: argparse.ArgumentParser) -> None:
-    _add(command.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES)
 
 
 def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.command import tensorboard_command
+from harness.command.options import add_shared
+from harness.command.tensorboard_command import also_written, checked
 from harness.execution.executors import add_executor_options, chosen_machine, device_and_bfloat16
 from harness.plan.defaults import RENDER_LIMIT
 from scenes.files.errors import InputError
@@ -25,68 +26,50 @@ PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
 def add_run_options(run: argparse.ArgumentParser) -> None:
     add_plan_options(run)
     add_executor_options(run)
-    run.add_argument("--out", type=Path, metavar="DIR", help="output folder (default: a fresh out/PROFILE-TIME)")
-    run.add_argument("--resume", action="store_true", help="go on with the missing cells of --out")
-    run.add_argument("--dry-run", action="store_true", help="print the plan and its estimated cost, do nothing")
-    run.add_argument(
-        "--verify-omissions",
-        action="store_true",
-        help="train with and without everything that is left out (exit code 3)",
-    )
-    tensorboard_command.add_run_option(run)
+    add_shared(run, "--out", help="output folder (default: a fresh out/PROFILE-TIME)")
+    add_shared(run, "--resume", help="go on with the missing cells of --out")
+    add_shared(run, "--dry-run")
+    verify = "train with and without everything that is left out (exit code 3)"
+    run.add_argument("--verify-omissions", action="store_true", help=verify)
+    run.add_argument("--tensorboard", action="store_true", help="write each cell to OUT/tensorboard as it ends")
     run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
-    run.add_argument("--quiet", action="store_true", help="no progress")
+    add_shared(run, "--quiet")
 
 
 def add_plan_options(command: argparse.ArgumentParser) -> None:
     """Add the options that say what is trained on what, for how long."""
     add = command.add_argument
     add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
-    add("--scenes", nargs="+", metavar="SCENE", help="scenes to train on (default: the profile's)")
-    add("--methods", nargs="+", metavar="METHOD", help="methods to compare (default: the profile's)")
+    add_shared(command, "--scenes", help="scenes to train on (default: the profile's)")
+    add_shared(command, "--methods", help="methods to compare (default: the profile's)")
     add("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
     add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
     add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
-    add("--resolution", type=int, metavar="PX", help="width of the views")
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add(
-        "--precision",
-        default="auto",
-        choices=("auto", "float32", "bfloat16", "float16"),
-        help="of matrix products alone (default: the profile's, where the processor has such products)",
-    )
+    add_shared(command, "--resolution", help="width of the views")
+    add_shared(command, "--device")
+    precisions = ("auto", "float32", "bfloat16", "float16")
+    why = "of matrix products alone (default: the profile's, where the processor has such products)"
+    add("--precision", default="auto", choices=precisions, help=why)
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
     add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
     add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
     add("--ray-attention", metavar="none|gradients", help="how the pixels of a batch are chosen (default: all alike)")
     add_scene_options(command)
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
+    add_shared(command, "--view-sets")
 
 
 def add_scene_options(command: argparse.ArgumentParser) -> None:
     """Add the options for images, or a scene to render, of the user's own."""
     add = command.add_argument
-    add(
-        "--view-set",
-        type=Path,
-        nargs="+",
-        metavar="PATH",
-        help="train on these images, a scene each: a folder in the Blender format or nerfstudio's, a tiny-NeRF .npz",
+    images = "train on these images, a scene each: a folder in the Blender format or nerfstudio's, a tiny-NeRF .npz"
+    add("--view-set", type=Path, nargs="+", metavar="PATH", help=images)
+    scene = (
+        "render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, and an "
+        "XML file can make Mitsuba read any file; use what you trust"
     )
-    add(
-        "--scene-file",
-        type=Path,
-        metavar="FILE",
-        help="render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, "
-        "and an XML file can make Mitsuba read any file; use what you trust",
-    )
-    add(
-        "--render-limit",
-        type=float,
-        metavar="S",
-        help="seconds that --scene-file, or one of its views, may take "
-        f"(default: {RENDER_LIMIT:g}, more where views are large)",
-    )
+    add("--scene-file", type=Path, metavar="FILE", help=scene)
+    limit = f"seconds that --scene-file, or one of its views, may take (default: {RENDER_LIMIT:g}, or more if large)"
+    add("--render-limit", type=float, metavar="S", help=limit)
     corners = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
     add("--bounds", nargs=6, type=float, metavar=corners, help="box that holds what is seen, for every --view-set")
     add("--near", type=float, metavar="D", help="distance from the camera at which anything is seen, for --view-set")
@@ -117,7 +100,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
     from scenes.files.errors import InputError
 
-    tensorboard_command.checked(options)
+    checked(options)
     plan, device = planned_by(options, show.line)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
         raise InputError(
@@ -139,8 +122,8 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     try:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
-            told = tensorboard_command.also_written(options, out, show)
-            code = run(plan, out, options.view_sets, machine, options.line, told, *_afterwards(options))
+            shown = also_written(options, out, show)
+            code = run(plan, out, options.view_sets, machine, options.line, shown, *_afterwards(options))
     except InputError:
         if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
@@ -168,21 +151,11 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
 
     from harness.plan.profiles import planned
 
-    plan = planned(
-        options.profile,
-        scenes=options.scenes,
-        methods=options.methods,
-        seeds=options.seeds,
-        budget_steps=options.budget_steps,
-        budget_seconds=options.budget_seconds,
-        resolution=options.resolution,
-        **scene_source(options),
-        precision=None if options.precision == "auto" else options.precision,
-        without=options.without,
-        need=options.need,
-        no_need=options.no_need,
-        ray_attention=options.ray_attention,
-    )
+    names = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
+    names = (*names, "without", "need", "no_need", "ray_attention")
+    precision = None if options.precision == "auto" else options.precision
+    given = {name: getattr(options, name) for name in names}
+    plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements
         plan = replace(plan, extras=())
     # last, as it may join a cluster

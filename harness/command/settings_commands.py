@@ -1,13 +1,18 @@
 """`python -m harness study sweep | repair | equivalence | omissions`: what a setting changes, each as one JSON file."""
 
 import argparse
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from harness.command.options import add_shared
 from harness.command.run_command import add_plan_options, planned_by
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
+    from harness.plan.profiles import Plan
+
+Row = TypeVar("Row")
 
 
 def add_sweep_options(command: argparse.ArgumentParser) -> None:
@@ -16,10 +21,9 @@ def add_sweep_options(command: argparse.ArgumentParser) -> None:
 
 
 def add_repair_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="view-set cache")
-    add("--quick", action="store_true", help="sizes at which no figure means anything")
+    add_shared(command, "--device")
+    add_shared(command, "--view-sets")
+    add_shared(command, "--quick")
     _add_file(command)
 
 
@@ -36,93 +40,103 @@ def add_omissions_options(command: argparse.ArgumentParser) -> None:
 
 
 def _add_file(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--out", type=Path, required=True, metavar="FILE", help="JSON file to write")
+    add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
 
 
 def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.execution.run import view_set_folders
     from harness.machine.device import use_threads
-    from harness.records.json_record import write_json
-    from harness.studies.choices.sweep import as_json, sweep
+    from harness.studies.choices.sweep import SweepRow, as_json, sweep
 
     plan, device = planned_by(options)
-    _check_file(options.out)
     use_threads(1)  # small products: a second thread costs more than it gains
-    rows = []
-    for row in sweep(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
-        rows.append(row)
-        score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
-        show.line(f"{row.scene} {row.method} at {row.learning_rate:g}: {score} on validation views")
-    result = as_json(rows, plan)
-    write_json(options.out, result)
+
+    def line(row: SweepRow) -> str:
+        return f"{row.scene} {row.method} at {row.learning_rate:g}: {_decibels(row.psnr_val)} on validation views"
+
+    folders = _folders(options, plan, show)
+    rows = _shown(sweep(plan, folders, device, options.out.parent), line, show)
+    result = _written(options.out, as_json(rows, plan))
     show.line(f"best: {result['best']}")
     return 0
 
 
 def run_repair(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.execution.run import view_set_folders
     from harness.machine.device import chosen_device, multiplies_bfloat16, use_threads
-    from harness.records.json_record import write_json
-    from harness.studies.choices.repair_search import as_json, search, search_plan
+    from harness.studies.choices.repair_search import RepairRow, as_json, search, search_plan
 
     device = chosen_device(options.device)
-    _check_file(options.out)
     use_threads(1)  # processor seconds count every thread
     plan = search_plan(multiplies_bfloat16(device), options.quick)
-    rows = []
-    for row in search(plan, view_set_folders(plan, options.view_sets, show), device, options.out.parent):
-        rows.append(row)
-        score = "diverged" if row.psnr_val is None else f"{row.psnr_val:.2f} dB"
-        show.line(f"{row.scene} seed {row.seed} {row.method}: {score} on validation views, {row.steps} steps")
-    result = as_json(rows, plan, device)
-    write_json(options.out, result)
+
+    def line(row: RepairRow) -> str:
+        score = _decibels(row.psnr_val)
+        return f"{row.scene} seed {row.seed} {row.method}: {score} on validation views, {row.steps} steps"
+
+    folders = _folders(options, plan, show)
+    rows = _shown(search(plan, folders, device, options.out.parent), line, show)
+    result = _written(options.out, as_json(rows, plan, device))
     show.line(f"chosen: {result['chosen']}")
     return 0
 
 
 def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.execution.run import view_set_folders
     from harness.machine.device import available_cores
-    from harness.records.json_record import write_json
-    from harness.studies.choices.equivalence import as_json, pairs
+    from harness.studies.choices.equivalence import ScorePair, as_json, pairs
 
     plan, _ = planned_by(options)
-    _check_file(options.out)
-    folders = view_set_folders(plan, options.view_sets, show)
-    found = []
-    for pair in pairs(plan, options.changes, folders, options.out.parent, available_cores()):
-        found.append(pair)
-        scores = ["diverged" if value is None else f"{value:.2f} dB" for value in (pair.psnr, pair.psnr_changed)]
-        show.line(f"{pair.scene} {pair.method} seed {pair.seed}, {pair.change}: {scores[0]} → {scores[1]}")
-    result = as_json(found, plan)
-    write_json(options.out, result)
-    for row in result["summary"]:
+
+    def line(pair: ScorePair) -> str:
+        scores = f"{_decibels(pair.psnr)} → {_decibels(pair.psnr_changed)}"
+        return f"{pair.scene} {pair.method} seed {pair.seed}, {pair.change}: {scores}"
+
+    folders = _folders(options, plan, show)
+    rows = _shown(pairs(plan, options.changes, folders, options.out.parent, available_cores()), line, show)
+    for row in _written(options.out, as_json(rows, plan))["summary"]:
         show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {row['verdict']}")
     return 0
 
 
 def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.execution.run import view_set_folders
     from harness.machine.device import available_cores
     from harness.machine.provenance import provenance
-    from harness.records.json_record import write_json
     from harness.studies.choices.verification import as_json, line_of, too_costly, verified
 
     plan, device = planned_by(options)
-    _check_file(options.out)
-    folders = view_set_folders(plan, options.view_sets, show)
+    folders = _folders(options, plan, show)
     workers = available_cores() if device.type == "cpu" else 1
-    found, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
-    write_json(options.out, as_json(found, controls, plan, provenance(device)))
-    for one in found:
-        show.line(line_of(one))
-    for one in controls:
-        show.line(f"control, needed: {line_of(one)}")
-    return 3 if too_costly(found) else 0
+    omissions, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
+    _written(options.out, as_json(omissions, controls, plan, provenance(device)))
+    for omission in omissions:
+        show.line(line_of(omission))
+    for control in controls:
+        show.line(f"control, needed: {line_of(control)}")
+    return 3 if too_costly(omissions) else 0
 
 
-def _check_file(path: Path) -> None:
+def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
+    """Return the view sets of `plan`, rendered where they are missing; raises `InputError` if `--out` is no file."""
+    from harness.execution.run import view_set_folders
     from scenes.files.errors import InputError
 
-    if not path.parent.is_dir() or path.is_dir():
-        raise InputError(f"--out {path}: name a file in a folder that exists")
+    if not options.out.parent.is_dir() or options.out.is_dir():
+        raise InputError(f"--out {options.out}: name a file in a folder that exists")
+    return view_set_folders(plan, options.view_sets, show)
+
+
+def _shown(rows: Iterable[Row], line: Callable[[Row], str], show: "Progress") -> list[Row]:
+    kept = []
+    for row in rows:
+        kept.append(row)
+        show.line(line(row))
+    return kept
+
+
+def _decibels(psnr: float | None) -> str:
+    return "diverged" if psnr is None else f"{psnr:.2f} dB"
+
+
+def _written(file: Path, result: dict[str, Any]) -> dict[str, Any]:
+    from harness.records.json_record import write_json
+
+    write_json(file, result)
+    return result

@@ -5,11 +5,12 @@ Nothing heavy is imported to show the help.
 """
 
 import argparse
-import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.command.options import add_finished_run, add_shared, require_between
 from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 
 if TYPE_CHECKING:
@@ -17,152 +18,120 @@ if TYPE_CHECKING:
     from harness.studies.framework import Shelf
 
 
-def _add_study_options(
-    command: argparse.ArgumentParser, shelf: str, noun: str, former: tuple[str, ...] = (), beside: str = ""
-) -> None:
-    """The options that every shelf of studies has, named the same way."""
-    add = command.add_argument
-    add("--studies", *former, nargs="+", metavar="NAME", help=f"{noun} to do; --list prints them (default: all)")
-    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--out", type=Path, metavar="DIR", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
-    add("--resume", action="store_true", help="do what --out lacks")
-    add("--list", action="store_true", help=f"print the {noun}, do nothing")
-    add("--quiet", action="store_true", help="no progress")
+def _add_shelf_options(command: argparse.ArgumentParser, shelf: str, noun: str, *former: str, beside: str = "") -> None:
+    """Add the options that every shelf of studies has."""
+    todo = f"{noun} to do; --list prints them (default: all)"
+    command.add_argument("--studies", *former, nargs="+", metavar="NAME", help=todo)
+    add_shared(command, "--quick", "--view-sets")
+    add_shared(command, "--out", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
+    add_shared(command, "--resume", "--list", "--quiet")
 
 
-def _asked(options: argparse.Namespace, shelf: "Shelf") -> list[str] | None:
-    """The studies to do; `None` where they were to be listed alone. Raises `InputError`."""
+def _run_shelf(
+    options: argparse.Namespace, shelf: "Shelf", show: "Progress", measure: Callable[[list[str], Path], int]
+) -> int:
+    """List the studies of `shelf`, or have those that `options` name measured into a locked folder; returns the exit
+    code. Raises `InputError`.
+    """
     if options.list:  # before anything that imports torch
         from harness.studies.framework import list_lines
 
         sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
-        return None
+        return 0
     from harness.plan.profiles import known_names
+    from harness.run_folder.folder_lock import locked_folder
+    from harness.run_folder.output_folder import fresh_folder
     from scenes.files.errors import InputError
 
     if options.resume and options.out is None:
         raise InputError("--resume: name the folder to go on with, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
-    return [name for name in shelf.studies if name in chosen]
+    studies = [name for name in shelf.studies if name in chosen]
+    out = options.out or fresh_folder(shelf.name, resume=False)
+    with locked_folder(out):
+        code = measure(studies, out)
+    show.line(f"{shelf.noun} in {out / shelf.file}")
+    return code
 
 
 def add_evidence_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(
-        command, "evidence", "studies", beside="; that of a finished run gets the studies into its report"
-    )
-    add = command.add_argument
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add("--workers", type=int, metavar="N", help="processes (default: one a core on CPU, one on a GPU)")
+    beside = "; that of a finished run gets the studies into its report"
+    _add_shelf_options(command, "evidence", "studies", beside=beside)
+    add_shared(command, "--device")
+    command.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core, or one on a GPU)")
 
 
 def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 3 where a check fails; raises `InputError` for what cannot be."""
+    """Return 0, or 3 if a check fails; raises `InputError` for invalid options."""
     from harness.studies.evidence.evidence_studies import SHELF
 
-    studies = _asked(options, SHELF)
-    if studies is None:
-        return 0
-    from harness.machine.device import available_cores, chosen_device
-    from harness.plan.profiles import Machine
-    from harness.run_folder.folder_lock import locked_folder
-    from harness.run_folder.output_folder import fresh_folder
-    from harness.studies.evidence.evidence_context import run
-    from scenes.files.errors import InputError
+    require_between(options, workers=(1, 256))
 
-    if options.workers is not None and not 1 <= options.workers <= 256:
-        raise InputError(f"--workers {options.workers}: must lie between 1 and 256")
-    device, cores = chosen_device(options.device), available_cores()
-    workers = options.workers or (cores if device.type == "cpu" else 1)
-    machine = Machine(device.type, workers, max(1, cores // workers))
-    out = options.out or fresh_folder("evidence", resume=False)
-    with locked_folder(out):
-        code = run(studies, out, options.view_sets, machine, options.quick, options.resume, show)
-    show.line(f"studies in {out / SHELF.file}")
-    return code
+    def measure(studies: list[str], out: Path) -> int:
+        from harness.machine.device import available_cores, chosen_device
+        from harness.plan.profiles import Machine
+        from harness.studies.evidence.evidence_context import run
+
+        device, cores = chosen_device(options.device), available_cores()
+        workers = options.workers or (cores if device.type == "cpu" else 1)
+        machine = Machine(device.type, workers, max(1, cores // workers))
+        return run(studies, out, options.view_sets, machine, options.quick, options.resume, show)
+
+    return _run_shelf(options, SHELF, show, measure)
 
 
 def add_stability_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(command, "stability", "cases", ("--cases",))
-    command.add_argument(
-        "--methods", nargs="+", metavar="METHOD", help="methods to try them on (default: those worth comparing)"
-    )
+    _add_shelf_options(command, "stability", "cases", "--cases")
+    add_shared(command, "--methods", help="methods to try them on (default: those worth comparing)")
 
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
-    """0, or 3 where a case that must pass failed; raises `InputError` for what cannot be."""
+    """Return 0, or 3 if a case that must pass failed; raises `InputError` for invalid options."""
     from harness.studies.stability.cases import SHELF
 
-    studies = _asked(options, SHELF)
-    if studies is None:
-        return 0
-    from baselines.catalog import CATALOG
-    from harness.plan.profiles import known_names
-    from harness.run_folder.folder_lock import locked_folder
-    from harness.run_folder.output_folder import fresh_folder
-    from harness.studies.stability.stability_context import METHODS, run
+    def measure(studies: list[str], out: Path) -> int:
+        from baselines.catalog import CATALOG
+        from harness.plan.profiles import known_names
+        from harness.studies.stability.stability_context import METHODS, run
 
-    methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-    out = options.out or fresh_folder("stability", resume=False)
-    with locked_folder(out):
-        code = run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
-    show.line(f"outcomes in {out / SHELF.file}")
-    return code
+        methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
+        return run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
+
+    return _run_shelf(options, SHELF, show, measure)
 
 
 def add_speed_options(command: argparse.ArgumentParser) -> None:
-    _add_study_options(command, "speed", "questions", ("--items",))
-    add = command.add_argument
+    _add_shelf_options(command, "speed", "questions", "--items")
     usual = f"training of the plain side, question 3 ({PLAIN_SECONDS:g})"
-    add("--plain-seconds", type=float, metavar="S", help=usual)
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
+    command.add_argument("--plain-seconds", type=float, metavar="S", help=usual)
+    add_shared(command, "--device")
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
-    """0; raises `InputError` for what cannot be."""
+    """Return 0; raises `InputError` for invalid options."""
     from harness.studies.speed.questions import SHELF
 
-    studies = _asked(options, SHELF)
-    if studies is None:
-        return 0
-    from harness.machine.device import chosen_device
-    from harness.run_folder.folder_lock import locked_folder
-    from harness.run_folder.output_folder import fresh_folder
-    from scenes.files.errors import InputError
+    require_between(options, plain_seconds=(1, 86400))
 
-    seconds = options.plain_seconds
-    if seconds is None:
-        seconds = QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS
-    if not (math.isfinite(seconds) and 1.0 <= seconds <= 86400.0):
-        raise InputError(f"--plain-seconds {seconds:g}: must lie between 1 and 86400")
-    device = chosen_device(options.device)
+    def measure(studies: list[str], out: Path) -> int:
+        from harness.machine.device import chosen_device
+        from harness.studies.speed.speed_run import run
 
-    from harness.studies.speed.speed_run import run
+        seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
+        device = chosen_device(options.device)
+        return run(studies, out, device, options.view_sets, seconds, options.quick, options.resume, show)
 
-    out = options.out or fresh_folder("speed", resume=False)
-    with locked_folder(out):
-        code = run(studies, out, device, options.view_sets, seconds, options.quick, options.resume, show)
-    show.line(f"figures in {out / SHELF.file}")
-    return code
-
-
-NARROWEST, WIDEST = 8, 4096
-MOST_THREADS = 256
+    return _run_shelf(options, SHELF, show, measure)
 
 
 def add_serving_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    finished = "output folder of a finished run (default: out/latest)"
-    add("out", type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=finished)
-    add("--scenes", nargs="+", metavar="SCENE", help="scenes of the run to look at (default: all)")
-    add("--methods", nargs="+", metavar="METHOD", help="methods of the run to look at (default: all)")
-    add("--seed", type=int, default=0, metavar="N", help="whose weights are shown (default: 0)")
-    add("--width", type=int, default=100, metavar="PX", help="of the pictures that are timed (default: 100)")
-    add("--device", default="auto", choices=("auto", "cpu", "cuda"), help="ROCm is torch's cuda")
-    add("--threads", type=int, default=1, metavar="N", help="of rendering (default: 1; more wait for a busy machine)")
-    add("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR", help="cache of view sets")
-    add("--quick", action="store_true", help="sizes at which no figure means anything, to try the studies themselves")
-    add("--quiet", action="store_true", help="no progress")
+    add_finished_run(command)
+    add_shared(command, "--scenes", "--methods", "--seed")
+    width = "of the pictures that are timed (default: 100)"
+    command.add_argument("--width", type=int, default=100, metavar="PX", help=width)
+    add_shared(command, "--device")
+    add_shared(command, "--threads", default=1, help="of rendering (default: 1; more wait for a busy machine)")
+    add_shared(command, "--view-sets", "--quick", "--quiet")
 
 
 def run_serving(options: argparse.Namespace, show: "Progress") -> int:
@@ -171,11 +140,7 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
     """
     from scenes.files.errors import InputError
 
-    if not NARROWEST <= options.width <= WIDEST:
-        raise InputError(f"--width {options.width}: must lie between {NARROWEST} and {WIDEST}")
-    if not 1 <= options.threads <= MOST_THREADS:
-        raise InputError(f"--threads {options.threads}: must lie between 1 and {MOST_THREADS}")
-
+    require_between(options, width=(8, 4096), threads=(1, 256))
     from harness.machine.device import chosen_device
     from harness.machine.stopping import told_when_stopped
     from harness.playback.run_loader import FinishedRun
@@ -252,15 +217,12 @@ def methods_lines() -> list[str]:
 
 
 def add_scaling_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--speed", type=Path, default=Path("docs/speed.json"), metavar="FILE", help="what `nox -s speed` measured here"
-    )
+    measured = "what `nox -s speed` measured here"
+    command.add_argument("--speed", type=Path, default=Path("docs/speed.json"), metavar="FILE", help=measured)
 
 
 def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
     """Print the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
-    import sys
-
     from harness.records.study import read_studies
     from harness.studies.full_setting import page
 

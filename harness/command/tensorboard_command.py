@@ -9,10 +9,6 @@ if TYPE_CHECKING:
     from harness.records.cells import CellRecord
 
 
-def add_run_option(run: argparse.ArgumentParser) -> None:
-    run.add_argument("--tensorboard", action="store_true", help="write each cell to OUT/tensorboard as it ends")
-
-
 def add_tensorboard_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("run", type=Path, metavar="OUT", help="output folder of a run, finished or not")
 

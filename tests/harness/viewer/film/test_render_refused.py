@@ -28,7 +28,7 @@ from tests.harness.viewer.film.typed import Said, contents
         ("--resolution 4096 --methods nerf nerf_matched qnerf --path test", "enlarging adds nothing"),
         ("--fps 0", "--fps 0"),
         ("--threads 0", "--threads 0"),
-        ("--elevation 91", "--elevation 91.0"),
+        ("--elevation 91", "--elevation 91"),
         ("--elevation nan", "--elevation nan"),
         ("--elevation 10 --path spiral", "--elevation: --path spiral"),
         ("--path test --frames 4", "4 test views were asked for; choose 0 to 3"),
