@@ -8,11 +8,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from harness.command import (
-    completion,
-    doctor_command,
     gate_command,
     judge_command,
     look_commands,
+    machine_commands,
     run_command,
     settings_commands,
     study_commands,
@@ -49,11 +48,11 @@ COMMANDS: dict[str, Command] = {
                      lambda command: _add(command.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES),
                      lambda options, show: STUDIES[options.study].call(options, show)),
     "doctor": Command("what this machine has, and how to get the rest",
-                      doctor_command.add_doctor_options, doctor_command.run_doctor),
+                      machine_commands.add_doctor_options, machine_commands.run_doctor),
     "tensorboard": Command("write a run's cells for TensorBoard",
                            tensorboard_command.add_tensorboard_options, tensorboard_command.run_tensorboard),
     "completion": Command("print a completion script for your shell",
-                          completion.add_completion_options, completion.run_completion),
+                          machine_commands.add_completion_options, machine_commands.run_completion),
 }
 STUDIES: dict[str, Command] = {
     "evidence": Command("the studies that a verdict rests on",

@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from harness.command.completion import SHELLS, script
+from harness.command.machine_commands import SHELLS, script
 from harness.command.main import COMMANDS, main, parser
 
 ASK = """

@@ -1,4 +1,4 @@
-"""`python -m harness completion SHELL`: a script that completes commands, options, scenes, methods and profiles.
+"""`python -m harness completion SHELL | doctor`: a script that completes commands, options and names; what is missing.
 
 Shells complete by the name of a program, and that of `python -m harness` is python's. The script therefore defines a
 function (in tcsh an alias) `harness`, which is `python -m harness`, and completes that.
@@ -6,8 +6,10 @@ function (in tcsh an alias) `harness`, which is `python -m harness`, and complet
 
 import argparse
 import copy
+import json
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -64,3 +66,26 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
             for name, command in action.choices.items():
                 command.prog = f"{parser.prog} {name}"
                 yield from _actions(command)
+
+
+def add_doctor_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="one JSON list instead of lines")
+
+
+def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
+    """Return 0, or 2 if something is missing that nothing works without."""
+    from harness.machine.doctor import findings
+
+    found = []
+    for finding in findings():
+        found.append(finding)
+        if not options.json:
+            show.line(f"{finding.verdict:8} {finding.what}: {finding.found}")
+            if finding.verdict != "ok":
+                show.line(f"         → {finding.to_do}")
+    if options.json:
+        show.line(json.dumps([asdict(finding) for finding in found], indent=2, ensure_ascii=False))
+    lacking = [finding.what for finding in found if finding.verdict == "missing" and finding.needed]
+    if not options.json:
+        show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "everything that is needed is there")
+    return 2 if lacking else 0
