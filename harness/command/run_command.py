@@ -151,10 +151,9 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
 
     from harness.plan.profiles import planned
 
-    names = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
-    names = (*names, "without", "need", "no_need", "ray_attention")
+    amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
+    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "ray_attention")}
     precision = None if options.precision == "auto" else options.precision
-    given = {name: getattr(options, name) for name in names}
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements
         plan = replace(plan, extras=())

@@ -11,8 +11,8 @@ from scenes.files.errors import InputError
 if TYPE_CHECKING:
     import torch
 
-    from harness.execution.group import GroupTask
     from harness.execution.local_executor import Event
+    from harness.plan.group_task import GroupTask
     from harness.plan.profiles import Machine
 
 EXECUTORS = ("local", "ray")

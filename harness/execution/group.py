@@ -2,35 +2,14 @@
 
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from harness.plan.defaults import KEPT_EVERY
-from harness.plan.schedule import Budget
-from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
+from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, cell_path, unscored, with_files, write_cell
 from harness.records.snapshot import drop_ended
 from scenes.files.errors import InputError
-
-
-@dataclass(frozen=True)
-class GroupTask:
-    """Everything that a worker needs, picklable."""
-
-    scene: str
-    seed: int
-    methods: tuple[str, ...]
-    view_set: Path
-    views: ViewSettings
-    train: TrainSettings
-    score: ScoreSettings
-    budget: Budget
-    device: str
-    threads: int
-    out: Path
-    keep_every: float = KEPT_EVERY
-    """The seconds between two times that the cells are kept in the middle of their training."""
 
 
 def run_group(
@@ -52,20 +31,17 @@ def run_group(
     from harness.machine.provenance import provenance
     from harness.plan.needed import for_scene
     from harness.plan.plugins import origins, require_methods
-    from harness.training.cell_training import GroupSettings
     from harness.training.lockstep import train_group
 
     try:
         task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
         use_threads(task.threads)
         keep_freed_memory()
-        device = torch.device(task.device)
         views = read_views(task.view_set, task.views, task.out)
-        settings = GroupSettings(task.methods, for_scene(task.train, views), task.score, task.budget)
         require_methods(task.methods)
-        origin = {**provenance(device), **origins(task.methods), **(placed or {})}
-        paired = (views, task.scene, task.seed, settings, device, task.out, origin, on_progress)
-        for cell in train_group(*paired, keep_every=task.keep_every, on_notice=on_notice):
+        origin = {**provenance(torch.device(task.device)), **origins(task.methods), **(placed or {})}
+        fitted = replace(task, train=for_scene(task.train, views))
+        for cell in train_group(fitted, views, origin, on_progress, on_notice=on_notice):
             cell = with_files(task.out, cell)
             write_cell(task.out, cell)
             drop_ended(task.out, cell)

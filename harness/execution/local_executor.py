@@ -9,11 +9,12 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from harness.execution.group import GroupTask, failed_cells, run_group
+from harness.execution.group import failed_cells, run_group
 from harness.machine.cores import own_cores
 from harness.machine.device import gpu_masks
 from harness.machine.provenance import changed_since, versions
 from harness.machine.stopping import end_with_parent
+from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from harness.execution.ground_truth import RenderProgress
-    from harness.execution.group import GroupTask
+    from harness.plan.group_task import GroupTask
     from harness.records.cells import CellRecord
 
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))

@@ -23,9 +23,10 @@ from harness.execution.cluster.mailbox import (
 from harness.execution.cluster.node_work import GroupOrder, group_on_node
 from harness.execution.cluster.room import Room, needs_of
 from harness.execution.cluster.view_set_files import Listing, listed
-from harness.execution.group import GroupTask, failed_cells
+from harness.execution.group import failed_cells
 from harness.execution.local_executor import Event
 from harness.machine.provenance import versions
+from harness.plan.group_task import GroupTask
 from harness.records.cells import cell_path, write_cell
 from harness.records.snapshot import drop_ended, unfinished_path
 from scenes.files.atomic import write_atomically

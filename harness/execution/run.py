@@ -7,13 +7,13 @@ from typing import Any
 
 from harness.execution.executors import device_here, run_groups
 from harness.execution.ground_truth import render_view_sets
-from harness.execution.group import GroupTask
 from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
 from harness.execution.run_record import scene_record
 from harness.machine.mixed_code import clocks_apart, code_apart, made_elsewhere
 from harness.machine.provenance import core_module_lines
 from harness.plan.caveats import deviations, not_tested
+from harness.plan.group_task import GroupTask
 from harness.plan.profiles import Extra, Machine, Plan
 from harness.records.cells import (
     CellRecord,

@@ -18,12 +18,12 @@ from baselines.contract import Rays
 from harness.gate.gates import TRAINED_METHODS, TRAINED_SCENES, Gate
 from harness.gate.outcome import GateContext, Sample
 from harness.gate.worse import gate_plan
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.records.cells import CellRecord
 from harness.run_folder.folder_lock import scratch_folder
 from harness.studies.drawn_views import write_disc
-from harness.training.cell_training import GroupSettings
 from harness.training.learner import Learner
 from harness.training.lockstep import box_of, train_group
 from harness.training.make_learner import learner_for
@@ -61,12 +61,12 @@ def _counted(differing: int | None) -> Sample:
     )
 
 
-def settings_of(methods: tuple[str, ...]) -> GroupSettings:
+def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:
     """Return the gate's own training, shorter."""
     plan = gate_plan((0,), TRAINED_SCENES, methods)
     train = replace(plan.train, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
     score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
-    return GroupSettings(methods, train, score, Budget(COPY_STEPS, None))
+    return GroupTask("drawn", seed, methods, train, score, Budget(COPY_STEPS, None), out)
 
 
 def drawn(folder: Path) -> ViewSet:
@@ -102,7 +102,7 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
     with listed(methods[1], method):
         for seed in (0, 1):
             learners: list[Any] = []
-            cells += train_group(views, "drawn", seed, settings_of(methods), CPU, out, {}, _nothing, watching(learners))
+            cells += train_group(task_of(methods, seed, out), views, {}, _nothing, watching(learners))
             kept |= {(one.method, seed): dict(one.fields.state_dict()) for one in learners}
     if any(cell.status != "done" for cell in cells) or len(cells) != 4:
         return None, cells
@@ -145,7 +145,7 @@ def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | 
     methods.
     """
     given: dict[str, list[tuple[Tensor, ...]]] = {}
-    cells = list(train_group(views, "drawn", 0, settings_of(methods), CPU, out, {}, _nothing, watching([], given)))
+    cells = list(train_group(task_of(methods, 0, out), views, {}, _nothing, watching([], given)))
     if len(given) < 2 or any(cell.status != "done" for cell in cells):
         return None
     first = given[methods[0]]
@@ -163,7 +163,7 @@ def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
     """Return how many first weights differ between methods in tensors of the same name and shape; None without any
     such.
     """
-    settings: TrainSettings = settings_of(methods).train
+    settings: TrainSettings = task_of(methods, 0, Path()).train
     box, budget = box_of(views, CPU), Budget(COPY_STEPS, None)
     states = [
         dict(learner_for(method, box, settings, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods

@@ -34,13 +34,13 @@ from harness.gate.limits import NONE_DIFFERS, Limit
 from harness.gate.outcome import GateContext, Sample
 from harness.gate.process import in_children
 from harness.gate.references import References
+from harness.plan.group_task import GroupTask
 from harness.plan.profiles import SHORT_TRAINING, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, ScoreSettings, ViewSettings
 from harness.records.cells import CellRecord, Checkpoint
 from harness.run_folder.folder_lock import scratch_folder
-from harness.training.cell_training import GroupSettings
 from harness.training.learner import Learner
 from harness.training.lockstep import train_group
 from harness.training.make_learner import learner_for
@@ -140,15 +140,12 @@ def train_groups(
 ) -> list[CellRecord]:
     """Return the cells of some scenes and seeds, trained in this process."""
     plan = gate_plan(GATE_SEEDS, TRAINED_SCENES, methods)
-    settings = GroupSettings(methods, plan.train, plan.score, plan.budget)
     cells: list[CellRecord] = []
     for scene, seed in groups:
         with scratch_folder(out) as scratch:
             views = read_views(folders[scene], plan.views, scratch)
-            place = scratch / "cells"
-            cells += train_group(
-                views, scene, seed, settings, torch.device("cpu"), place, {}, _nothing, rounded_otherwise(draw)
-            )
+            task = GroupTask(scene, seed, methods, plan.train, plan.score, plan.budget, scratch / "cells")
+            cells += train_group(task, views, {}, _nothing, rounded_otherwise(draw))
     return cells
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,9 +12,9 @@ import torch
 from torch import nn
 
 from harness.machine.provenance import CHECKED, PROGRAM
+from harness.plan.group_task import GroupTask
 from harness.plan.plugins import origins
-from harness.plan.schedule import Budget, checkpoint_fractions
-from harness.plan.settings import ScoreSettings, TrainSettings
+from harness.plan.schedule import checkpoint_fractions
 from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cell_path, read_cell
 from harness.records.json_record import DamagedRecord, as_promised, plain
 from harness.records.pictures import RENDER, Render
@@ -136,16 +136,6 @@ about the method.
 """
 
 
-@dataclass(frozen=True)
-class GroupSettings:
-    """The settings of a group of cells, the same for every method."""
-
-    methods: tuple[str, ...]
-    train: TrainSettings
-    score: ScoreSettings
-    budget: Budget
-
-
 @dataclass
 class _LastViews:
     """The values that the record takes from the last rendering of the test views, which are in memory one at a time."""
@@ -174,25 +164,19 @@ class CellTraining:
         self,
         trainer: Learner,
         views: ViewSet,
-        scene: str,
-        seed: int,
-        settings: GroupSettings,
-        out: Path,
+        task: GroupTask,
         provenance: dict[str, Any],
         floor: float | None,
     ) -> None:
         self.trainer = trainer
         self.views = views
-        self.scene = scene
-        self.seed = seed
-        self.settings = settings
-        self.out = out
+        self.task = task
         self.provenance = provenance
         self.floor = floor
         self.test = evaluate.cameras_of(views, views.test, trainer.device)
-        self.due = checkpoint_fractions(settings.score.checkpoints, settings.score.earliest)
+        self.due = checkpoint_fractions(task.score.checkpoints, task.score.earliest)
         self.curve: list[Checkpoint] = []
-        self.kept = KeptRenders.of(views.test, settings.score.stored_views, seed, settings.score.checkpoints)
+        self.kept = KeptRenders.of(views.test, task.score.stored_views, task.seed, task.score.checkpoints)
         self.occupied = read_occupancy(views)
         self.ended = False
         self.resumed_at: list[int] = []
@@ -216,11 +200,11 @@ class CellTraining:
     @property
     def file(self) -> Path:
         """Return the file that holds the cell until it has ended."""
-        return unfinished_path(self.out, self.scene, self.trainer.method, self.seed)
+        return unfinished_path(self.task.out, self.task.scene, self.trainer.method, self.task.seed)
 
     @property
     def name(self) -> str:
-        return f"{self.scene}, {self.trainer.method}, seed {self.seed}"
+        return f"{self.task.scene}, {self.trainer.method}, seed {self.task.seed}"
 
     def keep(self) -> str | None:
         """Write the complete state; returns, the first time, why that cannot be done, in words. Raises `OSError`,
@@ -300,7 +284,7 @@ class CellTraining:
             **{name: packages.get(name) for name in CHECKED},
             **{key: self.provenance.get(key) for key in place},
             "package": origins([self.trainer.method]),
-            "settings": {key: value for key, value in asdict(self.settings).items() if key != "methods"},
+            "settings": self.task.settings(),
             "view set": {key: value for key, value in view_set_facts(self.views).items() if key != "name"},
         }
         return dict(json.loads(json.dumps(found)))
@@ -313,7 +297,7 @@ class CellTraining:
                 return None
             while self.due and self.trainer.progress >= self.due[0]:
                 self.due.pop(0)
-            rendered = evaluate.render_split(self.trainer, self.test, self.settings.score.chunk)
+            rendered = evaluate.render_split(self.trainer, self.test, self.task.score.chunk)
             images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
             if self.due:
                 self.curve.append(self._checkpoint(images))
@@ -346,11 +330,11 @@ class CellTraining:
         )
 
     def _finished(self, last: _LastViews) -> CellRecord:
-        trainer, score = self.trainer, self.settings.score
+        trainer, score = self.trainer, self.task.score
         scores = evaluate.mean_scores(last.rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
-        save_checkpoint(trainer, checkpoint_path(self.out, self.scene, trainer.method, self.seed))
+        save_checkpoint(trainer, checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed))
         properties = evaluate.measured_properties(trainer, self.test)
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         self.ended = True
@@ -365,13 +349,11 @@ class CellTraining:
         properties: dict[str, float | str | None],
         mean_opacity: float | None = None,
     ) -> CellRecord:
-        trainer = self.trainer
-        settings = asdict(self.settings)
-        methods = settings.pop("methods")
+        trainer, task = self.trainer, self.task
         return CellRecord(
-            scene=self.scene,
+            scene=task.scene,
             method=trainer.method,
-            seed=self.seed,
+            seed=task.seed,
             status=status,
             reason=reason,
             steps=trainer.step,
@@ -384,13 +366,13 @@ class CellTraining:
             properties={
                 **properties,
                 "flops_per_evaluation": flops_per_evaluation(trainer.field),
-                "rays_per_step": self.settings.train.rays,
+                "rays_per_step": task.train.rays,
             },
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
-            pictures=self.kept.write(self.out, self.scene, trainer.method, self.seed),
-            settings={**settings, "view_set": view_set_facts(self.views)},
+            pictures=self.kept.write(task.out, task.scene, trainer.method, task.seed),
+            settings={**task.settings(), "view_set": view_set_facts(self.views)},
             # the others of the group change no bit of it: after an interruption they may differ
-            provenance={**self.provenance, "in_lockstep": list(methods)}
+            provenance={**self.provenance, "in_lockstep": list(task.methods)}
             | ({"resumed_at": self.resumed_at} if self.resumed_at else {}),
         )
 

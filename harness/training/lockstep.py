@@ -1,20 +1,19 @@
 """All methods of one scene and one seed, trained in turn on the same batches, each on its own clock; or one alone."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import torch
 
 from baselines.contract import Box
-from harness.plan.defaults import KEPT_EVERY
+from harness.plan.group_task import GroupTask
 from harness.plan.needed import for_scene
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord, unscored
 from harness.training import evaluate
 from harness.training.batches import Batches
-from harness.training.cell_training import CellTraining, GroupSettings, IncompatibleSnapshot
+from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
 from harness.training.learner import Learner
 from harness.training.make_learner import NotAvailable, learner_for
@@ -24,50 +23,43 @@ from scenes.view_sets.view_set import Split, ViewSet
 
 
 def train_group(
+    task: GroupTask,
     views: ViewSet,
-    scene: str,
-    seed: int,
-    settings: GroupSettings,
-    device: torch.device,
-    out: Path,
     provenance: dict[str, Any],
     on_progress: Callable[[float], None],
     made_by: Callable[..., Learner] | None = None,
-    keep_every: float = KEPT_EVERY,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> Iterator[CellRecord]:
     """Yield the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
 
-    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. Every
-    `keep_every` seconds all cells are kept in `out` as they stand, and one that was kept there is resumed, which is
-    reported to `on_notice`.
+    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. All
+    cells are kept in the output folder from time to time, and one that was kept there is resumed, which is reported to
+    `on_notice`.
     """
-    box = box_of(views, device)
-    train_cameras = evaluate.cameras_of(views, views.train, device)
-    batches = Batches(train_cameras, views.train.rgba, settings.train.ray_attention)
-    stream = stream_of(scene, seed)
+    device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
+    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.ray_attention)
+    shared = box_of(views, device), task.train, task.budget, stream, device, needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
-    keep_truth(out, scene, views, settings.score.stored_views)
+    keep_truth(task.out, task.scene, views, task.score.stored_views)
     runners = []
 
     def fresh(method: str) -> CellTraining:
-        learner = (made_by or learner_for)(
-            method, box, settings.train, settings.budget, stream, device, needs_view_direction(views)
-        )
-        return CellTraining(learner, views, scene, seed, settings, out, provenance, floor)
+        return CellTraining((made_by or learner_for)(method, *shared), views, task, provenance, floor)
 
-    for method in settings.methods:
+    for method in task.methods:
         try:
             runner = fresh(method)
         except NotAvailable as missing:
-            yield unscored(scene, method, seed, "not_available", str(missing))
+            yield unscored(task.scene, method, task.seed, "not_available", str(missing))
             continue
         except InputError:
             raise
         except Exception as error:
-            yield unscored(scene, method, seed, "error", f"{type(error).__name__} before the first step: {error}")
+            yield unscored(
+                task.scene, method, task.seed, "error", f"{type(error).__name__} before the first step: {error}"
+            )
             continue
-        first = batches.batch(stream, 0, settings.train.rays)
+        first = batches.batch(stream, 0, task.train.rays)
         failed = runner.warm_up(*first)
         if failed is not None:
             del runner  # its memory is free for the next one
@@ -82,13 +74,13 @@ def train_group(
             on_notice(notice)
         runners.append(runner)
     active = list(runners)
-    keeping = Keeping(keep_every)
+    keeping = Keeping(task.keep_every)
     turn = 0
     while active:
         # the first one changes, so that none always finds the caches that another has filled
         order = active[turn % len(active) :] + active[: turn % len(active)]
         for runner in order:
-            rays, truth = batches.batch(stream, runner.trainer.step, settings.train.rays)
+            rays, truth = batches.batch(stream, runner.trainer.step, task.train.rays)
             record = runner.advance(rays, truth)
             if record is not None:
                 active.remove(runner)

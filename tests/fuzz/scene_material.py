@@ -83,10 +83,9 @@ def half_way(folder: Path) -> None:
 
 def train_on(folder: Path) -> None:
     """One step of the cell, from where it was kept or from the start; it is then kept."""
-    import torch
 
+    from harness.plan.group_task import GroupTask
     from harness.plan.schedule import Budget
-    from harness.training.cell_training import GroupSettings
     from harness.training.lockstep import train_group
     from scenes.view_sets.view_set import read_view_set
     from tests.harness.tiny import SCORE, TRAIN
@@ -97,9 +96,9 @@ def train_on(folder: Path) -> None:
         raise Stopped
 
     views = read_view_set(folder / "ball", scratch=folder)
-    settings = GroupSettings(("nerf",), TRAIN, SCORE, Budget(4, None))
+    task = GroupTask("ball", 0, ("nerf",), TRAIN, SCORE, Budget(4, None), folder, keep_every=0.0)
     with suppress(Stopped):
-        list(train_group(views, "ball", 0, settings, torch.device("cpu"), folder, {}, on_progress, keep_every=0.0))
+        list(train_group(task, views, {}, on_progress))
 
 
 def inside(folder: Path) -> None:

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.group import GroupTask, run_group
+from harness.execution.group import run_group
 from harness.execution.local_executor import Event
 from harness.execution.progress import Quiet
 from harness.execution.run import run
+from harness.plan.group_task import GroupTask
 from harness.plan.profiles import Machine, planned
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord

@@ -10,8 +10,9 @@ from typing import Any
 
 from harness.execution.cluster.mailbox import Began, Delivered, Handle, Kept, Key, Said, TrainedShare
 from harness.execution.cluster.view_set_files import Listing, node_folder, on_this_node
-from harness.execution.group import GroupTask, run_group
+from harness.execution.group import run_group
 from harness.machine.provenance import differences, versions
+from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord
 from harness.records.snapshot import FOLDER as UNFINISHED
 from scenes.files.errors import InputError

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 from msgspec import structs
 
-from harness.execution.group import GroupTask
 from harness.execution.local_executor import run_locally
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.study import Check, Series

@@ -80,8 +80,9 @@ def main(arguments: list[str]) -> None:
 
     import torch
 
-    from harness.execution.group import GroupTask, run_group
+    from harness.execution.group import run_group
     from harness.machine.device import multiplies_bfloat16
+    from harness.plan.group_task import GroupTask
     from harness.plan.profiles import PROFILES
     from harness.plan.schedule import Budget
     from harness.records.cells import CellRecord

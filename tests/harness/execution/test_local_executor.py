@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from harness.execution import local_executor
-from harness.execution.group import GroupTask, run_group
+from harness.execution.group import run_group
 from harness.execution.local_executor import run_locally
 from harness.machine.provenance import versions
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
 from harness.training.trainer import Trainer

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from harness.execution.ground_truth import RenderProgress
-from harness.execution.group import GroupTask
 from harness.execution.progress import Lines
+from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from harness.__main__ import main
-from harness.execution.group import GroupTask
 from harness.execution.local_executor import Event
+from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run
 from harness.records.json_record import DamagedRecord
 from harness.run_folder.earlier_run import with_measured

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import cell_path, read_cell, write_cell
 from harness.training import lockstep
-from harness.training.cell_training import GroupSettings
 from harness.training.lockstep import train_group
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.trainer import Trainer
@@ -32,9 +32,10 @@ def test_a_method_that_cannot_run_here_costs_nobody_else_anything(
         return learner_for(method, *others)
 
     monkeypatch.setattr(lockstep, "learner_for", missing_one)
-    settings = GroupSettings(("nerf", "nerf_matched"), TRAIN, replace(SCORE, checkpoints=1), Budget(2, None))
+    score = replace(SCORE, checkpoints=1)
+    task = GroupTask("ball", 0, ("nerf", "nerf_matched"), TRAIN, score, Budget(2, None), tmp_path)
     shares: list[float] = []
-    cells = {one.method: one for one in train_group(ball, "ball", 0, settings, CPU, tmp_path, {}, shares.append)}
+    cells = {one.method: one for one in train_group(task, ball, {}, shares.append)}
     assert (cells["nerf"].status, cells["nerf"].steps) == ("done", 2)
     assert shares[-1] == 1.0
     lacking = cells["nerf_matched"]

@@ -9,12 +9,13 @@ import torch
 from safetensors.torch import load_file
 
 from harness.machine.stopwatch import Stopwatch
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, cell_path, read_cell, write_cell
 from harness.records.pictures import read_renders
 from harness.training import evaluate
 from harness.training.batches import Batches
-from harness.training.cell_training import GroupSettings, warnings_of
+from harness.training.cell_training import warnings_of
 from harness.training.lockstep import needs_view_direction, train_group, trained_alone
 from harness.training.metrics import psnr
 from harness.training.trainer import TRACED, Trainer
@@ -29,8 +30,8 @@ THREE = ("nerf", "nerf_matched", "qnerf")
 def group(
     ball: ViewSet, out: Path, methods: tuple[str, ...] = THREE, seed: int = 0, progress: Any = None, **changes: Any
 ) -> dict[str, CellRecord]:
-    settings = replace(GroupSettings(methods, TRAIN, SCORE, BUDGET), **changes)
-    cells = train_group(ball, "ball", seed, settings, CPU, out, {"here": 1}, progress or (lambda share: None))
+    task = replace(GroupTask("ball", seed, methods, TRAIN, SCORE, BUDGET, out), **changes)
+    cells = train_group(task, ball, {"here": 1}, progress or (lambda share: None))
     return {cell.method: cell for cell in cells}
 
 
@@ -191,9 +192,10 @@ def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch
         original(self, rays, colours)
 
     monkeypatch.setattr(Trainer, "train_on", spy)
-    settings = GroupSettings(("nerf",), TRAIN, replace(SCORE, checkpoints=1), Budget(1, None))
+    score = replace(SCORE, checkpoints=1)
     for scene in ("lego", "mic"):
-        list(train_group(ball, scene, 0, settings, CPU, tmp_path, {}, lambda share: None))
+        task = GroupTask(scene, 0, ("nerf",), TRAIN, score, Budget(1, None), tmp_path)
+        list(train_group(task, ball, {}, lambda share: None))
     (first_colours, first_weights), (second_colours, second_weights) = seen
     assert not torch.equal(first_colours, second_colours)
     assert not torch.equal(first_weights, second_weights)

@@ -12,17 +12,17 @@ import pytest
 
 from harness.execution import run
 from harness.execution.progress import Quiet
+from harness.plan.group_task import GroupTask
 from harness.plan.profiles import Machine, planned
 from harness.records.cells import CellRecord
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import sealed, unsealed
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
-from harness.training.cell_training import GroupSettings
 from harness.training.checkpoints import Keeping, training_state
 from harness.training.lockstep import train_group
 from scenes.view_sets.view_set import ViewSet
 from tests.harness import tiny
-from tests.harness.tiny import BUDGET, CPU, SCORE
+from tests.harness.tiny import BUDGET, SCORE
 from tests.harness.training.test_lockstep import without_time
 
 TRAIN = replace(tiny.TRAIN, clip_ratio=0.9)
@@ -52,12 +52,10 @@ def train(
         if share >= until:
             raise Stopped
 
-    settings = replace(GroupSettings(METHODS, TRAIN, SCORE, BUDGET), **changes)
+    task = replace(GroupTask("ball", 0, METHODS, TRAIN, SCORE, BUDGET, out, keep_every=0.0), **changes)
     cells: dict[str, CellRecord] = {}
     with suppress(Stopped):
-        for cell in train_group(
-            ball, "ball", 0, settings, CPU, out, origin, on_progress, keep_every=0.0, on_notice=notices.append
-        ):
+        for cell in train_group(task, ball, origin, on_progress, on_notice=notices.append):
             cells[cell.method] = cell
     return cells
 

@@ -14,11 +14,11 @@ import torch
 from safetensors.torch import load_file
 
 from harness.machine.stopwatch import Stopwatch
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import VoxelSettings
 from harness.records.cells import CellRecord, read_cells
 from harness.training import make_learner
-from harness.training.cell_training import GroupSettings
 from harness.training.evaluate import density_histogram
 from harness.training.learner import Learner
 from harness.training.lockstep import train_group
@@ -218,10 +218,9 @@ def test_a_budget_of_seconds_runs_on_its_own_clock() -> None:
 
 @pytest.mark.usefixtures("available")
 def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: ViewSet, tmp_path: Path) -> None:
-    settings = GroupSettings(
-        ("nerf", "voxels_drjit"), replace(SETTINGS, rays=256), replace(SCORE, checkpoints=2), Budget(100, None)
-    )
-    cells = {one.method: one for one in train_group(ball, "ball", 0, settings, CPU, tmp_path, {}, lambda share: None)}
+    train, score = replace(SETTINGS, rays=256), replace(SCORE, checkpoints=2)
+    task = GroupTask("ball", 0, ("nerf", "voxels_drjit"), train, score, Budget(100, None), tmp_path)
+    cells = {cell.method: cell for cell in train_group(task, ball, {}, lambda share: None)}
     cell, other = cells["voxels_drjit"], cells["nerf"]
     assert (cell.status, cell.reason, cell.steps) == ("done", None, 100)
     for part in ("scores", "trace", "properties"):

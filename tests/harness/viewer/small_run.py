@@ -4,14 +4,12 @@ import shutil
 from dataclasses import asdict
 from pathlib import Path
 
-import torch
-
 from harness.execution.ground_truth import read_views
+from harness.plan.group_task import GroupTask
 from harness.plan.needed import for_scene
 from harness.plan.schedule import Budget
 from harness.plan.settings import ViewSettings
 from harness.records.cells import RunRecord, SceneRecord, cell_path, read_cell, read_run, write_cell, write_run
-from harness.training.cell_training import GroupSettings
 from harness.training.checkpoints import checkpoint_path
 from harness.training.lockstep import train_group
 from tests.harness.ball import write_ball
@@ -30,10 +28,9 @@ def train(folder: Path, scene: str = "ball") -> Path:
     views_folder, out = write_ball(folder / "ball", size=SIZE, train=4, test=3), folder / "run"
     out.mkdir()
     views = read_views(views_folder, VIEWS, folder)
-    settings = GroupSettings(
-        ("nerf", "qnerf"), for_scene(TRAIN, views), replace(SCORE, checkpoints=1), Budget(30, None)
-    )
-    for cell in train_group(views, scene, 0, settings, torch.device("cpu"), out, {}, lambda share: None):
+    train, score = for_scene(TRAIN, views), replace(SCORE, checkpoints=1)
+    task = GroupTask(scene, 0, ("nerf", "qnerf"), train, score, Budget(30, None), out)
+    for cell in train_group(task, views, {}, lambda share: None):
         assert cell.status == "done", cell.reason
         write_cell(out, cell)
     known = SceneRecord(

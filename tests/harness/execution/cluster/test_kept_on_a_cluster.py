@@ -7,8 +7,8 @@ import pytest
 
 from harness.execution.cluster.mailbox import Delivered, Kept, Message, Said
 from harness.execution.cluster.node_work import _kept_since
-from harness.execution.group import GroupTask
 from harness.execution.ray_executor import _Running, _told, _unfinished
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from tests.harness.cells import cell, checkpoint
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
@@ -20,7 +20,7 @@ NERF, QNERF = (f"unfinished/ball.{method}.0.safetensors" for method in ("nerf", 
 @pytest.fixture
 def task(tmp_path: Path) -> GroupTask:
     budget = Budget(24, None)
-    return GroupTask("ball", 0, ("nerf", "qnerf"), tmp_path / "v", VIEWS, TRAIN, SCORE, budget, "cpu", 1, tmp_path)
+    return GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, SCORE, budget, tmp_path, tmp_path / "v", VIEWS)
 
 
 def told(task: GroupTask, *messages: Message) -> list[str]:

@@ -12,9 +12,9 @@ import pytest
 from harness.__main__ import main
 from harness.execution.cluster.connection import connect, disconnect, hardware
 from harness.execution.cluster.node_work import GroupOrder
-from harness.execution.group import GroupTask
 from harness.execution.local_executor import Event, run_locally
 from harness.execution.ray_executor import run_on_ray
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings
 from harness.records.cells import CellRecord, read_cells
@@ -89,7 +89,7 @@ def joined(cluster: Any) -> Iterator[Any]:
 
 
 def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
-    task = GroupTask("ball", 0, ("nerf", "qnerf"), ball_folder, VIEWS, TRAIN, score, Budget(24, None), "cpu", 1, out)
+    task = GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, score, Budget(24, None), out, ball_folder, VIEWS)
     return [replace(task, seed=seed, **changes) for seed in range(seeds)]
 
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import records_folder
 from harness.records.pictures import read_renders
 from harness.training import evaluate
-from harness.training.cell_training import GroupSettings
 from harness.training.lockstep import train_group
 from scenes.view_sets.transforms import write_transforms
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import FOV_X_RADIANS, GOLDEN_ANGLE, pose, write_ball
-from tests.harness.tiny import CPU, SCORE, TRAIN
+from tests.harness.tiny import SCORE, TRAIN
 
 ROOT = Path(__file__).parents[4]
 
@@ -92,8 +92,8 @@ def test_views_are_rendered_scored_and_let_go_one_at_a_time(tmp_path: Path, monk
 
     monkeypatch.setattr(evaluate, "render_view", watched)
     ball = read_view_set(write_ball(tmp_path / "ball", size=12, train=4, test=12))
-    settings = GroupSettings(("nerf",), TRAIN, SCORE, Budget(3, None))
-    (cell,) = train_group(ball, "ball", 0, settings, CPU, tmp_path, {}, lambda share: None)
+    task = GroupTask("ball", 0, ("nerf",), TRAIN, SCORE, Budget(3, None), tmp_path)
+    (cell,) = train_group(task, ball, {}, lambda share: None)
     assert (cell.status, len(cell.views)) == ("done", 12)
     renders = read_renders(records_folder(tmp_path) / str(cell.pictures))
     assert len(renders) == SCORE.stored_views * len(cell.curve)

@@ -1,0 +1,33 @@
+"""A group of cells, which train in lockstep: the unit of work that an executor hands to a worker."""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.plan.defaults import KEPT_EVERY
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
+
+
+@dataclass(frozen=True)
+class GroupTask:
+    """The methods of one scene and one seed, all with the same settings; picklable, and all that a worker needs."""
+
+    scene: str
+    seed: int
+    methods: tuple[str, ...]
+    train: TrainSettings
+    score: ScoreSettings
+    budget: Budget
+    out: Path
+    view_set: Path = Path()
+    """The folder to read `views` from; unread where a view set is handed on beside."""
+    views: ViewSettings = field(default_factory=ViewSettings)
+    device: str = "cpu"
+    threads: int = 1
+    keep_every: float = KEPT_EVERY
+    """The seconds between two times that the cells are kept in the middle of their training."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings of each of its cells, as records hold them."""
+        return {"train": asdict(self.train), "score": asdict(self.score), "budget": asdict(self.budget)}
