@@ -8,18 +8,7 @@ from typing import Any
 
 from harness.execution.cluster.connection import give_up
 from harness.execution.cluster.head import Head
-from harness.execution.cluster.mailbox import (
-    Began,
-    Delivered,
-    Files,
-    Handle,
-    Kept,
-    Key,
-    Mailbox,
-    Message,
-    Said,
-    TrainedShare,
-)
+from harness.execution.cluster.mailbox import Files, Handle, Key, Mailbox, Message
 from harness.execution.cluster.node_work import GroupOrder, group_on_node
 from harness.execution.cluster.room import Room, needs_of
 from harness.execution.cluster.view_set_files import Listing, listed
@@ -196,27 +185,23 @@ def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Eve
         one = by_group.get(message.group)
         if one is None:
             continue
-        task = one.task
-        if isinstance(message, Delivered):
-            cell = message.cell
-            if cell_path(task.out, cell.scene, cell.method, cell.seed).exists():
-                drop_ended(task.out, cell)
-                continue
-            for relative, content in message.files.items():
-                write_atomically(task.out / relative, content)
-            write_cell(task.out, cell)
-            drop_ended(task.out, cell)
-            yield Event(task, cell=cell)
-        elif message.attempt != one.attempt:
+        task, cell = one.task, message.cell
+        if cell is None and message.attempt != one.attempt:
             continue
-        elif isinstance(message, Kept):
-            for relative, content in message.files.items():
-                write_atomically(task.out / relative, content)
-        elif isinstance(message, Said):
-            yield Event(task, notice=message.text)
-        elif isinstance(message, Began):
+        known = cell is not None and cell_path(task.out, cell.scene, cell.method, cell.seed).exists()
+        for relative, content in message.files.items() if not known else ():
+            write_atomically(task.out / relative, content)
+        if cell is not None:
+            if not known:
+                write_cell(task.out, cell)  # last: a record says that its files are there
+            drop_ended(task.out, cell)
+            if not known:
+                yield Event(task, cell=cell)
+        if message.notice is not None:
+            yield Event(task, notice=message.notice)
+        if message.node is not None:
             one.node = message.node
-        elif isinstance(message, TrainedShare):
+        if message.share is not None:
             before = len(task.methods) - one.missing
             share = (before + message.share * one.missing) / len(task.methods)
             yield Event(task, share=share)

@@ -12,54 +12,23 @@ Key = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class Began:
-    """A group is in training at a node, which may be another one than before."""
+class Message:
+    """What happened in an attempt at a group: one of the fields below is set, `files` perhaps beside it."""
 
     group: Key
     attempt: int
-    node: str
-
-
-@dataclass(frozen=True)
-class TrainedShare:
-    """The share of the work of this attempt at a group that is trained."""
-
-    group: Key
-    attempt: int
-    share: float
-
-
-@dataclass(frozen=True)
-class Delivered:
-    """A cell has ended."""
-
-    group: Key
-    attempt: int
-    cell: CellRecord
-    files: dict[str, bytes] = field(repr=False)
-    """Map path inside the output folder → content: checkpoint and pictures."""
-
-
-@dataclass(frozen=True)
-class Kept:
-    """Snapshots of cells in the middle of their training."""
-
-    group: Key
-    attempt: int
-    files: dict[str, bytes] = field(repr=False)
-    """The files as in `Delivered`; each replaces the one before."""
-
-
-@dataclass(frozen=True)
-class Said:
+    node: str | None = None
+    """The node at which the group is in training now."""
+    share: float | None = None
+    """The share of the work of this attempt that is trained."""
+    cell: CellRecord | None = None
+    """A cell that has ended; `files` are its checkpoint and pictures."""
+    notice: str | None = None
     """A note that a reader of the run should know."""
-
-    group: Key
-    attempt: int
-    text: str
-
-
-Message = Began | TrainedShare | Delivered | Kept | Said
+    files: dict[str, bytes] = field(default_factory=dict, repr=False)
+    """Map path inside the output folder → content; without a cell, snapshots of cells in the middle of their
+    training. Each replaces the one before.
+    """
 
 
 class Mailbox:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from harness.execution.cluster.mailbox import Began, Delivered, Handle, Kept, Key, Said, TrainedShare
+from harness.execution.cluster.mailbox import Handle, Key, Message
 from harness.execution.cluster.view_set_files import Listing, node_folder, on_this_node
 from harness.execution.group import run_group
 from harness.machine.provenance import differences, versions
@@ -52,7 +52,7 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     if wrong := differences(order.versions, versions()):
         return wrong_node(node, wrong)
     key: Key = (order.task.scene, order.task.seed)
-    awaited(mailbox.put.remote(Began(key, order.attempt, node)))
+    awaited(mailbox.put.remote(Message(key, order.attempt, node=node)))
 
     def fetch(relative: str, offset: int) -> bytes:
         return awaited(files.piece.remote(order.view_set.digest, relative, offset))
@@ -63,10 +63,10 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     def on_progress(share: float) -> None:
         nonlocal last
         if kept := _kept_since(scratch, times):
-            mailbox.put.remote(Kept(key, order.attempt, kept))
+            mailbox.put.remote(Message(key, order.attempt, files=kept))
         if time.monotonic() - last >= LEAST_SECONDS_BETWEEN:
             last = time.monotonic()
-            mailbox.put.remote(TrainedShare(key, order.attempt, share))
+            mailbox.put.remote(Message(key, order.attempt, share=share))
 
     scratch = Path(tempfile.mkdtemp(prefix="group.", dir=node_folder()))
     try:
@@ -82,10 +82,11 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
 
         def on_cell(cell: CellRecord) -> None:
             # waits until the driver's node has it: this cell is then never trained again
-            awaited(mailbox.put.remote(Delivered(key, order.attempt, cell, _new_files(scratch, sent))))
+            message = Message(key, order.attempt, cell=cell, files=_new_files(scratch, sent))
+            awaited(mailbox.put.remote(message))
 
         def on_notice(text: str) -> None:
-            mailbox.put.remote(Said(key, order.attempt, f"{text} (node {node})"))
+            mailbox.put.remote(Message(key, order.attempt, notice=f"{text} (node {node})"))
 
         machine = available_cores()
         with own_cores(order.task.threads) as cores:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.cluster.mailbox import Delivered, Kept, Message, Said
+from harness.execution.cluster.mailbox import Message
 from harness.execution.cluster.node_work import _kept_since
 from harness.execution.ray_executor import _Running, _told, _unfinished
 from harness.plan.group_task import GroupTask
@@ -30,20 +30,25 @@ def told(task: GroupTask, *messages: Message) -> list[str]:
 
 
 def test_what_a_node_keeps_is_kept_by_the_driver_and_goes_with_the_next_attempt(task: GroupTask) -> None:
-    said = told(task, Kept(KEY, 2, {NERF: b"old", QNERF: b"q"}), Said(KEY, 2, "goes on"), Kept(KEY, 2, {NERF: b"new"}))
+    said = told(
+        task,
+        Message(KEY, 2, files={NERF: b"old", QNERF: b"q"}),
+        Message(KEY, 2, notice="goes on"),
+        Message(KEY, 2, files={NERF: b"new"}),
+    )
     assert said == ["goes on"]
     assert _unfinished(task) == {NERF: b"new", QNERF: b"q"}
 
 
 def test_a_lost_attempt_overwrites_nothing(task: GroupTask) -> None:
-    told(task, Kept(KEY, 2, {NERF: b"new"}))
-    assert told(task, Kept(KEY, 1, {NERF: b"late"}), Said(KEY, 1, "late")) == []
+    told(task, Message(KEY, 2, files={NERF: b"new"}))
+    assert told(task, Message(KEY, 1, files={NERF: b"late"}), Message(KEY, 1, notice="late")) == []
     assert _unfinished(task) == {NERF: b"new"}
 
 
 def test_a_delivered_cell_is_no_longer_kept(task: GroupTask) -> None:
     done = cell("ball", "nerf", 0, [checkpoint(24, 1.0, 20.0)])
-    told(task, Kept(KEY, 2, {NERF: b"n", QNERF: b"q"}), Delivered(KEY, 2, done, {}))
+    told(task, Message(KEY, 2, files={NERF: b"n", QNERF: b"q"}), Message(KEY, 2, cell=done, files={}))
     assert _unfinished(task) == {QNERF: b"q"}
     assert (task.out / "records/cells/ball.nerf.0.json").is_file()
 
