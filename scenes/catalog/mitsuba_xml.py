@@ -7,19 +7,20 @@ Trust: Mitsuba reads whatever file the XML names, anywhere on the disk, and runs
 rights. An XML file of somebody else is to be read before it is rendered.
 """
 
-import hashlib
 import os
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenes.files.errors import InputError
+from scenes.files.digest import file_digest
+from scenes.files.errors import InputError, short
 from scenes.modelling.needs import Need, Needs
 from scenes.modelling.normalise import check_scale
 from scenes.modelling.placement import Placement, upright
-from scenes.modelling.scene import Description, Scene
+from scenes.modelling.scene import Scene
 from scenes.view_sets.viewpoints import Z_AXIS
 
 LARGEST_FILE = 50 * 1024 * 1024
@@ -31,9 +32,7 @@ LONGEST_NAME = 4096
 LONGEST_VALUE = 1 << 16
 """The most characters of a value once its defaults are put in, each of which may hold others."""
 MOST_PARTS = 100_000
-"""The most described parts; one that is referred to twice counts twice: parts that refer to each other would have no
-end.
-"""
+"""The most described parts; one that is referred to twice counts twice."""
 DEEPEST_PART = 8
 """The deepest level of parts within parts that are described."""
 _PLUGINS = frozenset({"shape", "bsdf", "emitter", "medium", "texture", "volume", "phase"})
@@ -45,25 +44,21 @@ def xml_scene(file: Path, name: str) -> Scene:
 
     Raises `InputError`, naming the file, if it is no XML or no scene.
     """
-    found = _Reader(file)
-    if found.root.tag != "scene":
-        raise InputError(f"{file}: its outermost element is <{found.root.tag}>; a Mitsuba file has <scene>")
-    if not any(element.tag == "shape" for element in found.elements):
+    reader = _Reader(file)
+    if reader.root.tag != "scene":
+        raise InputError(f"{file}: its outermost element is <{reader.root.tag}>; a Mitsuba file has <scene>")
+    tags = {element.tag for element in reader.elements}
+    if "shape" not in tags:
         raise InputError(f"{file}: holds no <shape>, so nothing can be seen; add one")
-    if not any(element.tag == "emitter" for element in found.elements):
+    if "emitter" not in tags:
         raise InputError(f"{file}: holds no <emitter>, so everything is black; add one, such as a constant one")
-    up = found.up()
-    description: Description = {
-        "file": {"type": "scene", "files": found.files, "up": up.tolist(), **found.described()},
-    }
+    up = reader.up()
+    facts = {"type": "scene", "files": reader.files, "up": up.tolist(), **reader.described()}
+    title = f"{file.name}, a Mitsuba scene of the user's own"
     return Scene(
-        name=name,
-        title=f"{file.name}, a Mitsuba scene of the user's own",
-        build=lambda: description,
-        max_depth=found.max_depth(),
-        file=file,
+        name, title, lambda: {"file": facts}, max_depth=reader.max_depth(), file=file,
         load=lambda mi: loaded(mi, file, up),
-    )
+    )  # fmt: skip
 
 
 def notes(scene: Scene) -> list[str]:
@@ -87,7 +82,7 @@ def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndar
     try:
         scene = mi.load_file(str(file))
     except RuntimeError as error:
-        raise InputError(f"{file}: Mitsuba cannot load it: {reason(error)}") from error
+        raise InputError(f"{file}: Mitsuba cannot load it: {short(error)}") from error
     boxes = [shape.bbox() for shape in scene.shapes() if not shape.is_emitter()]
     if not boxes:
         raise InputError(f"{file}: no shape that is seen: those that glow are hidden from the cameras; add another")
@@ -104,21 +99,13 @@ def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndar
     return scene, upright(whole, up), whole
 
 
-def cautious(found: Needs) -> Needs:
-    """Return cautious needs: only the kinds of the file's parts are known, so whatever numbers would
-    decide is needed.
-    """
+def cautious(known: Needs) -> Needs:
+    """Return the needs of a file of which only the kinds of its parts are known: what numbers decide is needed."""
     unknown = {"hdr_metrics"}
-    if found["participating_media"].needed:
+    if known["participating_media"].needed:
         unknown |= {"empty_space", "fine_pass", "linear_quadrature", "behind_opaque"}
     reason = "not known of a Mitsuba file"
-    return {name: Need(name, True, reason) if name in unknown else need for name, need in found.items()}
-
-
-def reason(error: Exception) -> str:
-    """Return the message of Mitsuba or Python on one short line."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return " ".join(lines)[:300] or type(error).__name__
+    return {name: Need(name, True, reason) if name in unknown else need for name, need in known.items()}
 
 
 class _Reader:
@@ -142,8 +129,8 @@ class _Reader:
         self._read(file.resolve(), self.root, ())
         for element in self.elements:
             for key in ("value", "filename"):
-                for named in self._named(element.get(key, ""), self._file.parent):
-                    self._note(named)
+                for path in self._named(element.get(key, ""), self._file.parent):
+                    self._note(path)
 
     def _read(self, file: Path, root: ET.Element, within: tuple[Path, ...]) -> None:
         within = (*within, file)
@@ -161,10 +148,10 @@ class _Reader:
 
     def _include(self, element: ET.Element, within: tuple[Path, ...]) -> None:
         name, file = element.get("filename", ""), within[-1]
-        found = self._named(name, file.parent)
-        if not found:
+        included = self._named(name, file.parent)
+        if not included:
             raise InputError(f"{self._file}: includes {self._plain(name)[:200]!r}, which is not there")
-        for inner in found:
+        for inner in included:
             if inner in within:
                 raise InputError(
                     f"{self._file}: {file.name} includes {inner.name}, which includes it; break the circle"
@@ -182,20 +169,21 @@ class _Reader:
         value = self._plain(value)
         if not value or len(value) > LONGEST_NAME:
             return []
-        found = []
-        for one in (folder, *self._folders):
-            try:
-                path = (one / value).resolve()
-                if path.is_file() and path not in found:
-                    found.append(path)
-            except (OSError, ValueError, RuntimeError):  # no path, or a circle of links
-                continue
-        return found
+        files = []
+        for parent in (folder, *self._folders):
+            with suppress(OSError, ValueError, RuntimeError):  # no path, or a circle of links
+                path = (parent / value).resolve()
+                if path.is_file() and path not in files:
+                    files.append(path)
+        return files
 
     def _note(self, file: Path) -> None:
         name = os.path.relpath(file, self._folders[0])
         if name not in self.files:
-            self.files[name] = _digest(file)
+            try:
+                self.files[name] = file_digest(file)
+            except OSError as error:
+                raise InputError(f"{file}: cannot be read ({error.strerror})") from error
 
     def _plain(self, value: str) -> str:
         for name, default in sorted(self._defaults.items(), key=lambda item: -len(item[0])):  # $ab before $a
@@ -217,16 +205,15 @@ class _Reader:
     def max_depth(self) -> int:
         """Return the depth of the file's integrator, at most 64; 8 if it has none or is unlimited."""
         for element in self.elements:
-            if element.tag == "integrator":
-                for inner in element.iter("integer"):
-                    value = self._plain(inner.get("value", ""))
-                    if inner.get("name") == "max_depth" and value.isdecimal():
-                        return min(max(int(value), 2), 64) if len(value) < 10 else 64
+            for inner in element.iter("integer") if element.tag == "integrator" else ():
+                value = self._plain(inner.get("value", ""))
+                if inner.get("name") == "max_depth" and value.isdecimal():
+                    return min(max(int(value), 2), 64) if len(value) < 10 else 64
         return 8
 
     def described(self) -> dict[str, Any]:
         """Return kinds of parts and their numbers, nested as they are, for `scenes.modelling.needs`."""
-        known = {one.get("id"): one for one in self.elements if one.get("id") and one.tag != "ref"}
+        known = {part.get("id"): part for part in self.elements if part.get("id") and part.tag != "ref"}
         parts = [inner for root in self._top for inner in root if inner.tag in _PLUGINS]
         return {f"part {number}": self._entry(part, known, ()) for number, part in enumerate(parts)}
 
@@ -243,7 +230,7 @@ class _Reader:
             key = f"{key} {number}" if key == "type" else key
             if inner.tag == "ref":
                 inner = known.get(inner.get("id"), inner)
-            if any(inner is one for one in within):
+            if any(inner is outer for outer in within):
                 raise InputError(f"{self._file}: {inner.get('id')!r} holds itself by a <ref>; break the circle")
             if inner.tag in _PLUGINS and len(within) <= DEEPEST_PART:
                 entry[key] = self._entry(inner, known, within)
@@ -273,11 +260,3 @@ def _floats(text: str) -> np.ndarray:
         return np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
         return np.zeros(0)
-
-
-def _digest(file: Path) -> str:
-    try:
-        with file.open("rb") as handle:
-            return hashlib.file_digest(handle, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error

@@ -71,9 +71,7 @@ def _python_scene(file: Path) -> Scene:
 
 @contextmanager
 def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Iterator[None]:
-    """Turn every error inside, except those of types `but`, into an `InputError` that names the file. Does nothing
-    without a file.
-    """
+    """Turn errors inside, except those of types `but`, into an `InputError` that names the file, if one is given."""
     try:
         yield
     except but:
@@ -85,8 +83,8 @@ def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Ite
     except (Exception, SystemExit) as error:
         if file is None:
             raise
-        files = [(Path(step.filename).resolve(), step.lineno) for step in traceback.extract_tb(error.__traceback__)]
-        lines = [number for path, number in files if path == file.resolve()]
+        steps = traceback.extract_tb(error.__traceback__)
+        lines = [step.lineno for step in steps if Path(step.filename).resolve() == file.resolve()]
         line = f" in line {lines[-1]}" if lines else ""
-        said = " ".join(str(error).split())[:300]
-        raise InputError(f"{file}: {type(error).__name__}{line}: {said}; mend the scene") from error
+        message = " ".join(str(error).split())[:300]
+        raise InputError(f"{file}: {type(error).__name__}{line}: {message}; mend the scene") from error

@@ -1,7 +1,9 @@
 """A hash of plain data: equal for equal data, and different for whatever differs."""
 
 import hashlib
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,17 @@ def digest_of(value: Any) -> str:
     for piece in _pieces(value):
         state.update(piece)
     return state.hexdigest()
+
+
+def file_digest(file: Path) -> str:
+    """Return the SHA-256 of a file's bytes, hexadecimal."""
+    with file.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def json_digest(value: Any, more: bytes = b"") -> str:
+    """Return the SHA-256 of JSON data, whatever the order of its keys, and of the bytes after it."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode() + more).hexdigest()
 
 
 def _pieces(value: Any) -> Iterator[bytes]:

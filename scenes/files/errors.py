@@ -29,6 +29,11 @@ def readable(text: str) -> str:
     return "".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in text)
 
 
+def short(error: Exception, length: int = 300) -> str:
+    """Return the message of a library on one short line."""
+    return " ".join(str(error).split())[:length] or type(error).__name__
+
+
 def as_text(text: str) -> str:
     """With the halves of characters written out, which a name that is not UTF-8 has and no file can hold."""
     return text.encode(errors="backslashreplace").decode()

@@ -3,7 +3,7 @@
 A `Solid` is geometry without material; `mesh(solid, bsdf)` makes the entry of a scene description.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,20 +43,6 @@ class Solid:
             normals = normals @ np.linalg.inv(matrix[:3, :3])
             normals = normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
         return Solid(vertices, faces, self.uv, normals)
-
-
-def merged(solids: Iterable[Solid]) -> Solid:
-    """Return many solids as one; `uv` and `normals` survive if every part has them."""
-    parts = list(solids)
-    offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
-    all_uv = [part.uv for part in parts if part.uv is not None]
-    all_normals = [part.normals for part in parts if part.normals is not None]
-    return Solid(
-        np.concatenate([part.vertices for part in parts]),
-        np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)]),
-        np.concatenate(all_uv) if len(all_uv) == len(parts) else None,
-        np.concatenate(all_normals) if len(all_normals) == len(parts) else None,
-    )
 
 
 def mesh(solid: Solid, bsdf: Description) -> Description:
@@ -184,14 +170,6 @@ def tube(path: np.ndarray, radius: float | np.ndarray, sides: int = 8, closed: b
     return Solid(vertices, faces)
 
 
-def height_field(height: np.ndarray, x: float, y: float) -> Solid:
-    """An open surface z = height[i, j] over a rectangle of full extents x, y; faces up; `uv` in the unit square."""
-    rows, columns = height.shape
-    u, v = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
-    vertices = np.stack([(u - 0.5) * x, (v - 0.5) * y, height], axis=-1).reshape(-1, 3)
-    return Solid(vertices, grid_faces(rows, columns), np.stack([u, v], -1).reshape(-1, 2))
-
-
 def grid_faces(rows: int, columns: int) -> np.ndarray:
     """Return triangles [2 (rows−1) (columns−1), 3] of a row-major grid of vertices."""
     a = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1)
@@ -274,41 +252,3 @@ def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = Fals
 def rod(start: Point, end: Point, radius: float, sides: int = 16) -> Solid:
     """A straight round bar between two points."""
     return tube(np.array([start, end], dtype=np.float64), radius, sides)
-
-
-def around(solid: Solid, count: int) -> Solid:
-    """Return that many copies, evenly turned about z."""
-    return merged(solid.turned(360.0 * turn / count) for turn in range(count))
-
-
-def mirrored(solid: Solid) -> Solid:
-    """Return the solid and its mirror image, left and right of the plane y = 0."""
-    return merged([solid, solid.scaled(1.0, -1.0, 1.0)])
-
-
-def with_normals(solids: Iterable[Solid]) -> Solid:
-    """Merge the solids; those without normals are `creased`."""
-    return merged(solid if solid.normals is not None else creased(solid) for solid in solids)
-
-
-Parts = dict[str, list[Solid]]
-"""Map name of a material → solids made of it."""
-
-
-def together(*groups: Parts) -> Parts:
-    """Merge many groups into one, material by material."""
-    result: Parts = {}
-    for group in groups:
-        for material, solids in group.items():
-            result.setdefault(material, []).extend(solids)
-    return result
-
-
-def each(parts: Parts, change: Callable[[Solid], Solid]) -> Parts:
-    """Return the parts with every solid changed in the same way, e.g. moved."""
-    return {material: [change(solid) for solid in solids] for material, solids in parts.items()}
-
-
-def meshes(parts: Parts, materials: dict[str, Description]) -> Description:
-    """Return one entry of a scene description for each material."""
-    return {material: mesh(with_normals(solids), materials[material]) for material, solids in parts.items()}

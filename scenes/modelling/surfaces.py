@@ -140,11 +140,6 @@ def veil(opacity: float, bsdf: Description) -> Description:
     return {"type": "mask", "opacity": float(opacity), "bsdf": bsdf}
 
 
-def blend(share: float, first: Description, second: Description) -> Description:
-    """Mix `share` of `second` into `first`."""
-    return {"type": "blendbsdf", "weight": float(share), "first": first, "second": second}
-
-
 def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1.8) -> np.ndarray:
     """Return a cloudy pattern 0 … 1, [height, width], that tiles: noise with amplitude 1 / frequency ^ coarseness."""
     frequency = np.hypot(np.fft.fftfreq(height)[:, None] * height, np.fft.fftfreq(width) * width)

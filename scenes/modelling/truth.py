@@ -24,6 +24,12 @@ class Seen:
     depth: np.ndarray
     """The distance to the first surface, clear or not, as rendered depth has it; float64 [rays]; 0 if there is none."""
 
+    @staticmethod
+    def at(distance: np.ndarray, colour: np.ndarray) -> "Seen":
+        """Return opaque surfaces of that colour [rays, 3] at that distance [rays]; nothing where it is inf."""
+        hit = np.isfinite(distance)
+        return Seen(np.where(hit[:, None], colour, 0.0), hit.astype(float), np.where(hit, distance, 0.0))
+
 
 Truth = Callable[[np.ndarray, np.ndarray], Seen]
 

@@ -101,12 +101,7 @@ class Differentiated:
 
 
 def differentiated(
-    sigma: np.ndarray,
-    colour: np.ndarray,
-    points: np.ndarray,
-    delta: np.ndarray,
-    weights: np.ndarray,
-    variant: Variant,
+    sigma: np.ndarray, colour: np.ndarray, points: np.ndarray, delta: np.ndarray, weights: np.ndarray, variant: Variant
 ) -> Differentiated:
     """Apply midpoint quadrature on Mitsuba's `gridvolume` by Dr.Jit in float32, on black: `points` [rays, bins, 3]
     inside bins of length `delta` [rays, bins]; the gradient is that of the sum of colours times `weights` [rays, 3].

@@ -8,7 +8,7 @@ import pytest
 from scenes.catalog.entries import RUNGS, STRESS, scene_named
 from scenes.catalog.ladders.ladders import LADDERS, Ladder
 from scenes.catalog.ladders.rungs import BUILDERS
-from scenes.catalog.stress.scales import UNIT
+from scenes.catalog.stress import scales
 from scenes.files.digest import digest_of
 from scenes.modelling.needs import left_out
 from scenes.modelling.normalise import FRAMED, box_of, normalised
@@ -19,6 +19,7 @@ from scenes.rendering.variant import Variant
 from scenes.view_sets.viewpoints import camera_to_world
 
 SIZE = 12
+UNIT = Scene("unit", "Ball, block and floor at unit scale: what tiny and huge are held to", scales.unit)
 REPEATS = 6
 """Independent closed-form and rendered means, from which their standard errors are taken."""
 WITH_TRUTH = [name for name in (*STRESS, *RUNGS) if scene_named(name).truth is not None]

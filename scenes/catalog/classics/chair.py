@@ -6,8 +6,9 @@ import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import each, merged, meshes, mirrored
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, ball, each, lathe, loft, merged, meshes, mirrored, rod, smooth, spline, tube
+from scenes.modelling.solids import Solid, ball, lathe, loft, rod, smooth, spline, tube
 
 GREEN, GOLD = surfaces.srgb("#2f6b45"), surfaces.srgb("#dcb75c")
 
@@ -36,9 +37,7 @@ def damask(pixels: int = 512) -> np.ndarray:
 
 
 def padded(outline: np.ndarray, thickness: float, dome: float, rings: int = 14) -> Solid:
-    """Make a cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies, 1 = 1
-    unit.
-    """
+    """Make a cushion over an outline [M, 2] in the plane: a rounded side, then a dome; `uv` as the cloth lies."""
     turn = np.linspace(0.0, 1.0, rings)
     side = [(1.0 - 0.06 * (1 - np.sin(a)), thickness * 0.5 * (np.sin(a))) for a in np.linspace(-1.4, 0.6, 6)]
     top = [(side[-1][0] * np.cos(t * np.pi / 2), side[-1][1] + dome * np.sin(t * np.pi / 2) ** 0.9) for t in turn[1:-1]]
@@ -59,8 +58,7 @@ def back_outline(count: int = 96) -> np.ndarray:
     """A cartouche, counter-clockwise: narrow waist, swelling shoulders, a raised crest."""
     half = [(0.0, -0.50), (0.22, -0.49), (0.36, -0.42), (0.385, -0.25), (0.42, 0.0), (0.475, 0.25), (0.45, 0.44)]
     half += [(0.33, 0.54), (0.20, 0.56), (0.10, 0.61)]
-    crest = [(0.0, 0.64)]
-    return spline(half + crest + [(-x, y) for x, y in reversed(half[1:])], count, closed=True)
+    return spline([*half, (0.0, 0.64)] + [(-x, y) for x, y in reversed(half[1:])], count, closed=True)
 
 
 def seat_outline(count: int = 96) -> np.ndarray:
@@ -77,82 +75,54 @@ def along(path: np.ndarray, solid: Solid) -> Solid:
 def carved_back() -> Solid:
     """Make the back: moulded frame, beads along it, a shell on the crest."""
     outline = np.c_[back_outline(), np.zeros(96)]
-    frame = merged(
-        [
-            tube(outline * [1.06, 1.05, 1], 0.042, 10, closed=True),
-            tube(outline * [1.0, 1.0, 1] + [0, 0, 0.03], 0.018, 8, closed=True),
-        ]
-    )
-    beads = along(outline[::2] * [1.06, 1.05, 1] + [0, 0, 0.038], ball(0.017, 8))
+    rim = outline * [1.06, 1.05, 1]
+    frame = [tube(rim, 0.042, 10, closed=True), tube(outline + np.array([0, 0, 0.03]), 0.018, 8, closed=True)]
+    beads = along(rim[::2] + np.array([0, 0, 0.038]), ball(0.017, 8))
     lobes = [
         ball(1.0, 12).scaled(0.025, 0.085, 0.03).moved(0, 0.075).turned(angle).moved(0, 0.64, 0.015)
         for angle in np.linspace(-80, 80, 7)
     ]
-    scrolls = [
-        tube(np.array([[x * s, y, 0.01] for x, y in scroll(0.33, 0.60, 0.075)]), np.linspace(0.028, 0.014, 28), 8)
-        for s in (-1, 1)
-    ]
-    knob = ball(0.045, 14).moved(0, 0.64, 0.025)
-    return leaning(merged([frame, beads, *lobes, *scrolls, knob]))
-
-
-def scroll(x: float, y: float, size: float, turns: float = 1.3, count: int = 28) -> np.ndarray:
-    """A spiral [count, 2] that curls inwards."""
-    t = np.linspace(0, 1, count)
-    radius, angle = size * (1 - 0.8 * t), np.pi + 2 * np.pi * turns * t
-    return np.c_[x + radius * np.cos(angle), y + radius * np.sin(angle)]
+    # spirals that curl inwards
+    t = np.linspace(0, 1, 28)
+    radius, angle = 0.075 * (1 - 0.8 * t), np.pi + 2 * np.pi * 1.3 * t
+    curl = np.c_[0.33 + radius * np.cos(angle), 0.60 + radius * np.sin(angle), np.full(28, 0.01)]
+    scrolls = [tube(curl * [side, 1, 1], np.linspace(0.028, 0.014, 28), 8) for side in (-1, 1)]
+    return leaning(merged([*frame, beads, *lobes, *scrolls, ball(0.045, 14).moved(0, 0.64, 0.025)]))
 
 
 def front_leg() -> Solid:
     """A cabriole leg: a knee, a thin ankle, a curled foot."""
-    path = spline(
-        [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)], 36
-    )
+    bend = [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)]
     radius = np.interp(np.linspace(0, 1, 36), [0, 0.22, 0.5, 0.82, 0.93, 1], [0.075, 0.085, 0.046, 0.028, 0.04, 0.05])
-    foot = merged(
-        [
-            ball(0.055, 16).moved(0.445, 0.495, -1.005),
-            lathe([(0, -1.06), (0.04, -1.06), (0.04, -1.03), (0, -1.03)]).moved(0.445, 0.495),
-        ]
-    )
-    knee = merged(
-        ball(1.0, 10)
-        .scaled(0.016, 0.016, 0.06)
-        .turned(angle, (1, -1, 0))
-        .moved(0.507, 0.547, -0.40 - abs(angle) * 4e-4)
-        for angle in (-25, 0, 25)
-    )
-    return merged([tube(path, radius, 14), foot, knee])
+    foot = ball(0.055, 16).moved(0.445, 0.495, -1.005)
+    sole = lathe([(0, -1.06), (0.04, -1.06), (0.04, -1.03), (0, -1.03)]).moved(0.445, 0.495)
+    leaf = ball(1.0, 10).scaled(0.016, 0.016, 0.06)
+    knee = [leaf.turned(a, (1, -1, 0)).moved(0.507, 0.547, -0.40 - abs(a) * 4e-4) for a in (-25, 0, 25)]
+    return merged([tube(spline(bend, 36), radius, 14), foot, sole, *knee])
 
 
 def back_leg() -> Solid:
     """A sabre leg: swept backwards, carried on upwards as the stile of the back."""
-    path = spline(
-        [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35), (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)],
-        30,
-    )
-    return tube(path, np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
+    bend = [
+        (-0.60, 0.40, -1.06),
+        (-0.47, 0.385, -0.75),
+        (-0.40, 0.38, -0.35),
+        (-0.375, 0.39, -0.05),
+        (-0.35, 0.40, 0.12),
+    ]
+    return tube(spline(bend, 30), np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
 
 
 def arm() -> Solid:
     """An arm, swept from the back outwards to a scroll, on a support that leans back from the seat rail."""
     reach = [(-0.37, 0.45, 0.28), (-0.15, 0.55, 0.235), (0.12, 0.60, 0.20), (0.30, 0.60, 0.185)]
-    curl = [
-        (0.34 + 0.065 * s * np.sin(a), 0.60, 0.12 + 0.065 * s * np.cos(a))
-        for s, a in zip(np.linspace(1, 0.3, 9), np.linspace(0.2, 8.4, 9), strict=True)
-    ]
+    s, a = np.linspace(1, 0.3, 9), np.linspace(0.2, 8.4, 9)
+    curl = np.c_[0.34 + 0.065 * s * np.sin(a), np.full(9, 0.60), 0.12 + 0.065 * s * np.cos(a)]
     support = spline([(0.30, 0.51, -0.27), (0.34, 0.565, -0.12), (0.22, 0.60, 0.03), (0.24, 0.60, 0.17)], 22)
     leaf = ball(1.0, 10).scaled(0.02, 0.02, 0.09).turned(20, (0, 1, 0)).moved(0.325, 0.585, -0.08)
-    return merged(
-        [
-            tube(spline(reach, 24), 0.036, 12),
-            tube(spline(curl, 26), np.linspace(0.036, 0.016, 26), 10),
-            tube(support, np.linspace(0.046, 0.028, 22), 12),
-            leaf,
-            ball(0.03, 12).moved(0.335, 0.635, 0.12),
-            ball(0.03, 12).moved(0.335, 0.565, 0.12),
-        ]
-    )
+    knobs = [ball(0.03, 12).moved(0.335, y, 0.12) for y in (0.635, 0.565)]
+    wood = [tube(spline(reach, 24), 0.036, 12), tube(spline(curl, 26), np.linspace(0.036, 0.016, 26), 10)]
+    return merged([*wood, tube(support, np.linspace(0.046, 0.028, 22), 12), leaf, *knobs])
 
 
 def arm_pad() -> Solid:
@@ -166,19 +136,12 @@ def apron() -> Solid:
     outline = seat_outline()
     angle = np.arctan2(outline[:, 1], outline[:, 0])
     drop = -0.37 - 0.035 * np.cos(6 * angle)
-    levels = [
-        (0.965, drop),
-        (1.0, drop + 0.008),
-        (1.0, np.full(96, -0.27)),
-        (1.03, np.full(96, -0.262)),
-        (1.03, np.full(96, -0.235)),
-        (0.99, np.full(96, -0.225)),
-    ]
+    levels = [(0.965, drop), (1.0, drop + 0.008)]
+    levels += [(scale, np.full(96, z)) for scale, z in ((1.0, -0.27), (1.03, -0.262), (1.03, -0.235), (0.99, -0.225))]
     body = loft(np.array([np.c_[outline * scale, z] for scale, z in levels]))
-    petals = merged(
-        ball(1.0, 10).scaled(0.018, 0.022, 0.05).moved(0, 0, 0.055).turned(a, (1, 0, 0)) for a in range(0, 360, 45)
-    )
-    rosette = merged([petals, ball(0.028, 12)]).moved(0.505, 0, -0.33)
+    petal = ball(1.0, 10).scaled(0.018, 0.022, 0.05).moved(0, 0, 0.055)
+    petals = [petal.turned(angle, (1, 0, 0)) for angle in range(0, 360, 45)]
+    rosette = merged([*petals, ball(0.028, 12)]).moved(0.505, 0, -0.33)
     edge = tube(np.c_[outline * 0.995, drop], 0.014, 8, closed=True)
     return merged([body, rosette, edge])
 
@@ -192,17 +155,14 @@ def stretcher() -> Solid:
     return merged([mirrored(merged([side, bulb])), cross, finial])
 
 
-def nails() -> Solid:
+def nails() -> list[Solid]:
     """Brass nails along the edges of the cloth."""
     head = ball(0.0125, 8)
-    seat = along(np.c_[seat_outline(72) * 1.0, np.full(72, -0.208)], head)
-    back = leaning(along(np.c_[back_outline(72) * [0.955, 0.955], np.full(72, 0.05)], head))
-    return merged([seat, back])
+    seat = along(np.c_[seat_outline(72), np.full(72, -0.208)], head)
+    return [seat, leaning(along(np.c_[back_outline(72) * [0.955, 0.955], np.full(72, 0.05)], head))]
 
 
 def build() -> Description:
-    wood = surfaces.varnish(surfaces.srgb("#8a4a20"))
-    fabric = surfaces.cloth(surfaces.texture(damask(), repeat=2.2))
     carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
     seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
     seat = replace(seat, uv=seat.vertices[:, 1::-1])  # the pattern points to the back
@@ -211,15 +171,15 @@ def build() -> Description:
     parts = {
         "frame": [carving],
         "cloth": [seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)],
-        "nails": [nails()],
+        "nails": [merged(nails())],
     }
     centred = each(parts, lambda solid: solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935))
-    materials = {"frame": wood, "cloth": fabric, "nails": surfaces.brass()}
+    materials = {
+        "frame": surfaces.varnish(surfaces.srgb("#8a4a20")),
+        "cloth": surfaces.cloth(surfaces.texture(damask(), repeat=2.2)),
+        "nails": surfaces.brass(),
+    }
     return {"type": "scene", "light": studio()} | meshes(centred, materials)
 
 
-SCENE = Scene(
-    name="chair",
-    title="Armchair: patterned cloth, carved varnish, thin curved legs",
-    build=build,
-)
+SCENE = Scene("chair", "Armchair: patterned cloth, carved varnish, thin curved legs", build)

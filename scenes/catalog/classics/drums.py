@@ -4,25 +4,9 @@ import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import Parts, around, each, merged, meshes, mirrored, together
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import (
-    Parts,
-    Solid,
-    around,
-    ball,
-    box,
-    cylinder,
-    each,
-    lathe,
-    merged,
-    meshes,
-    mirrored,
-    rod,
-    rounded_box,
-    spline,
-    together,
-    tube,
-)
+from scenes.modelling.solids import Solid, ball, box, cylinder, lathe, rod, rounded_box, spline, tube
 
 FLOOR = -0.86
 
@@ -90,7 +74,7 @@ def tripod(height: float, spread: float = 0.26) -> Parts:
 def cymbal_on_boom(
     at: tuple[float, float, float], radius: float, tilt: float, azimuth: float, foot: tuple[float, float]
 ) -> Parts:
-    """A stand that rises at `foot`, some way off, with a boom and a counterweight that reaches over to the plate."""
+    """A stand that rises at `foot`, some way off, with a counterweighted boom that reaches over to the plate."""
     hub = 0.2 * radius
     plate: Parts = {
         "bronze": [cymbal(radius)],
@@ -115,22 +99,16 @@ def hi_hat(x: float, y: float, z: float, radius: float) -> Parts:
         "felt": [cylinder(0.024, 0.016, 16).moved(z=0.2 * radius + 0.02)],
     }
     pedal: Parts = {"steel": [rounded_box(0.26, 0.09, 0.016, 0.007).turned(-14, (0, 1, 0)).moved(-0.16, 0, 0.05)]}
-    return together(
-        placed(top, pose((x, y, z))),
-        placed(together(tripod(z - FLOOR), pedal), pose((x, y, FLOOR))),
-    )
+    return together(placed(top, pose((x, y, z))), placed(together(tripod(z - FLOOR), pedal), pose((x, y, FLOOR))))
 
 
 def bass_drum() -> Parts:
-    """The bass drum on its side, front to +x: wooden hoops with claws, a printed translucent front skin, spurs, a pedal
-    behind.
-    """
+    """The bass drum on its side, front to +x: hoops with claws, a printed translucent skin, spurs, a pedal behind."""
     radius, depth = 0.44, 0.46
     body = drum(radius, depth, 10, "shell", "front", "clear")
     hoops = merged(pipe(radius + 0.034, radius, s * depth / 2 - 0.024, s * depth / 2 + 0.024) for s in (-1, 1))
-    claws = around(
-        merged(rounded_box(0.02, 0.04, 0.065, 0.008).moved(radius + 0.036, 0, s * depth / 2) for s in (-1, 1)), 10
-    )
+    claw = rounded_box(0.02, 0.04, 0.065, 0.008)
+    claws = around(merged(claw.moved(radius + 0.036, 0, s * depth / 2) for s in (-1, 1)), 10)
     # the print on the front skin: two rings and a star
     rings = [lathe([(b, 0), (a, 0)], 64) for a, b in ((0.385, 0.405), (0.20, 0.235))]
     star = [box(0.075, 0.30, 0.002).turned(angle) for angle in (0, 60, 120)]
@@ -141,7 +119,7 @@ def bass_drum() -> Parts:
     plate = rounded_box(0.30, 0.10, 0.018, 0.008).turned(-12, (0, 1, 0)).moved(-0.36, 0, FLOOR + 0.06)
     frame = merged([rod((-0.22, s * 0.06, FLOOR + 0.01), (-0.22, s * 0.06, FLOOR + 0.30), 0.011, 8) for s in (-1, 1)])
     axle = rod((-0.22, -0.08, FLOOR + 0.29), (-0.22, 0.08, FLOOR + 0.29), 0.01, 8)
-    beater = merged([rod((-0.22, 0, FLOOR + 0.29), (-0.19, 0, FLOOR + 0.50), 0.008, 8)])
+    beater = rod((-0.22, 0, FLOOR + 0.29), (-0.19, 0, FLOOR + 0.50), 0.008, 8)
     head = ball(1.0, 16).scaled(0.03, 0.042, 0.042).moved(-0.185, 0, FLOOR + 0.51)
     return together(kit, {"chrome": [mirrored(spur), frame, axle, beater], "steel": [plate], "felt": [head]})
 
@@ -161,20 +139,9 @@ def rack_toms() -> Parts:
 def floor_tom() -> Parts:
     radius, depth, middle = 0.245, 0.42, -0.36
     kit = drum(radius, depth, 8, "shell", "frosted", "clear")
-    leg = tube(
-        spline(
-            [
-                (radius + 0.03, 0, 0.14),
-                (radius + 0.03, 0, -0.20),
-                (radius + 0.07, 0, -0.30),
-                (radius + 0.07, 0, FLOOR - middle + 0.02),
-            ],
-            14,
-        ),
-        0.011,
-        8,
-    )
-    legs = around(leg, 3)
+    near, far = radius + 0.03, radius + 0.07
+    bend = [(near, 0, 0.14), (near, 0, -0.20), (far, 0, -0.30), (far, 0, FLOOR - middle + 0.02)]
+    legs = around(tube(spline(bend, 14), 0.011, 8), 3)
     feet = around(ball(0.022, 10).moved(radius + 0.07, 0, FLOOR - middle + 0.022), 3)
     return placed(together(kit, {"chrome": [legs], "rubber": [feet]}), pose((-0.42, -0.64, middle), 4, 60))
 
@@ -234,9 +201,4 @@ def build() -> Description:
     return {"type": "scene", "light": studio()} | meshes(centred, MATERIALS)
 
 
-SCENE = Scene(
-    name="drums",
-    title="Drum kit: see-through skins, brass cymbals, chrome on thin stands",
-    build=build,
-    max_depth=10,
-)
+SCENE = Scene("drums", "Drum kit: see-through skins, brass cymbals, chrome on thin stands", build, max_depth=10)

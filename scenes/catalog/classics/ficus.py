@@ -1,13 +1,14 @@
 """A weeping fig in a pot: hundreds of thin leaves."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import merged
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, grid_faces, lathe, merged, mesh, smooth, tube
+from scenes.modelling.solids import Solid, grid_faces, lathe, mesh, smooth, tube
 
 GOLDEN_ANGLE = np.pi * (3 - 5**0.5)
 POT_BOTTOM, POT_HEIGHT = -1.17, 0.5
@@ -18,7 +19,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def build() -> Description:
-    plant = grown()
+    wood, leaves = grown()
     terracotta = surfaces.mixed((0.36, 0.12, 0.055), (0.48, 0.19, 0.09), surfaces.mottle(2, 128, 128, 1.2))
     earth = surfaces.mixed((0.025, 0.016, 0.01), (0.09, 0.06, 0.04), surfaces.mottle(3, 128, 128, 0.6))
     return {
@@ -26,8 +27,8 @@ def build() -> Description:
         "light": studio(brightness=1.3),
         "pot": mesh(pot(), surfaces.plastic(surfaces.texture(terracotta), roughness=0.25)),
         "soil": mesh(soil(), surfaces.matte(surfaces.texture(earth))),
-        "wood": mesh(merged(plant.wood), surfaces.matte((0.16, 0.11, 0.075))),
-        "leaves": mesh(merged(plant.leaves), surfaces.thin(surfaces.texture(leaf_colours()), 0.3, roughness=0.3)),
+        "wood": mesh(merged(wood), surfaces.matte((0.16, 0.11, 0.075))),
+        "leaves": mesh(merged(leaves), surfaces.thin(surfaces.texture(leaf_colours()), 0.3, roughness=0.3)),
     }
 
 
@@ -45,18 +46,12 @@ def soil() -> Solid:
     return smooth(lathe([(0, SOIL - 0.02), (0.31, SOIL - 0.02), *heap], segments=64))
 
 
-@dataclass
-class Plant:
-    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(3))
-    wood: list[Solid] = field(default_factory=list)
-    leaves: list[Solid] = field(default_factory=list)
-
-
 @dataclass(frozen=True)
 class Order:
     """The look of the axes of one order of branching: the trunk's stems first, twigs last."""
 
     points: int
+    sides: int
     bend: float
     """The wander of the direction from one point to the next."""
     lift: float
@@ -71,44 +66,46 @@ class Order:
 
 
 ORDERS = (
-    Order(points=22, bend=0.065, lift=0.05, children=9, first_child=0.36, spread=0.95, shorter=0.46),
-    Order(points=12, bend=0.11, lift=0.03, children=6, first_child=0.22, spread=0.80, shorter=0.62),
-    Order(points=9, bend=0.14, lift=-0.10, children=8, first_child=0.10, spread=0.0, shorter=0.0),
+    Order(points=22, sides=10, bend=0.065, lift=0.05, children=9, first_child=0.36, spread=0.95, shorter=0.46),
+    Order(points=12, sides=7, bend=0.11, lift=0.03, children=6, first_child=0.22, spread=0.80, shorter=0.62),
+    Order(points=9, sides=5, bend=0.14, lift=-0.10, children=8, first_child=0.10, spread=0.0, shorter=0.0),
 )
 STEMS = 3
 
 
-def grown() -> Plant:
-    """Grow stems that rise together out of the soil and lean apart."""
-    plant = Plant()
+def grown() -> tuple[list[Solid], list[Solid]]:
+    """Return wood and leaves of stems that rise together out of the soil and lean apart."""
+    random = np.random.default_rng(3)
+    wood: list[Solid] = []
+    leaves: list[Solid] = []
+
+    def grow(start: np.ndarray, direction: np.ndarray, length: float, radius: float, order: int) -> None:
+        """Grow one axis and everything on it."""
+        habit = ORDERS[order]
+        path = wander(random, start, direction, length, habit)
+        taper = radius * np.linspace(1.0, 0.35, habit.points)
+        wood.append(smooth(tube(path, taper, habit.sides)))
+        turn = random.uniform(0, 2 * np.pi)
+        for child, share in enumerate(np.linspace(habit.first_child, 1.0, habit.children)):
+            place = share * (habit.points - 1)
+            index = min(int(place), habit.points - 2)
+            point = path[index] + (place - index) * (path[index + 1] - path[index])
+            along = unit(path[index + 1] - path[index])
+            around = turn + child * GOLDEN_ANGLE
+            if order + 1 == len(ORDERS):
+                leaves.append(leaf_at(random, point, along, around, tip=child + 1 == habit.children))
+            else:
+                leave = habit.spread * (1.0 if share < 1 else 0.35) * random.uniform(0.85, 1.15)
+                outward = np.cos(leave) * along + np.sin(leave) * sideways(along, around)
+                size = length * habit.shorter * (1.15 - 0.45 * share) * random.uniform(0.85, 1.15)
+                grow(point, outward, size, max(0.45 * taper[index], 0.005), order + 1)
+
     for stem in range(STEMS):
         around = 2 * np.pi * stem / STEMS + 0.4
         outward = np.array([np.cos(around), np.sin(around), 0.0])
         foot = np.array([0.0, 0.0, SOIL]) + 0.055 * outward
-        grow(plant, foot, UP + 0.15 * outward, length=1.42 - 0.12 * stem, radius=0.034, order=0)
-    return plant
-
-
-def grow(plant: Plant, start: np.ndarray, direction: np.ndarray, length: float, radius: float, order: int) -> None:
-    """Grow one axis and everything on it."""
-    habit = ORDERS[order]
-    path = wander(plant.random, start, direction, length, habit)
-    taper = radius * np.linspace(1.0, 0.35, habit.points)
-    plant.wood.append(smooth(tube(path, taper, sides=(10, 7, 5)[order])))
-    turn = plant.random.uniform(0, 2 * np.pi)
-    for child, share in enumerate(np.linspace(habit.first_child, 1.0, habit.children)):
-        place = share * (habit.points - 1)
-        index = min(int(place), habit.points - 2)
-        point = path[index] + (place - index) * (path[index + 1] - path[index])
-        along = unit(path[index + 1] - path[index])
-        around = turn + child * GOLDEN_ANGLE
-        if order + 1 == len(ORDERS):
-            plant.leaves.append(leaf_at(plant.random, point, along, around, tip=child + 1 == habit.children))
-        else:
-            leave = habit.spread * (1.0 if share < 1 else 0.35) * plant.random.uniform(0.85, 1.15)
-            outward = np.cos(leave) * along + np.sin(leave) * sideways(along, around)
-            size = length * habit.shorter * (1.15 - 0.45 * share) * plant.random.uniform(0.85, 1.15)
-            grow(plant, point, outward, size, max(0.45 * taper[index], 0.005), order + 1)
+        grow(foot, UP + 0.15 * outward, length=1.42 - 0.12 * stem, radius=0.034, order=0)
+    return wood, leaves
 
 
 def wander(
@@ -146,9 +143,7 @@ def leaf_at(random: np.random.Generator, point: np.ndarray, twig: np.ndarray, ar
 
 
 def leaf(curl: float, fold: float, shade: int) -> Solid:
-    """A leaf of unit length along x, facing z: stalk, oval blade, drip tip; `uv` along and across it
-    within its shade.
-    """
+    """A leaf of unit length along x, facing z: stalk, oval blade, drip tip; `uv` along and across it in its shade."""
     x = np.array([0.0, 0.10, 0.14, 0.2, 0.28, 0.38, 0.5, 0.62, 0.73, 0.82, 0.9, 1.0])
     blade = np.clip((x - 0.10) / 0.90, 0, 1)
     half_width = 0.012 * (1 - blade) + 0.232 * np.sin(np.pi * blade**0.8) ** 0.85 * (1 - 0.55 * blade**3)
@@ -174,8 +169,5 @@ def leaf_colours() -> np.ndarray:
 
 
 SCENE = Scene(
-    name="ficus",
-    title="A potted weeping fig, seen from all around: hundreds of thin leaves that hide each other",
-    build=build,
-    view_from="sphere",
+    "ficus", "A potted weeping fig, seen from all around: hundreds of thin leaves that hide each other", build, "sphere"
 )

@@ -1,11 +1,14 @@
 """Two hot dogs with mustard on a white plate."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import merged
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, lathe, loft, merged, mesh, smooth
+from scenes.modelling.solids import Solid, lathe, loft, mesh, smooth
 
 BUN_LENGTH = 1.42
 BUN_WIDTH, BUN_HEIGHT = 0.27, 0.27
@@ -19,23 +22,20 @@ BUN_CENTRE = PLATE_TOP + 0.185
 
 
 def build() -> Description:
-    dogs = [hot_dog(side) for side in (-1, 1)]
-    buns, sausages, mustard = (merged(parts) for parts in zip(*dogs, strict=True))
+    # two along y, slightly turned so that they differ
+    makers: list[Callable[[int], Solid]] = [bun, lambda side: sausage(), lambda side: mustard(1.3 * side)]
+    buns, sausages, strands = (
+        merged(make(side).turned(90 + 3 * side).moved(x=side * BETWEEN, z=BUN_CENTRE) for side in (-1, 1))
+        for make in makers
+    )
     return {
         "type": "scene",
         "light": studio(brightness=1.25),
         "plate": mesh(plate(), surfaces.plastic((0.66, 0.66, 0.65), roughness=0.08)),
         "buns": mesh(buns, surfaces.plastic(surfaces.texture(bread()), roughness=0.35)),
         "sausages": mesh(sausages, surfaces.plastic(surfaces.texture(skin()), roughness=0.14)),
-        "mustard": mesh(mustard, surfaces.plastic((0.93, 0.66, 0.03), roughness=0.1)),
+        "mustard": mesh(strands, surfaces.plastic((0.93, 0.66, 0.03), roughness=0.1)),
     }
-
-
-def hot_dog(side: int) -> tuple[Solid, Solid, Solid]:
-    """Bun, sausage and mustard, along y, slightly turned so that the two hot dogs differ."""
-    parts = bun(seed=side), sausage(), mustard(phase=1.3 * side)
-    bun_, sausage_, mustard_ = (part.turned(90 + 3 * side).moved(x=side * BETWEEN, z=BUN_CENTRE) for part in parts)
-    return bun_, sausage_, mustard_
 
 
 def plate() -> Solid:
@@ -95,11 +95,9 @@ def mustard(phase: float) -> Solid:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     out = np.stack([np.zeros_like(x), np.sin(lean), np.cos(lean)], axis=-1)
     beside = np.cross(tangent, out)
-    angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    rings = path[:, None] + radius[:, None, None] * (
-        np.cos(angle)[:, None] * beside[:, None] - np.sin(angle)[:, None] * out[:, None]
-    )
-    return smooth(loft(rings))
+    angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)[:, None]
+    across = np.cos(angle) * beside[:, None] - np.sin(angle) * out[:, None]
+    return smooth(loft(path[:, None] + radius[:, None, None] * across))
 
 
 def bread() -> np.ndarray:
@@ -118,8 +116,4 @@ def skin() -> np.ndarray:
     return surfaces.mixed((0.36, 0.075, 0.028), (0.52, 0.14, 0.05), surfaces.mottle(5, 128, 128, 1.2))
 
 
-SCENE = Scene(
-    name="hotdog",
-    title="Two hot dogs on a plate: smooth, soft shapes and soft shadows",
-    build=build,
-)
+SCENE = Scene("hotdog", "Two hot dogs on a plate: smooth, soft shapes and soft shadows", build)

@@ -9,26 +9,9 @@ import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import Parts, around, each, merged, meshes, mirrored, together
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import (
-    Parts,
-    Solid,
-    around,
-    ball,
-    box,
-    creased,
-    cylinder,
-    each,
-    lathe,
-    loft,
-    merged,
-    meshes,
-    mirrored,
-    rod,
-    rounded_box,
-    together,
-    tube,
-)
+from scenes.modelling.solids import Solid, ball, box, creased, cylinder, lathe, loft, rod, rounded_box, tube
 
 STUD = 0.118
 PLATE, BRICK = 0.4, 1.2
@@ -58,12 +41,10 @@ def brick(x: float, y: float, z: float, length: int, width: int, height: float, 
     return merged([body] + [knob.moved(u, v, z + height + 0.1) for u, v in grid])
 
 
-def wall(
-    x: float, y: float, z: float, lengths: list[int], width: int, height: float = BRICK, studs: bool = False
-) -> Solid:
-    """A row of bricks, one behind the other along x."""
+def wall(x: float, y: float, z: float, lengths: list[int], width: int, height: float = BRICK) -> Solid:
+    """A row of bricks without studs, one behind the other along x."""
     starts = accumulate(lengths[:-1], initial=0)
-    return merged(brick(x + start, y, z, n, width, height, studs) for start, n in zip(starts, lengths, strict=True))
+    return merged(brick(x + start, y, z, n, width, height, False) for start, n in zip(starts, lengths, strict=True))
 
 
 def prism(outline: list[tuple[float, float]], low: float, high: float) -> Solid:
@@ -78,11 +59,8 @@ def strip(profile: np.ndarray, thickness: float, low: float, high: float) -> Sol
     along = np.gradient(profile, axis=0)
     normal = np.c_[-along[:, 1], along[:, 0]] / np.linalg.norm(along, axis=1, keepdims=True)
     inner, outer = profile, profile + thickness * normal
-    corners = [
-        np.c_[edge[:, 0], np.full(len(edge), y), edge[:, 1]]
-        for edge, y in ((inner, low), (inner, high), (outer, high), (outer, low))
-    ]
-    return creased(loft(np.stack(corners, axis=1)))
+    edges = ((inner, low), (inner, high), (outer, high), (outer, low))
+    return creased(loft(np.stack([np.c_[edge[:, 0], np.full(len(edge), y), edge[:, 1]] for edge, y in edges], axis=1)))
 
 
 def beam(holes: int) -> Solid:
@@ -97,10 +75,6 @@ def beam(holes: int) -> Solid:
         grow = np.where((radius > 0.4) & ~free, square, 1.0)
         cells.append(Solid(cell.vertices * np.c_[grow, grow, np.ones_like(grow)], cell.faces).moved(hole))
     return creased(merged(cells)).turned(90, (1, 0, 0))
-
-
-def baseplate() -> Parts:
-    return {"sand": [brick(-8, -6, -PLATE, 16, 12, PLATE)]}
 
 
 def track() -> Parts:
@@ -226,14 +200,10 @@ def blade() -> Parts:
 
 
 def build() -> Description:
-    model = together(baseplate(), each(track(), mirrored), chassis(), engine(), cab(), rear(), blade())
+    baseplate = {"sand": [brick(-8, -6, -PLATE, 16, 12, PLATE)]}
+    model = together(baseplate, each(track(), mirrored), chassis(), engine(), cab(), rear(), blade())
     placed = each(model, lambda solid: solid.moved(z=-3.1).scaled(STUD))
     return {"type": "scene", "light": studio()} | meshes(placed, MATERIALS)
 
 
-SCENE = Scene(
-    name="lego",
-    title="Bulldozer of studded bricks: fine detail that shadows and hides itself",
-    build=build,
-    max_depth=8,
-)
+SCENE = Scene("lego", "Bulldozer of studded bricks: fine detail that shadows and hides itself", build, max_depth=8)

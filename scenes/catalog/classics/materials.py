@@ -14,29 +14,16 @@ ROWS = (3, 4, 4, 3)
 
 def build() -> Description:
     scene: Description = {"type": "scene", "light": studio()}
-    for (name, bsdf), centre in zip(materials().items(), centres(), strict=True):
-        scene[name] = {"type": "sphere", "to_world": placed(centre), "bsdf": bsdf}
+    places = [(row, place - (count - 1) / 2) for row, count in enumerate(ROWS) for place in range(count)]
+    for (name, bsdf), (row, place) in zip(materials().items(), places, strict=True):
+        matrix = np.diag([RADIUS, RADIUS, RADIUS, 1.0])
+        matrix[:3, 3] = SPACING * np.array([row - (len(ROWS) - 1) / 2, place, 0.0])
+        scene[name] = {"type": "sphere", "to_world": matrix, "bsdf": bsdf}
     return scene
 
 
-def centres() -> list[np.ndarray]:
-    """The centres of the balls row by row, each row centred."""
-    return [
-        SPACING * np.array([row - (len(ROWS) - 1) / 2, place - (count - 1) / 2, 0.0])
-        for row, count in enumerate(ROWS)
-        for place in range(count)
-    ]
-
-
-def placed(centre: np.ndarray) -> np.ndarray:
-    """Return the matrix that shrinks the unit sphere to a ball there."""
-    matrix = np.diag([RADIUS, RADIUS, RADIUS, 1.0])
-    matrix[:3, 3] = centre
-    return matrix
-
-
 def materials() -> dict[str, Description]:
-    """The materials in the order of `centres`; similar ones lie apart."""
+    """The materials row by row; similar ones lie apart."""
     return {
         "gold": surfaces.gold(0.06),
         "red_lacquer": surfaces.ceramic(surfaces.srgb("#c01818")),
@@ -77,8 +64,6 @@ def marble() -> np.ndarray:
 
 
 SCENE = Scene(
-    name="materials",
-    title="Fourteen balls: metals, plastics, glass, wood, marble; reflections that move with the eye",
-    build=build,
+    "materials", "Fourteen balls: metals, plastics, glass, wood, marble; reflections that move with the eye", build,
     max_depth=10,
-)
+)  # fmt: skip

@@ -4,26 +4,9 @@ import numpy as np
 
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
+from scenes.modelling.parts import Parts, around, each, merged, meshes, mirrored, together
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import (
-    Parts,
-    Solid,
-    around,
-    ball,
-    box,
-    cylinder,
-    each,
-    lathe,
-    merged,
-    meshes,
-    mirrored,
-    rod,
-    rounded_box,
-    smooth,
-    spline,
-    together,
-    tube,
-)
+from scenes.modelling.solids import Solid, ball, box, cylinder, lathe, rod, rounded_box, smooth, spline, tube
 
 RADIUS, HALF = 0.43, 0.10
 """The radius of the head, a ball cut at its equator, and the distance that each half is pushed away along the axis."""
@@ -46,13 +29,13 @@ def head_surface(polar: np.ndarray, azimuth: np.ndarray, lift: np.ndarray | floa
     return np.stack([out * np.cos(azimuth), out * np.sin(azimuth), middle + (RADIUS + lift) * np.cos(theta)], axis=-1)
 
 
-def grille(wires: int = 28, wire: float = 0.0085, turns: float = 0.75) -> Solid:
+def grille(wires: int = 28, wire: float = 0.0085) -> Solid:
     """Two families of wires that wind in opposite senses; each goes over one and under the next at the crossings."""
     polar = np.linspace(0.075, 0.88, 190)
-    winding = 2 * np.pi * turns * np.linspace(0.0, 1.0, len(polar))
+    winding = 2 * np.pi * 0.75 * np.linspace(0.0, 1.0, len(polar))
     weave = 0.85 * wire * np.cos(wires * winding)
-    one = [tube(head_surface(polar, sense * winding, sense * weave), wire, 6) for sense in (1, -1)]
-    return smooth(around(merged(one), wires))
+    pair = [tube(head_surface(polar, sense * winding, sense * weave), wire, 6) for sense in (1, -1)]
+    return smooth(around(merged(pair), wires))
 
 
 def head() -> Parts:
@@ -64,12 +47,10 @@ def head() -> Parts:
     band = lathe([*lower, *((r, -z) for r, z in reversed(lower)), lower[0]], 96)
     rivets = around(ball(0.013, 10).moved(outer), 24)
     crown = HALF + RADIUS
-    cap = lathe(
-        [(0.0, crown - 0.05), (0.12, crown - 0.035), (0.128, crown - 0.01), (0.07, crown + 0.012), (0.0, crown + 0.018)]
-    )
-    ribs = [
-        tube(head_surface(np.linspace(a, b, 24), np.zeros(24), 0.012), 0.017, 8) for a, b in ((0.07, 0.42), (0.58, 0.9))
-    ]
+    dome = [(0.0, -0.05), (0.12, -0.035), (0.128, -0.01), (0.07, 0.012), (0.0, 0.018)]
+    cap = lathe([(r, crown + z) for r, z in dome])
+    spans = [np.linspace(start, end, 24) for start, end in ((0.07, 0.42), (0.58, 0.9))]
+    ribs = [tube(head_surface(span, np.zeros(24), 0.012), 0.017, 8) for span in spans]
     return {"foam": [foam], "wire": [grille()], "chrome": [band, cap, around(merged(ribs), 4)], "brass": [rivets]}
 
 
@@ -113,21 +94,12 @@ def clip() -> Parts:
 
 def stand() -> Parts:
     """A heavy round base with a trim, thin pole with a knurled sleeve, a ribbed arm that curves up to the clip."""
-    base = [
-        (0.0, 0.0),
-        (0.40, 0.0),
-        (0.42, 0.02),
-        (0.415, 0.045),
-        (0.29, 0.075),
-        (0.12, 0.10),
-        (0.075, 0.13),
-        (0.05, 0.19),
-    ]
+    base = [(0.0, 0.0), (0.40, 0.0), (0.42, 0.02), (0.415, 0.045), (0.29, 0.075), (0.12, 0.10), (0.075, 0.13)]
     trim = [(0.40, 0.004), (0.432, 0.004), (0.436, 0.018), (0.428, 0.03), (0.40, 0.03)]
     sleeve = [(0.0, 0.43), (0.04, 0.43), (0.046, 0.44), (0.046, 0.52), (0.04, 0.53), (0.0, 0.53)]
     grip = around(rod((0.046, 0, 0.445), (0.046, 0, 0.515), 0.005, 6), 24)
     foot = {
-        "iron": [lathe([*base, (0.0, 0.19)], 96)],
+        "iron": [lathe([*base, (0.05, 0.19), (0.0, 0.19)], 96)],
         "brass": [lathe(trim, 96)],
         "chrome": [rod((0, 0, 0.15), (0, 0, 0.56), 0.024, 20), lathe(sleeve, 40), grip],
     }
@@ -171,9 +143,4 @@ def build() -> Description:
     return {"type": "scene", "light": studio()} | meshes(parts, MATERIALS)
 
 
-SCENE = Scene(
-    name="mic",
-    title="Vintage microphone: a woven wire head, polished metal, a thin bent stand",
-    build=build,
-    max_depth=8,
-)
+SCENE = Scene("mic", "Vintage microphone: a woven wire head, polished metal, a thin bent stand", build, max_depth=8)

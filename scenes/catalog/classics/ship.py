@@ -6,14 +6,16 @@ from scenes.catalog.classics import ship_hull, ship_rig
 from scenes.catalog.classics.ship_hull import WATER
 from scenes.modelling import surfaces
 from scenes.modelling.lighting import hazed, studio
+from scenes.modelling.parts import merged
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, grid_faces, lathe, merged, mesh, smooth
+from scenes.modelling.solids import Solid, grid_faces, lathe, mesh, smooth
 
 BASIN_RADIUS, BASIN_BOTTOM = 1.08, -0.68
 
 
 def build() -> Description:
     set_sails, furled = ship_rig.sails()
+    dark_wood = surfaces.plastic(surfaces.srgb("#3a2416"), roughness=0.3)
     return {
         "type": "scene",
         "light": hazed(studio(brightness=1.35), share=0.4),
@@ -22,9 +24,7 @@ def build() -> Description:
         "water": mesh(water(), surfaces.tinted(surfaces.water(), (0.72, 0.90, 0.93))),
         "hull": mesh(ship_hull.hull(), surfaces.plastic(surfaces.texture(ship_hull.planks()), roughness=0.3)),
         "spars": mesh(ship_rig.spars(), surfaces.plastic(surfaces.srgb("#8a5a2c"), roughness=0.3)),
-        "fittings": mesh(
-            merged([ship_hull.fittings(), ship_rig.tops()]), surfaces.plastic(surfaces.srgb("#3a2416"), roughness=0.3)
-        ),
+        "fittings": mesh(merged([ship_hull.fittings(), ship_rig.tops()]), dark_wood),
         "gilding": mesh(ship_hull.gilding(), surfaces.gold(0.2)),
         "rigging": mesh(ship_rig.rigging(), surfaces.matte(surfaces.srgb("#3b2c1d"))),
         "sails": mesh(set_sails, surfaces.thin(surfaces.texture(ship_rig.canvas()), 0.3, roughness=0.9)),
@@ -90,8 +90,5 @@ def sand() -> np.ndarray:
 
 
 SCENE = Scene(
-    name="ship",
-    title="A sailing ship in water: rigging thinner than a pixel, a hull seen through waves",
-    build=build,
-    max_depth=10,
+    "ship", "A sailing ship in water: rigging thinner than a pixel, a hull seen through waves", build, max_depth=10
 )

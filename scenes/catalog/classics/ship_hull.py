@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 
 from scenes.modelling import surfaces
-from scenes.modelling.solids import Solid, ball, box, loft, merged, tube
+from scenes.modelling.parts import merged
+from scenes.modelling.solids import Solid, ball, box, loft, tube
 
 WATER = -0.40
 """The height of the water line."""
@@ -34,10 +35,6 @@ def deck(x: np.ndarray) -> np.ndarray:
     return sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop)
 
 
-def gunwale(x: np.ndarray) -> np.ndarray:
-    return deck(x) + 0.05
-
-
 def half_breadth(x: np.ndarray) -> np.ndarray:
     """Return half the breadth of the deck: full aft with a flat stern, pointed at the bow."""
     ahead = np.clip((x - 0.08) / (BOW - 0.08), 0, 1)
@@ -48,10 +45,8 @@ def half_breadth(x: np.ndarray) -> np.ndarray:
 def stations() -> np.ndarray:
     """Return x of the cross-sections: two close together at each step of the deck."""
     steps = [step + side for step in STEPS for side in (-0.002, 0.002)]
-    planking = [STERN + 0.012]
-    return np.unique(
-        np.concatenate([np.linspace(STERN, 0.4, 44), BOW - 0.18 * np.linspace(1, 0, 28) ** 2, steps, planking])
-    )
+    bow = BOW - 0.18 * np.linspace(1, 0, 28) ** 2
+    return np.unique(np.concatenate([np.linspace(STERN, 0.4, 44), bow, steps, [STERN + 0.012]]))
 
 
 def side(x: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -63,7 +58,7 @@ def side(x: np.ndarray, t: np.ndarray) -> np.ndarray:
     keel = KEEL + 0.10 * fore**6 + 0.07 * aft**4
     y = half_breadth(x) * t**fullness * (1 - 0.16 * np.clip(t - 0.45, 0, 1) ** 1.5)
     z = keel + np.clip(t / SHEER, 0, 1) * (sheer(x) - keel)
-    z = z + np.clip((t - SHEER) / (1 - SHEER), 0, 1) * (gunwale(x) - sheer(x))
+    z = z + np.clip((t - SHEER) / (1 - SHEER), 0, 1) * (deck(x) + 0.05 - sheer(x))
     # straight stem and sternpost: the end sections stay plane
     rake = (0.10 * fore**5 - 0.05 * aft**5) * (z - keel) / (z[:, -1:] - keel)
     return np.stack([x + rake, -y, z], axis=-1)

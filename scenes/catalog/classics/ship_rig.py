@@ -6,7 +6,8 @@ import numpy as np
 
 from scenes.catalog.classics.ship_hull import MASTS_AT, STERN, WATER, channel, on_side
 from scenes.modelling import surfaces
-from scenes.modelling.solids import Solid, grid_faces, lathe, merged, smooth, tube
+from scenes.modelling.parts import merged
+from scenes.modelling.solids import Solid, grid_faces, lathe, smooth, tube
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ MAIN = Mast(MASTS_AT[1], -0.3, 0.18, 0.98, ((0.00, 0.36), (0.39, 0.29), (0.73, 0
 MIZZEN = Mast(MASTS_AT[2], -0.2, 0.12, 0.66, ((0.12, 0.22), (0.43, 0.17)), (1,))
 MASTS = (FORE, MAIN, MIZZEN)
 BOWSPRIT = np.array([[0.50, 0.0, -0.20], [0.97, 0.0, 0.02]])
+GAFF = np.array([[MIZZEN.x - 0.02, 0, 0.10], [MIZZEN.x - 0.32, 0, 0.24]])
+BOOM = np.array([[MIZZEN.x - 0.02, 0, -0.13], [MIZZEN.x - 0.38, 0, -0.10]])
 
 
 def spars() -> Solid:
@@ -38,8 +41,7 @@ def spars() -> Solid:
         line = np.array([[mast.x, 0, z] for z in (mast.foot - 0.1, mast.top, mast.top + 0.02, mast.head)])
         parts.append(tube(line, np.array([0.021, 0.017, 0.012, 0.005]), sides=12))
         parts += [spar(ends_of_yard(mast, yard), 0.011 - 0.0025 * yard) for yard in range(len(mast.yards))]
-    parts += [spar(gaff(), 0.007), spar(boom(), 0.008)]
-    parts.append(tube(BOWSPRIT, np.array([0.019, 0.007]), sides=12))
+    parts += [spar(GAFF, 0.007), spar(BOOM, 0.008), tube(BOWSPRIT, np.array([0.019, 0.007]), sides=12)]
     return merged(smooth(part) for part in parts)
 
 
@@ -63,16 +65,9 @@ def ends_of_yard(mast: Mast, yard: int, ahead: float = 0.022) -> np.ndarray:
     return np.array([mast.x + ahead, 0, z]) + np.array([[1], [-1]]) * reach
 
 
-def gaff() -> np.ndarray:
-    return np.array([[MIZZEN.x - 0.02, 0, 0.10], [MIZZEN.x - 0.32, 0, 0.24]])
-
-
-def boom() -> np.ndarray:
-    return np.array([[MIZZEN.x - 0.02, 0, -0.13], [MIZZEN.x - 0.38, 0, -0.10]])
-
-
-def sail(corners: np.ndarray, belly: np.ndarray, across: int = 17, down: int = 15) -> Solid:
+def sail(corners: np.ndarray, belly: np.ndarray) -> Solid:
     """A cloth between four corners (head left, head right, foot left, foot right), blown out along `belly`."""
+    across, down = 17, 15
     u, v = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 1, down), indexing="ij")
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1)
     bulge = np.sin(np.pi * u) ** 0.7 * np.sin(np.pi * np.clip(v * 0.93, 0, 1)) ** 0.7
@@ -94,15 +89,14 @@ def sails() -> tuple[Solid, Solid]:
                 spread.append(sail(corners, np.array([0.085, -0.02, 0])))
             else:
                 furled.append(bundle(narrowed(head, 0.9), seed=yard + int(100 * mast.head)))
-    tack, clew, throat, peak = boom()[0], boom()[1], gaff()[0], gaff()[1]
+    (tack, clew), (throat, peak) = BOOM, GAFF
     aft = np.array([-0.015, 0, 0])
     spanker = np.array([throat + aft, peak, tack + aft, clew - 0.2 * aft])
     spread.append(sail(spanker, np.array([0.0, -0.05, 0])))
     for high, low, share in ((0.62, 0.95, 0.80), (0.36, 0.60, 0.75)):
         head = np.array([FORE.x + 0.02, 0, high])
         nose = BOWSPRIT[0] + low * (BOWSPRIT[1] - BOWSPRIT[0])
-        top = head + 0.22 * (nose - head)
-        bottom = head + 0.94 * (nose - head)
+        top, bottom = head + 0.22 * (nose - head), head + 0.94 * (nose - head)
         clew_ = np.array([FORE.x + 0.12, -0.10, bottom[2] + 0.05])
         spread.append(sail(np.array([top, top, bottom, bottom + share * (clew_ - bottom)]), np.array([0.0, -0.04, 0])))
     return merged(spread), merged(furled)
@@ -159,8 +153,8 @@ def rigging() -> Solid:
         (at(MIZZEN, MIZZEN.top), at(MAIN, -0.2)),
         (at(MIZZEN, MIZZEN.head), at(MAIN, MAIN.top)),
         (nose[2], np.array([0.66, 0, WATER + 0.06])),
-        (gaff()[1], at(MIZZEN, 0.4)),
-        (boom()[1], at(MIZZEN, MIZZEN.top)),
+        (GAFF[1], at(MIZZEN, 0.4)),
+        (BOOM[1], at(MIZZEN, MIZZEN.top)),
     ]
     return merged([*lines, *(rope(*stay) for stay in stays)])
 

@@ -17,28 +17,14 @@ RESOLUTION = 40
 
 
 def frequency(name: str, cycles: float) -> Scene:
-    """A chequered ball with so many cycles around it, half as many from pole to pole."""
+    """Make a chequered ball with so many cycles around it, half as many from pole to pole."""
     pixels = chequers(int(cycles), int(2 * cycles), (0.92, 0.75, 0.25), (0.08, 0.15, 0.45))
-    return Scene(
-        name=name,
-        title=f"A chequered ball, {cycles:g} cycles around it",
-        build=lambda: textured_ball(pixels)[0],
-        emitters_seen=True,
-        truth=textured_ball(pixels)[1],
-    )
+    return textured_ball(name, f"A chequered ball, {cycles:g} cycles around it", pixels)
 
 
 def thinness(name: str, width: float) -> Scene:
     title = f"A cage of black wires {width:g} pixels thin at {RESOLUTION} pixels"
     return wires(name, title, width * pixel_size(RESOLUTION))
-
-
-def density(name: str, tau: float) -> Scene:
-    return fog(name, f"Black fog of optical depth {tau:g} along its diameter", tau)
-
-
-def dynamic_range(name: str, ratio: float) -> Scene:
-    return hdr(name, f"A lamp {ratio:g} times as bright as the floor that it lights", ratio)
 
 
 def scale(name: str, unit: float) -> Scene:
@@ -49,13 +35,14 @@ def scale(name: str, unit: float) -> Scene:
 BUILDERS: dict[str, Callable[[str, float], Scene]] = {
     "frequency": frequency,
     "thinness": thinness,
-    "density": density,
-    "dynamic_range": dynamic_range,
+    "density": lambda name, tau: fog(name, f"Black fog of optical depth {tau:g} along its diameter", tau),
+    "dynamic_range": lambda name, ratio: hdr(
+        name, f"A lamp {ratio:g} times as bright as the floor that it lights", ratio
+    ),
     "scale": scale,
 }
-
-SCENES: dict[str, Scene] = {
-    rung: BUILDERS[ladder.name](rung, value)
+SCENES: list[Scene] = [
+    BUILDERS[ladder.name](rung, value)
     for ladder in LADDERS.values()
     for rung, value in zip(ladder.scenes, ladder.values, strict=True)
-}
+]

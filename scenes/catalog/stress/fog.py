@@ -10,13 +10,15 @@ import numpy as np
 from scenes.catalog.stress import geometry
 from scenes.catalog.stress.patterns import rgb, sky
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.truth import Seen, Truth
+from scenes.modelling.truth import Seen
 
 RADIUS = 0.9
 SKY = 0.5
 """The radiance of the sky, well below white so that noise is not clipped on one side."""
 DENSE, THIN = 50.0, 1e-3
 """The optical depths along a diameter."""
+RED, BLACK = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+"""The albedos. Black fog renders quickly however dense it is: nothing scatters."""
 
 
 def density(tau: float) -> float:
@@ -24,43 +26,29 @@ def density(tau: float) -> float:
     return tau / (2 * RADIUS)
 
 
-def opacity(o: np.ndarray, d: np.ndarray, tau: float) -> np.ndarray:
-    """Return 1 − exp(−σ · chord) [rays]."""
-    enter, leave = geometry.ball(o, d, (0.0, 0.0, 0.0), RADIUS)
-    met = np.isfinite(enter) & (leave > 0)
-    chord = np.where(met, np.where(met, leave, 0.0) - np.where(met, np.maximum(enter, 0.0), 0.0), 0.0)
-    result: np.ndarray = -np.expm1(-density(tau) * chord)
-    return result
-
-
-RED, BLACK = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-"""The albedos. Black fog renders quickly however dense it is: nothing scatters."""
-
-
 def fog(name: str, title: str, tau: float, albedo: tuple[float, float, float] = BLACK) -> Scene:
     """Make a ball of fog with optical depth `tau` along its diameter and an `albedo` of 0 or 1 in each colour."""
 
     def build() -> Description:
-        matter = {"type": "homogeneous", "sigma_t": density(tau), "albedo": rgb(*albedo)}
-        ball = {"type": "sphere", "radius": RADIUS, "bsdf": {"type": "null"}, "interior": matter}
+        medium = {"type": "homogeneous", "sigma_t": density(tau), "albedo": rgb(*albedo)}
+        ball = {"type": "sphere", "radius": RADIUS, "bsdf": {"type": "null"}, "interior": medium}
         return {"sky": sky(SKY), "fog": ball}
+
+    def truth(o: np.ndarray, d: np.ndarray) -> Seen:
+        enter, leave = geometry.ball(o, d, geometry.ORIGIN, RADIUS)
+        met = np.isfinite(enter) & (leave > 0)
+        chord = np.where(met, np.where(met, leave, 0.0) - np.where(met, np.maximum(enter, 0.0), 0.0), 0.0)
+        alpha = -np.expm1(-density(tau) * chord)
+        depth = np.where(np.isfinite(enter) & (enter > 0), enter, 0.0)
+        return Seen(SKY * alpha[:, None] * np.array(albedo), alpha, depth)
 
     # light that comes in by the skin scatters (2/3) τ times in the mean; of the long paths one in e lasts for another
     # 0.076 τ² (the slowest mode of diffusion in a ball), so that a thousandth of those few is cut off
     max_depth = 64 + int(tau**2 / 2) if any(albedo) else 4
-    return Scene(name=name, title=title, build=build, max_depth=max_depth, truth=fog_truth(tau, albedo))
+    return Scene(name, title, build, max_depth=max_depth, truth=truth)
 
 
-def fog_truth(tau: float, albedo: tuple[float, float, float] = BLACK) -> Truth:
-    def truth(o: np.ndarray, d: np.ndarray) -> Seen:
-        alpha = opacity(o, d, tau)
-        enter = geometry.first_ball(o, d, (0.0, 0.0, 0.0), RADIUS)
-        return Seen(SKY * alpha[:, None] * np.array(albedo), alpha, np.where(np.isfinite(enter), enter, 0.0))
-
-    return truth
-
-
-SCENES = {
-    "fog_dense": fog("fog_dense", "Black fog of optical depth 50: stiff, as good as a wall with a soft rim", DENSE),
-    "fog_thin": fog("fog_thin", "Red fog of optical depth 0.001: there, but below what eight bits can tell", THIN, RED),
-}
+SCENES = [
+    fog("fog_dense", "Black fog of optical depth 50: stiff, as good as a wall with a soft rim", DENSE),
+    fog("fog_thin", "Red fog of optical depth 0.001: there, but below what eight bits can tell", THIN, RED),
+]

@@ -3,12 +3,11 @@
 import numpy as np
 
 Numbers = np.ndarray
+ORIGIN = np.zeros(3)
 
 
 def ball(o: Numbers, d: Numbers, centre: Numbers | tuple[float, ...], radius: float) -> tuple[Numbers, Numbers]:
-    """Return distances [rays] at which lines enter and leave a ball, negative behind the origin; inf and inf for a
-    miss.
-    """
+    """Return the distances [rays] at which lines enter and leave a ball, negative behind the origin."""
     to = o - np.asarray(centre, dtype=np.float64)
     along = (to * d).sum(-1)
     # the distance from the line, not |to|² − along², which cancels far away
@@ -34,9 +33,8 @@ def square(o: Numbers, d: Numbers, height: float, half: float) -> Numbers:
 
 def tube(o: Numbers, d: Numbers, start: Numbers, end: Numbers, radius: float) -> Numbers:
     """Return the distance [rays] to a round tube without caps, its inside included."""
-    axis = end - start
-    length = float(np.linalg.norm(axis))
-    axis = axis / length
+    length = float(np.linalg.norm(end - start))
+    axis = (end - start) / length
     to = o - start
     across_d = d - (d @ axis)[..., None] * axis
     across_o = to - (to @ axis)[..., None] * axis
@@ -44,14 +42,12 @@ def tube(o: Numbers, d: Numbers, start: Numbers, end: Numbers, radius: float) ->
     parallel = a < 1e-24
     a = np.where(parallel, 1.0, a)
     b = (across_o * across_d).sum(-1)
-    nearest = across_o - (b / a)[..., None] * across_d
-    inside = radius**2 - (nearest**2).sum(-1)
+    inside = radius**2 - ((across_o - (b / a)[..., None] * across_d) ** 2).sum(-1)
     half = np.sqrt(np.maximum(inside, 0.0) / a)
     best = np.full(o.shape[:-1], np.inf)
     for t in (-b / a + half, -b / a - half):
         along = (to + t[..., None] * d) @ axis
-        met = (inside > 0) & ~parallel & (t > 0) & (along >= 0) & (along <= length)
-        best = np.where(met, t, best)
+        best = np.where((inside > 0) & ~parallel & (t > 0) & (along >= 0) & (along <= length), t, best)
     return best
 
 
@@ -63,17 +59,15 @@ def at(o: Numbers, d: Numbers, t: Numbers) -> Numbers:
 def ball_texture(pixels: Numbers, normal: Numbers) -> Numbers:
     """Look up pixels [h, w, 3] wrapped around a ball as Mitsuba does it, the first row at +z, not interpolated."""
     u = np.arctan2(normal[..., 1], normal[..., 0]) / (2 * np.pi) % 1.0
-    v = np.arccos(np.clip(normal[..., 2], -1.0, 1.0)) / np.pi
-    return picked(pixels, u, v)
+    return _texture(pixels, u, np.arccos(np.clip(normal[..., 2], -1.0, 1.0)) / np.pi)
 
 
 def square_texture(pixels: Numbers, points: Numbers, half: float) -> Numbers:
     """Look up pixels [h, w, 3] laid on the level square, the first row at −y, not interpolated."""
-    return picked(pixels, points[..., 0] / (2 * half) + 0.5, points[..., 1] / (2 * half) + 0.5)
+    return _texture(pixels, points[..., 0] / (2 * half) + 0.5, points[..., 1] / (2 * half) + 0.5)
 
 
-def picked(pixels: Numbers, u: Numbers, v: Numbers) -> Numbers:
-    """Return the pixel [rays, 3] in which each (u, v), 0 … 1, lies."""
+def _texture(pixels: Numbers, u: Numbers, v: Numbers) -> Numbers:
     height, width = pixels.shape[:2]
     row = np.clip((v * height).astype(int), 0, height - 1)
     column = np.clip((u * width).astype(int), 0, width - 1)

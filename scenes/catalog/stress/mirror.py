@@ -3,7 +3,7 @@
 import numpy as np
 
 from scenes.catalog.stress import geometry
-from scenes.catalog.stress.patterns import BLACK, chequers, fields, glow, level, patchwork
+from scenes.catalog.stress.patterns import chequers, fields, floor, glowing, patchwork
 from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen
 
@@ -11,6 +11,7 @@ HALF, HEIGHT = 0.95, -0.5
 """Half an edge and the height of the floor."""
 CENTRE, RADIUS = (0.0, 0.0, 0.05), 0.5
 """The centre and radius of the mirror."""
+FLOOR = chequers(8, 8, (0.70, 0.62, 0.45), (0.10, 0.14, 0.22))
 BALLS = {
     "a": ((0.68, 0.10, -0.28), 0.20),
     "b": ((-0.35, 0.62, -0.30), 0.18),
@@ -21,27 +22,18 @@ BALLS = {
 }
 
 
-def floor_pixels() -> np.ndarray:
-    return chequers(8, 8, (0.70, 0.62, 0.45), (0.10, 0.14, 0.22))
-
-
 def ball_pixels(name: str) -> np.ndarray:
     return patchwork(31 + ord(name), 4, 8)
 
 
 def build() -> Description:
     balls = {
-        name: {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": BLACK,
-               "emitter": glow(fields(ball_pixels(name)))}
+        name: {"type": "sphere", "center": list(centre), "radius": radius, **glowing(fields(ball_pixels(name)))}
         for name, (centre, radius) in BALLS.items()
-    }  # fmt: skip
-    return {
-        "floor": {"type": "rectangle", "to_world": level(HALF, HEIGHT), "bsdf": BLACK,
-                  "emitter": glow(fields(floor_pixels()))},
-        "mirror": {"type": "sphere", "center": list(CENTRE), "radius": RADIUS,
-                   "bsdf": {"type": "conductor", "material": "none"}},
-        **balls,
-    }  # fmt: skip
+    }
+    bsdf = {"type": "conductor", "material": "none"}
+    mirror = {"type": "sphere", "center": list(CENTRE), "radius": RADIUS, "bsdf": bsdf}
+    return {"floor": floor(HALF, HEIGHT, **glowing(fields(FLOOR))), "mirror": mirror, **balls}
 
 
 def lights(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -50,39 +42,29 @@ def lights(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The floor glows upwards alone.
     """
     t = geometry.square(o, d, HEIGHT, HALF)
-    colour = np.where(
-        (np.isfinite(t) & (d[:, 2] < 0))[:, None],
-        geometry.square_texture(floor_pixels(), geometry.at(o, d, t), HALF),
-        0.0,
-    )
+    texture = geometry.square_texture(FLOOR, geometry.at(o, d, t), HALF)
+    colour = np.where((np.isfinite(t) & (d[:, 2] < 0))[:, None], texture, 0.0)
     for name, (centre, radius) in BALLS.items():
-        other = geometry.first_ball(o, d, centre, radius)
-        nearer = other < t
-        normal = (geometry.at(o, d, other) - centre) / radius
-        colour = np.where(nearer[:, None], geometry.ball_texture(ball_pixels(name), normal), colour)
-        t = np.where(nearer, other, t)
+        ball = geometry.first_ball(o, d, centre, radius)
+        normal = (geometry.at(o, d, ball) - centre) / radius
+        colour = np.where((ball < t)[:, None], geometry.ball_texture(ball_pixels(name), normal), colour)
+        t = np.where(ball < t, ball, t)
     return colour, t
 
 
 def truth(o: np.ndarray, d: np.ndarray) -> Seen:
     colour, t = lights(o, d)
     mirror = geometry.first_ball(o, d, CENTRE, RADIUS)
-    nearer = mirror < t
     point = geometry.at(o, d, mirror)
     normal = (point - CENTRE) / RADIUS
-    turned = d - 2 * (d * normal).sum(-1, keepdims=True) * normal
-    shown, _ = lights(point, turned)
-    t = np.where(nearer, mirror, t)
-    hit = np.isfinite(t)
-    return Seen(np.where(nearer[:, None], shown, colour), hit.astype(float), np.where(hit, t, 0.0))
+    shown, _ = lights(point, d - 2 * (d * normal).sum(-1, keepdims=True) * normal)
+    nearer = mirror < t
+    return Seen.at(np.where(nearer, mirror, t), np.where(nearer[:, None], shown, colour))
 
 
-SCENES = {
-    "mirror": Scene(
-        name="mirror",
-        title="A perfect mirror over a glowing floor: what it shows lies behind it and moves with the eye",
-        build=build,
-        emitters_seen=True,
-        truth=truth,
+SCENES = [
+    Scene(
+        "mirror", "A perfect mirror over a glowing floor: what it shows lies behind it and moves with the eye",
+        build, emitters_seen=True, truth=truth,
     )
-}
+]  # fmt: skip

@@ -12,9 +12,7 @@ def chequers(rows: int, columns: int, first: tuple[float, ...], second: tuple[fl
 
 
 def patchwork(seed: int, rows: int, columns: int, low: float = 0.05, high: float = 0.95) -> np.ndarray:
-    """Return a patchwork, float32 [rows, columns, 3]: every field has a colour of its own, so that no two places look
-    alike.
-    """
+    """Return float32 [rows, columns, 3]: every field has a colour of its own, so that no two places look alike."""
     return np.random.default_rng(seed).uniform(low, high, (rows, columns, 3)).astype(np.float32)
 
 
@@ -33,24 +31,20 @@ def diffuse(reflectance: Description) -> Description:
 
 
 def sky(radiance: float = 1.0) -> Description:
-    """Return equal light from everywhere: a convex matte body then has its albedo times this as its
-    radiance, exactly.
-    """
+    """Return equal light from everywhere: a convex matte body has its albedo times this as its radiance, exactly."""
     return {"type": "constant", "radiance": rgb(radiance)}
 
 
-def glow(radiance: Description) -> Description:
-    """Return the entry that makes a shape an emitter; its material should be `BLACK` where nothing else
-    is to be seen.
-    """
-    return {"type": "area", "radiance": radiance}
+def glowing(radiance: Description) -> Description:
+    """Return the entries of a shape that glows and reflects nothing."""
+    return {"bsdf": diffuse(rgb(0.0)), "emitter": {"type": "area", "radiance": radiance}}
 
 
 BLACK = diffuse(rgb(0.0))
 
 
-def level(half: float, height: float) -> np.ndarray:
-    """Return the transform of Mitsuba's `rectangle` to the level square |x|, |y| ≤ half, facing up."""
+def floor(half: float, height: float, **material: Description) -> Description:
+    """Return the level square |x|, |y| ≤ half, facing up."""
     matrix = np.diag([half, half, 1.0, 1.0])
     matrix[2, 3] = height
-    return matrix
+    return {"type": "rectangle", "to_world": matrix, **material}

@@ -1,4 +1,6 @@
-"""Straight black wires, thinner than a pixel: a pixel shows the share of it that they cover."""
+"""Detail of about a pixel: straight black wires, of which a pixel shows the share of it that they cover, and a
+chequered square whose fields are one pixel wide at 48 pixels: the Nyquist limit, and beyond where it recedes.
+"""
 
 import math
 from itertools import pairwise
@@ -6,21 +8,25 @@ from itertools import pairwise
 import numpy as np
 
 from scenes.catalog.stress import geometry
-from scenes.catalog.stress.patterns import BLACK, sky
+from scenes.catalog.stress.patterns import BLACK, chequers, diffuse, fields, floor, sky
 from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen, Truth
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS
 
 RESOLUTION = 48
 """The width in pixels of the views that the stress scenes are meant for."""
-QUARTER_PIXEL = 0.25
-HALF = 0.75
-"""Half an edge of the cage."""
+CAGE_HALF, FLOOR_HALF = 0.75, 0.95
+"""Half an edge of the cage, and of the chequers."""
 
 
 def pixel_size(resolution: int) -> float:
     """Return the width of a pixel's footprint at the origin, scene units."""
     return 2 * math.tan(0.5 * FOV_X_RADIANS) * RADIUS / resolution
+
+
+FIELDS = round(2 * FLOOR_HALF / pixel_size(RESOLUTION))
+"""The number of fields along a side."""
+CHEQUERS = chequers(FIELDS, FIELDS, (0.95, 0.90, 0.80), (0.05, 0.10, 0.20))
 
 
 def spans() -> list[tuple[np.ndarray, np.ndarray]]:
@@ -29,7 +35,7 @@ def spans() -> list[tuple[np.ndarray, np.ndarray]]:
     edges = [((*a, z), (*b, z)) for z in (-1, 1) for a, b in pairwise(ring)]
     posts = [((*a, -1), (*a, 1)) for a in ring[:4]]
     diagonals = [((*a, -1), (-a[0], -a[1], 1)) for a in ring[:4]]
-    return [(HALF * np.array(a, float), HALF * np.array(b, float)) for a, b in edges + posts + diagonals]
+    return [(CAGE_HALF * np.array(a, float), CAGE_HALF * np.array(b, float)) for a, b in edges + posts + diagonals]
 
 
 def wires(name: str, title: str, width: float) -> Scene:
@@ -37,29 +43,38 @@ def wires(name: str, title: str, width: float) -> Scene:
 
     def build() -> Description:
         shapes = {
-            f"wire_{number}": {
-                "type": "cylinder", "p0": a.tolist(), "p1": b.tolist(), "radius": width / 2, "bsdf": BLACK,
-            }
-            for number, (a, b) in enumerate(spans())
-        }  # fmt: skip
+            f"wire_{i}": {"type": "cylinder", "p0": a.tolist(), "p1": b.tolist(), "radius": width / 2, "bsdf": BLACK}
+            for i, (a, b) in enumerate(spans())
+        }
         return {"sky": sky(), **shapes}
 
-    return Scene(name=name, title=title, build=build, truth=wires_truth(width))
+    return Scene(name, title, build, truth=wires_truth(width))
 
 
 def wires_truth(width: float) -> Truth:
     def truth(o: np.ndarray, d: np.ndarray) -> Seen:
         t = np.min([geometry.tube(o, d, a, b, width / 2) for a, b in spans()], axis=0)
-        hit = np.isfinite(t)
-        return Seen(np.zeros(o.shape), hit.astype(float), np.where(hit, t, 0.0))
+        return Seen.at(t, np.zeros(o.shape))
 
     return truth
 
 
-SCENES = {
-    "wires": wires(
+def checker_truth(o: np.ndarray, d: np.ndarray) -> Seen:
+    """Return what rays see from above."""
+    t = geometry.square(o, d, 0.0, FLOOR_HALF)
+    return Seen.at(t, geometry.square_texture(CHEQUERS, geometry.at(o, d, t), FLOOR_HALF))
+
+
+SCENES = [
+    wires(
         "wires",
         f"A cage of wires a quarter of a pixel thin at {RESOLUTION} pixels: rays through pixel centres miss them",
-        QUARTER_PIXEL * pixel_size(RESOLUTION),
-    )
-}
+        0.25 * pixel_size(RESOLUTION),
+    ),
+    Scene(
+        "checker",
+        f"Chequers one pixel wide at {RESOLUTION} pixels: at the Nyquist limit, and beyond it at the back",
+        lambda: {"sky": sky(), "floor": floor(FLOOR_HALF, 0.0, bsdf=diffuse(fields(CHEQUERS)))},
+        truth=checker_truth,
+    ),
+]

@@ -100,15 +100,9 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
         ("a = 1\n1 / 0", r"ZeroDivisionError in line 2: division by zero"),
         ("import no_such_module_of_anybody", "ModuleNotFoundError in line 1"),
         ("raise SystemExit(3)", "SystemExit in line 1"),
-        (
-            f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)",
-            "KeyError in line 3",
-        ),
+        (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
         ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
-        (
-            f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)",
-            "IsADirectoryError in line 3",
-        ),
+        (f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)", "IsADirectoryError in line 3"),
         ("from scenes.modelling.scene import Scene\nSCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
         ("from scenes.modelling.scene import Scene\nSCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],

@@ -59,7 +59,7 @@ def test_a_similarity_undoes_itself(scale: float, shift: tuple[float, float, flo
 
 
 def test_optical_depth_does_not_depend_on_the_unit() -> None:
-    scene = fog.SCENES["fog_dense"]
+    scene = fog.SCENES[0]
     grown = Similarity(100.0, (0.0, 0.0, 0.0)).applied(scene.build())["fog"]
     radius = 100.0 * fog.RADIUS
     assert grown["interior"]["scale"] * grown["interior"]["sigma_t"] * 2 * radius == pytest.approx(fog.DENSE)
