@@ -240,7 +240,7 @@ def stiff(situation: StabilityContext) -> Iterator[Finding]:
         yield check(what, ratio, high=STIFF_BAR, why=worst, subject=name, owner=_whose(rule))
         if name == "linear":
             yield check("largest error of colour", max(errors.values()), high=LINEAR_BAR, subject=name)
-    shown = [10.0**k for k in np.linspace(-2, 3, 2 if situation.quick else 21)]
+    shown = [10.0 ** float(k) for k in np.linspace(-2, 3, 2 if situation.quick else 21)]
     for name in QUADRATURES:
         y = [max(_errors(name, homogeneous(depth * 64), 64)[1], 1e-16) for depth in shown]
         panel = "Stiffness: homogeneous ray, 64 bins"
