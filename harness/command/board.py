@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.records.cells import CellRecord, Checkpoint, records_folder
+from harness.records.metric_table import ALONG_TRAINING
 from harness.records.pictures import read_renders, read_truth, truth_pictures
 from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
@@ -19,7 +20,6 @@ from scenes.files.errors import InputError
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-CHECKPOINT_SCORES = ("psnr", "ssim", "flip", "rmse_linear", "depth_rmse")
 TRACED = ("loss", "gradient_norm", "clipped_norm", "samples_per_ray", "alpha", "beta")
 POINTS = 32**3
 """The number of points of a density histogram (`harness.training.evaluate.density_histogram`)."""
@@ -60,7 +60,7 @@ def write_board(out: Path, cell: CellRecord) -> Path:
 
 def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
     for point in curve:
-        for name in CHECKPOINT_SCORES:
+        for name in ALONG_TRAINING:
             _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
         _scalar(writer, "test/network_evaluations", point.network_evaluations, point.step, point.seconds)
         if point.density is None:

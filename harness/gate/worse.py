@@ -40,11 +40,12 @@ from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, ScoreSettings, ViewSettings
 from harness.records.cells import CellRecord, Checkpoint
+from harness.records.metric_table import METRICS
 from harness.run_folder.folder_lock import scratch_folder
 from harness.training.learner import Learner
 from harness.training.lockstep import train_group
 from harness.training.make_learner import learner_for
-from harness.verdicts.comparisons import METRICS, compare
+from harness.verdicts.comparisons import compare
 from scenes.files.errors import InputError
 
 Scores = dict[str, dict[str, float | None]]

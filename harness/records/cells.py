@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
-from msgspec import field
+from msgspec import defstruct, field
 from msgspec.structs import replace
 
 from harness.records.json_record import (
@@ -16,6 +16,7 @@ from harness.records.json_record import (
     read_record,
     write_record,
 )
+from harness.records.metric_table import ALONG_TRAINING, METRICS
 
 
 class Estimate(Record, frozen=True):
@@ -90,17 +91,23 @@ class PaperTables(TypedDict, total=False):
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
-class Checkpoint(Record, frozen=True):
-    """One scoring of the whole fixed test set."""
+def _scores(name: str, metrics: Iterable[str]) -> Any:
+    """Return a struct with a field for every metric; None where a view or a run has no such score."""
+    return defstruct(name, [(metric, float | None, None) for metric in metrics], bases=(Record,), kw_only=True)
+
+
+ScoresAlong: Any = _scores("ScoresAlong", ALONG_TRAINING)
+ViewScores: Any = _scores("ViewScores", METRICS)
+
+
+class Checkpoint(ScoresAlong):
+    """One scoring of the whole fixed test set, by the metrics that are scored along training."""
 
     step: int
     seconds: float
     """Training seconds of this method so far; scoring, warm-up and I/O are not in it."""
     network_evaluations: int
     """Points at which the network was evaluated for training so far."""
-    psnr: float | None
-    rmse_linear: float | None
-    ssim: float | None
     density: dict[str, list[int | float]] | None = None
     """`edges` [bins + 1], `before` [bins], `after` [bins]: shares of points (sum 1, clipped into the outer bins)
     over the scene's box, of the density entering the amplifier and of the density that is rendered.
@@ -111,23 +118,13 @@ class Checkpoint(Record, frozen=True):
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
-    flip: float | None = None
-    depth_rmse: float | None = None
-    """In scene units; None where the view set has no depth, or the run was recorded before it was scored here."""
 
 
-class ViewScore(Record, frozen=True):
-    """Scores of one test view at the end of training."""
+class ViewScore(ViewScores):
+    """The scores of one test view at the end of training, by every metric."""
 
     view: str
-    psnr: float | None
-    ssim: float | None
-    flip: float | None
-    delta_e: float | None
-    rmse_linear: float | None
-    depth_rmse: float | None
-    opacity_iou: float | None
-    psnr_ceiling: float | None
+    psnr_ceiling: float | None = None
 
 
 class LeftOut(Record, frozen=True):

@@ -1,6 +1,6 @@
 """A trained method compared with the views: scores of the fixed test set, properties, and pictures for the report."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from baselines.contract import Rays, Rendering
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
+from harness.records.metric_table import ALONG_TRAINING, LARGEST_PSNR, METRICS
 from harness.training import metrics
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
@@ -21,8 +22,6 @@ HISTOGRAM_BINS = 40
 SMALL_CHUNK = 256
 LARGE_CHUNK = 4096
 """The rays per chunk in the measurement of chunk dependence, row by row."""
-LARGEST_PSNR = 100.0
-"""The PSNR of an image that is identical to the truth, in means alone."""
 
 
 @dataclass(frozen=True)
@@ -82,69 +81,51 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
 
 
+def scores_of(image: View, split: Split, index: int, chosen: Iterable[str]) -> dict[str, float | None]:
+    """Return metrics of one view, each by the function of its name; None for geometry that the truth has none of."""
+    rgba = split.rgba[index]
+    sides: dict[str, tuple[np.ndarray, ...]] = {
+        "colour": (image.colour, over_white(rgba)),
+        "opacity": (image.opacity, rgba[..., 3]),
+    }
+    if split.depth is not None:
+        sides["depth"] = (image.depth, split.depth[index], rgba[..., 3] > 0.99)
+    found: dict[str, float | None] = {}
+    for name in chosen:
+        arrays = sides.get(METRICS[name].compares)
+        score = None if arrays is None else getattr(metrics, name)(*arrays)
+        found[name] = None if score is None else min(score, METRICS[name].largest)
+    return found
+
+
 def scores_along(images: Iterable[View], split: Split) -> dict[str, float | None]:
-    """Return a checkpoint's scores: psnr, ssim, rmse_linear, flip and depth_rmse, each the mean over the views that
-    have it.
-
-    The geometry of a view whose truth has none, or no opaque pixel, is excluded.
-    """
-    rows: dict[str, list[float | None]] = {}
-    for index, image in enumerate(images):
-        truth = over_white(split.rgba[index])
-        for name, score in ALONG_TRAINING.items():
-            rows.setdefault(name, []).append(score(image.colour, truth))
-        rows.setdefault("depth_rmse", []).append(_depth_rmse(image, split, index))
-    found = {name: [value for value in values if value is not None] for name, values in rows.items()}
-    return {name: finite_or_none(float(np.mean(values))) if values else None for name, values in found.items()}
+    """Return a checkpoint's scores, each the mean over the views that have it."""
+    rows = [scores_of(image, split, index, ALONG_TRAINING) for index, image in enumerate(images)]
+    return {name: finite_or_none(_mean(row[name] for row in rows)) for name in ALONG_TRAINING}
 
 
-def _depth_rmse(image: View, split: Split, index: int) -> float | None:
-    if split.depth is None:
-        return None
-    return metrics.depth_rmse(image.depth, split.depth[index], split.rgba[index][..., 3] > 0.99)
+def _mean(values: Iterable[float | None]) -> float | None:
+    there = [value for value in values if value is not None]
+    return float(np.mean(there)) if there else None
 
 
 def _capped_psnr(image: np.ndarray, truth: np.ndarray) -> float:
     return min(metrics.psnr(image, truth), LARGEST_PSNR)
 
 
-ALONG_TRAINING: dict[str, Callable[[np.ndarray, np.ndarray], float]] = {
-    "psnr": _capped_psnr,
-    "ssim": metrics.ssim,
-    "rmse_linear": metrics.rmse_linear,
-    "flip": metrics.flip,
-}
-"""The scores of colour that every checkpoint has."""
-
-
 def view_scores(image: View, split: Split, index: int) -> ViewScore:
     """Return every score of one view; geometry if the view set carries it."""
-    rgba = split.rgba[index]
-    truth = over_white(rgba)
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
     return ViewScore(
         view=split.names[index],
-        psnr=_capped_psnr(image.colour, truth),
-        ssim=metrics.ssim(image.colour, truth),
-        flip=metrics.flip(image.colour, truth),
-        delta_e=metrics.delta_e(image.colour, truth),
-        rmse_linear=metrics.rmse_linear(image.colour, truth),
-        depth_rmse=_depth_rmse(image, split, index),
-        opacity_iou=metrics.opacity_iou(image.opacity, rgba[..., 3]),
         psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
+        **scores_of(image, split, index, METRICS),
     )
-
-
-SCORES = ("psnr", "ssim", "flip", "delta_e", "rmse_linear", "depth_rmse", "opacity_iou", "psnr_ceiling")
 
 
 def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
     """Average over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
-    means: dict[str, float | None] = {}
-    for name in SCORES:
-        values = [value for row in rows if (value := getattr(row, name)) is not None]
-        means[name] = float(np.mean(values)) if values else None
-    return means
+    return {name: _mean(getattr(row, name) for row in rows) for name in (*METRICS, "psnr_ceiling")}
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:

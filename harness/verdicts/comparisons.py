@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from harness.records.cells import CellRecord, Comparison, Estimate
+from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.failures import judgeable
 from harness.verdicts.paper import TABLE4
 from harness.verdicts.statistics import (
@@ -19,27 +20,6 @@ from harness.verdicts.statistics import (
     verdict,
 )
 
-
-@dataclass(frozen=True)
-class Metric:
-    higher_is_better: bool
-    smallest_of_interest: float
-    """The difference below which nobody is interested; for PSNR the smallest step of the paper's Table 4."""
-    along_training: bool
-    """Whether it is scored at every checkpoint, so that it can be compared at equal time."""
-
-
-METRICS: dict[str, Metric] = {
-    "psnr": Metric(True, 0.2, True),
-    "ssim": Metric(True, 0.005, True),
-    "rmse_linear": Metric(False, 0.002, True),
-    "flip": Metric(False, 0.005, True),
-    "delta_e": Metric(False, 0.1, False),
-    "depth_rmse": Metric(False, 0.02, True),
-    "opacity_iou": Metric(True, 0.005, False),
-}
-
-PRIMARY = "psnr"
 FEWEST_SEEDS = 3
 """The fewest seeds that give a verdict on a single scene."""
 

@@ -9,7 +9,7 @@ from msgspec import structs
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
-from harness.verdicts.comparisons import PRIMARY
+from harness.records.metric_table import PRIMARY
 from harness.verdicts.result_table import MARGINS, ResultTable
 from harness.verdicts.statistics import PairedDifference, detectable, on_these_scenes, paired_difference, verdict
 from scenes.files.errors import InputError

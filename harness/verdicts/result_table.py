@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from harness.records.json_record import LARGEST_FILE, load_json
-from harness.verdicts.comparisons import METRICS, PRIMARY
+from harness.records.metric_table import METRICS, PRIMARY
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "total_train_time": "seconds"}
@@ -165,11 +165,10 @@ def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
 
 KEYS = ("scene", "method", "seed", "steps", "seconds")
 """The columns that are no metric."""
-LOWER = frozenset(
-    ("lpips", "flip", "rmse", "mse", "mae", "delta_e", "depth_rmse", "rmse_linear", "fid", "kid", "dists", "chamfer")
-)
+LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
+LOWER |= {"lpips", "rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
 """The metrics that are better when lower, also as parts of a name: `lpips_vgg`."""
-HIGHER = frozenset(("psnr", "ssim", "iou", "msssim", "accuracy", "f1"))
+HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()} | {"lpips": 0.005}
 """The smallest effect of interest of each metric that has an agreed one."""
 MOST_METHODS = 200

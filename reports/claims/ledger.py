@@ -15,6 +15,7 @@ from statistics import NormalDist
 from typing import Any
 
 from harness.records.json_record import DamagedRecord
+from harness.records.metric_table import METRICS
 from harness.records.serving_record import ServingRecord
 from harness.records.study import Studies
 from harness.records.targets import TargetsRecord
@@ -169,8 +170,8 @@ def _pair(value: Any) -> Any:
     return (value[0], value[1]) if isinstance(value, list | tuple) else value
 
 
-MARGINS = {"psnr": 0.2, "ssim": 0.005}
-"""The margins within which a level must lie: the smallest differences of interest, as the harness declares them."""
+MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
+"""The margins within which a level must lie."""
 LEAST_PAIRS = 3
 """The least pairs for a verdict: two seeds give none."""
 POWER = 0.8

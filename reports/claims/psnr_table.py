@@ -1,6 +1,7 @@
 """PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
 
 from harness.records.cells import CellRecord, Comparison
+from harness.records.metric_table import metric_of
 from reports.claims.headline import BUDGETS, roles
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_difference
@@ -156,7 +157,7 @@ def difference_entry(one: Comparison | None) -> Entry:
     behind = behind_difference(one)
     if one.difference is None:
         return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)
-    digits = 2 if one.metric in ("psnr", "delta_e") else 4
+    digits = metric_of(one.metric).digits_of_difference
     pair = one.simultaneous or one.interval
     small = lines(interval(pair, digits), one.verdict, aside)
     low, high = pair or (None, None)

@@ -5,32 +5,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from harness.records.json_record import finite_or_none
+from harness.records.metric_table import METRICS
 from reports.data.load import Records
 
-
-@dataclass(frozen=True)
-class Metric:
-    """A score of the test set: its name, its unit, its number of decimals, and which way is better."""
-
-    name: str
-    label: str
-    unit: str
-    digits: int
-    higher_is_better: bool
-    meaning: str
-
-
-METRICS = (
-    Metric("psnr", "PSNR", "dB", 2, True, "per test image in display colour over white, then averaged"),
-    Metric("ssim", "SSIM", "", 3, True, "11 × 11 Gaussian, σ = 1.5, averaged over channels"),
-    Metric("flip", "FLIP", "", 3, False, "visible difference when flipping between the images"),
-    Metric("delta_e", "ΔE₀₀", "", 2, False, "CIEDE2000 colour difference"),
-    Metric("rmse_linear", "linear RMSE", "", 4, False, "in linear light"),
-    Metric("depth_rmse", "depth RMSE", "", 3, False, "in scene units, along the ray, where there is matter"),
-    Metric("opacity_iou", "opacity IoU", "", 3, True, "overlap of the opaque silhouettes"),
-)
-
-SCORES = (*(metric.name for metric in METRICS), "psnr_train", "psnr_ceiling", "psnr_floor")
+SCORES = (*METRICS, "psnr_train", "psnr_ceiling", "psnr_floor")
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 from collections import Counter
 
 from harness.records.cells import LeftOut
+from harness.records.metric_table import METRICS, Metric, metric_of
 from reports.claims.arithmetic import COMPONENT_TITLES
 from reports.claims.psnr_table import TOGETHER, difference_entry, losses, tone_of
 from reports.data.load import Records
 from reports.data.selection import Selection
-from reports.data.table import METRICS, Metric, average_of, cells_frame, shared_scenes, spread_of
+from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
 from reports.data.wording import count, duration, interval, listed, number, signed, significant
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
@@ -15,7 +16,7 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 def metrics_grid(records: Records) -> Grid:
     """Tabulate one row for each scene and method: means over the finished seeds."""
     frame = cells_frame(records)
-    shown = [metric for metric in METRICS if frame[metric.name].notna().any()]
+    shown = [metric for metric in METRICS.values() if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
     for metric in shown:
         arrow = "↑" if metric.higher_is_better else "↓"
@@ -52,21 +53,20 @@ def score(mean: float | None, metric: Metric, scene: str, method: str) -> Entry:
 
 def comparisons_grid(records: Records) -> Grid:
     """Tabulate every comparison of the run, with the smallest true difference that it would have found."""
-    labels = {metric.name: metric.label for metric in METRICS}
     names = ("scene", "method − against", "metric", "at equal")
     columns = [Column(name, numeric=False) for name in names]
     columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
     rows = []
     for one in records.comparisons:
-        digits = 2 if one.metric in ("psnr", "delta_e") else 4
+        metric = metric_of(one.metric)
         rows.append(
             [
                 Entry("all scenes" if one.scene == "all" else one.scene),
                 Entry(f"{one.method} − {one.against}"),
-                Entry(labels.get(one.metric, one.metric)),
+                Entry(metric.label),
                 Entry("steps" if one.budget == "steps" else "time"),
                 difference_entry(one),
-                Entry(number(one.smallest_detectable, digits), value=one.smallest_detectable),
+                Entry(number(one.smallest_detectable, metric.digits_of_difference), value=one.smallest_detectable),
                 Entry(str(one.pairs)),
             ]
         )

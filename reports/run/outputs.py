@@ -9,7 +9,8 @@ import numpy as np
 from markupsafe import Markup
 
 from harness.records.cells import CellRecord
-from harness.verdicts.comparisons import METRICS, PRIMARY, Budget, Judgement, differences, family_of, judged
+from harness.records.metric_table import METRICS, PRIMARY
+from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged
 from reports.claims.claim_list import claims
 from reports.claims.ledger import Claim
 from reports.claims.psnr_table import lines, losses, tone_of
@@ -314,7 +315,7 @@ def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
         for metric in METRICS:
             entries = [one.row(EVERYWHERE, method, metric) for one in found]
             if any(entries):
-                digits = 2 if metric in ("psnr", "delta_e") else 4
+                digits = METRICS[metric].digits_of_difference
                 shown = [difference_entry(row.found, digits) if row else EMPTY for row in entries]
                 rows.append([Entry(method), Entry(metric), *shown])
     return Grid("Every score over all scenes, at equal steps", columns, rows)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from harness.records.cells import CellRecord
 from harness.records.json_record import finite_or_none, plain, write_json
+from harness.records.metric_table import METRICS
 from harness.records.serving_record import CacheRecord, ServingRecord
 from reports.claims.claim_list import claims
 from reports.claims.estimands import found_failures
@@ -21,7 +22,7 @@ from reports.claims.psnr_table import tone_of
 from reports.data.beside import ALONE, Beside
 from reports.data.kept_pictures import kept
 from reports.data.load import Records
-from reports.data.table import METRICS, cells_frame
+from reports.data.table import cells_frame
 from reports.drawing.figure import STYLE, paint
 from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, colours_of
@@ -75,8 +76,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
 
 
 def _cell(cell: CellRecord) -> dict[str, Any]:
-    names = [metric.name for metric in METRICS]
-    scores = [*names, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in names)]
+    scores = [*METRICS, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in METRICS)]
     return {
         "scene": cell.scene,
         "method": cell.method,
@@ -186,7 +186,9 @@ def psnr_dots(records: Records) -> Figure:
 
 def error_against_time(records: Records) -> Figure | None:
     """Draw linear RMSE against training seconds, a panel per scene."""
-    found = next((one for one in diagrams(records) if (one.measure.name, one.cost.name) == ("rmse", "seconds")), None)
+    found = next(
+        (one for one in diagrams(records) if (one.measure.name, one.cost.name) == ("rmse_linear", "seconds")), None
+    )
     panels = [panel for panel in found.panels if panel.title != EVERYWHERE] if found else []
     return _side_by_side(records, [(panel.title, panel) for panel in panels], (2.5, 2.1), 4)
 
@@ -194,7 +196,7 @@ def error_against_time(records: Records) -> Figure | None:
 def work_precision(records: Records) -> Figure | None:
     """Draw every error that was measured along training against training seconds, over all scenes together."""
     found = [one for one in diagrams(records) if one.cost.name == "seconds"]
-    return _side_by_side(records, [(one.measure.label, one.panels[0]) for one in found], (3.4, 2.9), 2)
+    return _side_by_side(records, [(one.measure.error, one.panels[0]) for one in found], (3.4, 2.9), 2)
 
 
 def ladder_of_units(records: Records) -> Figure | None:

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from harness.records.cells import CellRecord, Checkpoint
+from harness.records.metric_table import ALONG_TRAINING, METRICS
 from reports.data.load import Records, of_whole_groups
-from reports.data.table import METRICS
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
 from reports.page.shell import flat
@@ -13,7 +13,7 @@ from reports.page.shell import flat
 RUN_SCRIPTS = ("histogram.js", "density.js")
 """The further scripts that the page of a run needs."""
 SCORES = ("psnr_train", "psnr_ceiling", "psnr_floor")
-CURVES = ("step", "seconds", "psnr", "rmse_linear", "ssim", "flip", "depth_rmse", "alpha", "beta")
+CURVES = ("step", "seconds", *ALONG_TRAINING, "alpha", "beta")
 """The values of a checkpoint."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
@@ -27,7 +27,7 @@ def runs_data(records: Records) -> dict[str, Any]:
         "methods": records.methods,
         "metrics": [
             {"name": one.name, "label": one.label, "unit": one.unit, "digits": one.digits, "up": one.higher_is_better}
-            for one in METRICS
+            for one in METRICS.values()
         ],
         "colours": {method: colour.variable for method, colour in colours_of(records.methods).items()},
         "cells": [
@@ -59,7 +59,7 @@ def _targets(records: Records) -> dict[str, Any]:
 
 def _cell(cell: CellRecord, differing: dict[str, set[str]]) -> dict[str, Any]:
     settings = dict(flat(cell.settings))
-    names = [*(metric.name for metric in METRICS), *SCORES]
+    names = [*METRICS, *SCORES]
     found: dict[str, Any] = {
         "scene": cell.scene,
         "method": cell.method,

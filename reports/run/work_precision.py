@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from markupsafe import Markup
 
 from harness.records.cells import CellRecord, Checkpoint
+from harness.records.metric_table import METRICS, Metric
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import cells_frame
@@ -34,15 +35,6 @@ Key = TypeVar("Key", bound=Any)
 
 
 @dataclass(frozen=True)
-class Measure:
-    """An error of a checkpoint: less is better, and 0 is perfect."""
-
-    name: str
-    label: str
-    of: Callable[[Checkpoint], float | None]
-
-
-@dataclass(frozen=True)
 class Cost:
     """The cost of a checkpoint so far."""
 
@@ -51,12 +43,7 @@ class Cost:
     of: Callable[[CellRecord, Checkpoint], float | None]
 
 
-MEASURES = (
-    Measure("rmse", "RMSE in linear light", lambda point: point.rmse_linear),
-    Measure("dssim", "1 − SSIM", lambda point: None if point.ssim is None else 1.0 - point.ssim),
-    Measure("flip", "FLIP", lambda point: point.flip),
-    Measure("depth", "depth RMSE (scene units)", lambda point: point.depth_rmse),
-)
+MEASURES = tuple(sorted((metric for metric in METRICS.values() if metric.error), key=lambda one: one.higher_is_better))
 COSTS = (
     Cost("seconds", "training seconds", lambda cell, point: point.seconds),
     Cost("rays", "rays", lambda cell, point: _times(point.step, cell.properties.get("rays_per_step"))),
@@ -69,7 +56,7 @@ COSTS = (
 class Diagram:
     """One measure against one cost: a panel for all scenes together, if there are several, and one per scene."""
 
-    measure: Measure
+    measure: Metric
     cost: Cost
     panels: list[Panel]
     notes: list[list[str]]
@@ -96,20 +83,26 @@ class Point:
     error: float
 
 
-def points_of(records: Records, measure: Measure, cost: Cost) -> list[Point]:
+def error_of(point: Checkpoint, measure: Metric) -> float | None:
+    """Return a checkpoint's error by a metric: less is better, and 0 is perfect."""
+    score = getattr(point, measure.name)
+    return 1.0 - score if measure.higher_is_better and score is not None else score
+
+
+def points_of(records: Records, measure: Metric, cost: Cost) -> list[Point]:
     """Return every checkpoint whose cost and error are above 0, run by run in the order of training."""
     return [
         Point(cell.scene, cell.method, cell.seed, cell.status, point.step, spent, error)
         for cell in records.cells
         for point in sorted(cell.curve, key=lambda point: point.step)
-        if (spent := cost.of(cell, point)) is not None and (error := measure.of(point)) is not None
+        if (spent := cost.of(cell, point)) is not None and (error := error_of(point, measure)) is not None
         if spent > 0 and error > 0
     ]
 
 
-def _diagram(records: Records, measure: Measure, cost: Cost, floors: dict[str, float]) -> Diagram:
+def _diagram(records: Records, measure: Metric, cost: Cost, floors: dict[str, float]) -> Diagram:
     every = points_of(records, measure, cost)
-    known = floors if measure.name == "rmse" else {}
+    known = floors if measure.name == "rmse_linear" else {}
     chosen = [(scene, [one for one in every if one.scene == scene], known.get(scene)) for scene in records.scenes]
     if len(records.scenes) > 1:
         shared = geometric_mean(known.values()) if set(known) == set(records.scenes) else None
@@ -150,7 +143,7 @@ def geometric_mean(values: Iterable[float]) -> float:
 
 
 def _panel(
-    records: Records, title: str, points: list[Point], measure: Measure, cost: Cost, floor: float | None
+    records: Records, title: str, points: list[Point], measure: Metric, cost: Cost, floor: float | None
 ) -> Panel:
     traces = traces_of(points, {name: colour.light for name, colour in colours_of(records.methods).items()})
     ends = [f"{one.label.removesuffix(' mean')} {one.y[-1]:.4g}" for one in traces if one.kind == "line"]
@@ -160,10 +153,10 @@ def _panel(
         span = (min(one.cost for one in points), max(one.cost for one in points))
         traces.append(Trace("noise of the ground truth", INK.light, "floor", span, (level, level)))
         ends.append(f"noise of the ground truth {level:.4g}")
-    alt = f"{title}: {measure.label} against {cost.label}. At the end: {', '.join(ends) or 'no finished run'}."
+    alt = f"{title}: {measure.error} against {cost.label}. At the end: {', '.join(ends) or 'no finished run'}."
     limits = padded([y for trace in traces for y in trace.y if not math.isnan(y)], log=True)
     size = LARGE if title == EVERYWHERE else SMALL
-    return Panel(title, cost.label, measure.label, tuple(traces), alt, "log", "log", y_limits=limits, size=size)
+    return Panel(title, cost.label, measure.error, tuple(traces), alt, "log", "log", y_limits=limits, size=size)
 
 
 def _is_near(floor: float | None, points: list[Point]) -> bool:
@@ -316,7 +309,7 @@ class Plot:
 class Choice:
     """The display for a chosen measure and cost."""
 
-    measure: Measure
+    measure: Metric
     cost: Cost
     plots: list[Plot]
 
@@ -327,7 +320,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Work:
-    measures: list[Measure]
+    measures: list[Metric]
     costs: list[Cost]
     choices: list[Choice]
     """The choices for which the records suffice."""

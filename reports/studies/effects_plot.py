@@ -11,8 +11,8 @@ from itertools import accumulate
 
 from matplotlib.ticker import MaxNLocator
 
+from harness.records.metric_table import Metric, metric_of
 from harness.records.study import Effect
-from reports.data.table import METRICS, Metric
 from reports.data.wording import after, counted, interval, signed
 from reports.drawing.figure import tick
 from reports.page.grid import Entry
@@ -189,11 +189,6 @@ def family_said(families: list[int]) -> str:
 
 def scene_said(scene: str) -> str:
     return "all scenes" if scene == "all" else scene
-
-
-def metric_of(name: str) -> Metric:
-    """Return the facts of a metric; one that this version does not know keeps its name."""
-    return next((one for one in METRICS if one.name == name), Metric(name, name, "", 3, True, ""))
 
 
 def row_of(one: Effect, metric: Metric, axis: Axis) -> Row:

@@ -18,7 +18,7 @@ def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes:
         "steps": curve[-1].step if curve else 0,
         "train_seconds": curve[-1].seconds if curve else 0.0,
         "scores": {"psnr": curve[-1].psnr} if curve else {},
-        "views": [ViewScore("test/r_0", 20.0, 0.9, 0.1, 2.0, 0.05, None, 0.8, None)],
+        "views": [ViewScore("test/r_0", psnr=20.0, ssim=0.9, flip=0.1, delta_e=2.0, rmse_linear=0.05, opacity_iou=0.8)],
         "trace": {"step": [1.0, 20.0], "loss": [0.5, None]},
         "parameters": {"total": 3},
         "properties": {"occupied_share": 0.5, "largest_density": None, "note": "φ"},

@@ -92,7 +92,19 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         train_seconds=curve[-1].seconds,
         scores=scores,
         curve=curve,
-        views=[ViewScore("r_12", final, 0.85, 0.12, 5.0, 0.06, 0.3, 0.96, scores["psnr_ceiling"])],
+        views=[
+            ViewScore(
+                "r_12",
+                scores["psnr_ceiling"],
+                psnr=final,
+                ssim=0.85,
+                flip=0.12,
+                delta_e=5.0,
+                rmse_linear=0.06,
+                depth_rmse=0.3,
+                opacity_iou=0.96,
+            )
+        ],
         trace={
             "step": [float(step) for step in STEPS],
             "loss": [10 ** (-(point.psnr or 0) / 10) for point in curve],

@@ -34,7 +34,7 @@ def shown(view) -> list[str]:
 
 def test_one_pair_of_error_and_cost_is_seen_and_the_reader_chooses_which(browser, address):
     view, noise = opened(browser, address)
-    assert shown(view) == ["choice rmse-seconds"]
+    assert shown(view) == ["choice rmse_linear-seconds"]
     view.get_by_text("1 − SSIM", exact=True).first.click()
     view.get_by_text("network evaluations", exact=True).first.click()
     assert shown(view) == ["choice dssim-evaluations"]

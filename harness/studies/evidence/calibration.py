@@ -11,10 +11,10 @@ from itertools import product
 
 import numpy as np
 
+from harness.records.metric_table import METRICS, PRIMARY
 from harness.records.study import Check, Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding
 from harness.verdicts import nested
-from harness.verdicts.comparisons import METRICS, PRIMARY
 from harness.verdicts.statistics import half_widths
 
 SCENES = (4, 8, 16)

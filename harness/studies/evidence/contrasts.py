@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 from harness.records.cells import CellRecord
+from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Series
-from harness.verdicts.comparisons import METRICS, Budget, Key, differences, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import Budget, Key, differences, family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
 

@@ -17,11 +17,11 @@ from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
 from harness.records.json_record import DamagedRecord
+from harness.records.metric_table import METRICS
 from harness.records.study import Check, Effect, Series, Studies, Table
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
 from harness.studies import framework
 from harness.studies.evidence.evidence_studies import SHELF, STUDIES, TRAININGS_FOLDER
-from harness.verdicts.comparisons import METRICS
 from scenes.catalog.entries import CLASSICS
 
 SEARCHED = ("chair", "ship")

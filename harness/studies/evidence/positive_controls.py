@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from msgspec import structs
 
 from harness.records.cells import CellRecord
+from harness.records.metric_table import METRICS
 from harness.records.study import Check, Effect, Table, check
 from harness.studies.evidence.contrasts import amount, effects, listed, told
 from harness.studies.evidence.evidence_context import EvidenceContext, Finding, StudyRun
-from harness.verdicts.comparisons import METRICS, Budget
+from harness.verdicts.comparisons import Budget
 
 ORIGINAL = 31.01
 """The PSNR of the complete model, in dB."""

@@ -30,6 +30,7 @@ from harness.records.cells import (
     write_run,
 )
 from harness.records.json_record import DamagedRecord, finite_or_none, load_json, plain, write_json, write_record
+from harness.records.metric_table import METRICS
 from scenes.files.errors import as_text
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.replacing import replace
@@ -126,7 +127,7 @@ cells = st.fixed_dictionaries(
 @given(
     facts=cells,
     curve=st.lists(checkpoints, max_size=3),
-    views=st.lists(st.tuples(text, *[maybe] * 8), max_size=2),
+    views=st.lists(st.tuples(text, st.dictionaries(st.sampled_from(list(METRICS)), maybe)), max_size=2),
 )
 @settings(deadline=None, max_examples=60)
 def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: Any) -> None:
@@ -134,7 +135,7 @@ def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: An
         scene="lego",
         method="nerf",
         curve=[Checkpoint(**point) for point in curve],
-        views=[ViewScore(*view) for view in views],
+        views=[ViewScore(view, **scores) for view, scores in views],
         **facts,
     )
     with tempfile.TemporaryDirectory() as out:

@@ -45,8 +45,8 @@ def test_a_view_gets_every_score_that_its_truth_allows(ball: ViewSet) -> None:
 
 
 def test_means_leave_out_the_views_that_lack_a_score() -> None:
-    rows = [ViewScore("a", 20.0, 0.5, 0.1, 1.0, 0.1, 0.3, None, None)]
-    rows.append(ViewScore("b", None, 0.7, 0.3, 3.0, 0.2, None, None, 40.0))
+    rows = [ViewScore("a", psnr=20.0, ssim=0.5, flip=0.1, delta_e=1.0, rmse_linear=0.1, depth_rmse=0.3)]
+    rows.append(ViewScore("b", 40.0, ssim=0.7, flip=0.3, delta_e=3.0, rmse_linear=0.2))
     means = evaluate.mean_scores(rows)
     assert means == pytest.approx(
         {"psnr": 20.0, "ssim": 0.6, "flip": 0.2, "delta_e": 2.0, "rmse_linear": 0.15, "depth_rmse": 0.3,

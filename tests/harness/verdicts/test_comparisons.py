@@ -7,7 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Comparison
-from harness.verdicts.comparisons import METRICS, compare, differences, family_of, judged, keyed, score_on_curve
+from harness.records.metric_table import METRICS
+from harness.verdicts.comparisons import compare, differences, family_of, judged, keyed, score_on_curve
 from tests.harness.cells import cell, checkpoint, diverged
 
 

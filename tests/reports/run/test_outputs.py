@@ -4,7 +4,7 @@ import html
 
 import pytest
 
-from harness.verdicts.comparisons import METRICS
+from harness.records.metric_table import METRICS
 from reports.__main__ import main
 from reports.data.load import read_records
 from reports.run.outputs import (

@@ -30,7 +30,7 @@ def full(cell):
     """A curve of two round checkpoints; a seed's errors are twice those of the seed before."""
     factor = 2.0**cell.seed
     curve = [
-        Checkpoint(step, time + cell.seed, 100 * step, 20.0, size * factor, 1 - 2 * size * factor)
+        Checkpoint(step, time + cell.seed, 100 * step, psnr=20.0, rmse_linear=size * factor, ssim=1 - 2 * size * factor)
         for step, time, size in ((10, 1.0, 0.04), (20, 2.0, 0.01))
     ]
     curve = [replace(one, flip=0.2 * factor / one.step, depth_rmse=factor) for one in curve]
@@ -51,7 +51,7 @@ def test_every_error_is_drawn_against_every_cost(tmp_path):
     found = diagrams(simple(tmp_path))
     assert [(one.measure.name, one.cost.name) for one in found] == [
         (measure, cost)
-        for measure in ("rmse", "dssim", "flip", "depth")
+        for measure in ("rmse_linear", "flip", "depth_rmse", "ssim")
         for cost in ("seconds", "rays", "evaluations", "flops")
     ]
     assert {(panel.x_scale, panel.y_scale) for one in found for panel in one.panels} == {("log", "log")}
@@ -60,10 +60,10 @@ def test_every_error_is_drawn_against_every_cost(tmp_path):
 @pytest.mark.parametrize(
     ("measure", "cost", "x", "y"),
     [
-        ("rmse", "seconds", (1.0, 2.0), (0.04, 0.01)),
-        ("dssim", "rays", (20480.0, 40960.0), (0.08, 0.02)),
+        ("rmse_linear", "seconds", (1.0, 2.0), (0.04, 0.01)),
+        ("ssim", "rays", (20480.0, 40960.0), (0.08, 0.02)),
         ("flip", "evaluations", (1000.0, 2000.0), (0.02, 0.01)),
-        ("depth", "flops", (150_000.0, 300_000.0), (1.0, 1.0)),
+        ("depth_rmse", "flops", (150_000.0, 300_000.0), (1.0, 1.0)),
     ],
 )
 def test_a_seed_is_drawn_as_it_is(tmp_path, measure, cost, x, y):
@@ -79,7 +79,7 @@ def test_a_step_costs_as_many_forward_passes_as_the_harness_counts():
 
 
 def test_means_and_bands_are_geometric(tmp_path):
-    (panel,) = diagram(simple(tmp_path, with_diverged=False), "rmse", "seconds").panels
+    (panel,) = diagram(simple(tmp_path, with_diverged=False), "rmse_linear", "seconds").panels
     mean = next(one for one in panel.traces if one.label == "nerf mean")
     assert mean.y == pytest.approx((0.04 * 2**0.5, 0.01 * 2**0.5))
     assert mean.x == pytest.approx((2**0.5, 6**0.5))
@@ -91,7 +91,7 @@ def test_means_and_bands_are_geometric(tmp_path):
 
 
 def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
-    made = diagram(simple(tmp_path), "rmse", "seconds")
+    made = diagram(simple(tmp_path), "rmse_linear", "seconds")
     (panel,) = made.panels
     assert [one.label for one in panel.traces if one.kind == "cross"] == ["qnerf seed 1 diverged"]
     cross = panel.traces[-2]
@@ -104,7 +104,7 @@ def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
 
 def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
     records = simple(tmp_path, scenes=("chair", "drums"))
-    first = diagram(records, "rmse", "seconds").panels[0]
+    first = diagram(records, "rmse_linear", "seconds").panels[0]
     assert first.title == "all scenes"
     cross = next(one for one in first.traces if one.kind == "cross")
     assert (cross.label, cross.x) == ("qnerf seed 1 diverged", (2.0,))
@@ -144,14 +144,14 @@ def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
 def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floors = noise_floors(records)
     assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
-    everywhere, chair, _ = diagram(records, "rmse", "seconds").panels
+    everywhere, chair, _ = diagram(records, "rmse_linear", "seconds").panels
     assert (chair.traces[-1].kind, chair.traces[-1].colour, chair.traces[-1].y[0]) == (
         "floor",
         INK.light,
         floors["chair"],
     )
     assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
-    assert not any(one.kind == "floor" for one in diagram(records, "dssim", "seconds").panels[1].traces)
+    assert not any(one.kind == "floor" for one in diagram(records, "ssim", "seconds").panels[1].traces)
 
 
 def test_hulls_against_slow_reference():

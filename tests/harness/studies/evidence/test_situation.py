@@ -21,6 +21,7 @@ from harness.records.cells import (
     write_run,
 )
 from harness.records.json_record import DamagedRecord
+from harness.records.metric_table import METRICS
 from harness.records.study import SHELVES, Answer, Studies, StudyRecord, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED
 from harness.studies.evidence import evidence_context as study_runner
@@ -129,7 +130,7 @@ def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Call
     """Goes on where both studies were whole, with those that are asked for, to the end or `stopped` once a study has
     its training; gives those that were done again, and what was said."""
     assert TRAINING in STUDIES[NAMES[0]].trainings
-    interest = {name: one.smallest_of_interest for name, one in study_runner.METRICS.items()}
+    interest = {name: one.smallest_of_interest for name, one in METRICS.items()}
     settings = {"quick": True, "device": "cpu", "smallest_of_interest": interest}
     studies = [StudyRecord(STUDIES[name].info, findings=[Answer("as it was")]) for name in NAMES]
     write_studies(situation.out / EVIDENCE_FILE, Studies("evidence", {}, settings, studies, finished=True))

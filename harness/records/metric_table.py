@@ -1,0 +1,61 @@
+"""The metrics, each in one line: everything that computes, compares or shows scores goes through this table.
+
+A metric is the function of its name in `harness.training.metrics`, a field of the records that hold scores, a family of
+comparisons, and a column of the page.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+
+class Metric(NamedTuple):
+    """A score of the test set."""
+
+    name: str
+    label: str
+    unit: str
+    digits: int
+    """The decimals of a score."""
+    digits_of_difference: int
+    higher_is_better: bool
+    smallest_of_interest: float
+    """The difference below which nobody is interested; for PSNR the smallest step of the paper's Table 4."""
+    meaning: str
+    compares: Literal["colour", "depth", "opacity"] = "colour"
+    """What of a view its function is given, with the truth of it."""
+    along_training: bool = True
+    """Whether it is scored at every checkpoint, so that it is compared at equal time and drawn over training."""
+    largest: float = math.inf
+    """What a larger score counts as."""
+    error: str = ""
+    """The label of its figure of error against work, 1 − score if higher is better; empty for no such figure."""
+
+
+LARGEST_PSNR = 100.0
+"""The PSNR of an image that is identical to the truth, in means alone."""
+METRICS: dict[str, Metric] = {
+    metric.name: metric
+    for metric in (
+        Metric("psnr", "PSNR", "dB", 2, 2, True, 0.2, "per test image in display colour over white, then averaged",
+               largest=LARGEST_PSNR),
+        Metric("ssim", "SSIM", "", 3, 4, True, 0.005, "11 × 11 Gaussian, σ = 1.5, averaged over channels",
+               error="1 − SSIM"),
+        Metric("rmse_linear", "linear RMSE", "", 4, 4, False, 0.002, "in linear light",
+               error="RMSE in linear light"),
+        Metric("flip", "FLIP", "", 3, 4, False, 0.005, "visible difference when flipping between the images",
+               error="FLIP"),
+        Metric("delta_e", "ΔE₀₀", "", 2, 2, False, 0.1, "CIEDE2000 colour difference", along_training=False),
+        Metric("depth_rmse", "depth RMSE", "", 3, 4, False, 0.02,
+               "in scene units, along the ray, where there is matter", "depth", error="depth RMSE (scene units)"),
+        Metric("opacity_iou", "opacity IoU", "", 3, 4, True, 0.005, "overlap of the opaque silhouettes",
+               "opacity", along_training=False),
+    )
+}  # fmt: skip
+"""The order is that of columns and comparisons."""
+PRIMARY = "psnr"
+ALONG_TRAINING = tuple(name for name, metric in METRICS.items() if metric.along_training)
+
+
+def metric_of(name: str) -> Metric:
+    """Return a line of the table; a metric that this version does not know keeps its name."""
+    return METRICS.get(name) or Metric(name, name, "", 3, 4, True, 0.0, "")
