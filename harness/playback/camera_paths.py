@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.viewpoints import RADIUS, TILT, VIEW_COUNTS, check_poses, poses_on_sphere
+from scenes.view_sets.viewpoints import RADIUS, TILT, VIEW_COUNTS, poses_on_sphere
 
 ORIGIN = (0.0, 0.0, 0.0)
 ELEVATION = math.radians(30.0)
@@ -18,32 +18,8 @@ QUARTER = 0.5 * math.pi
 """The azimuth of the first test view."""
 TURN_STEPS = 60
 """The steps of a walk, once round."""
-UPRIGHT = 1e-9
-"""The z of a camera's right below which it counts as level."""
 
 Point = tuple[float, float, float] | np.ndarray
-
-
-def look_at(eye: Point, target: Point = ORIGIN) -> np.ndarray:
-    """Return the camera [4, 4] that stands at `eye` [3], in scene units, and looks at `target` [3].
-
-    Right above or below the target, where every direction is as upright as another, it is turned as if it stood at
-    azimuth 0. Raises `InputError` for points that are not finite, and for an eye on its target.
-    """
-    o, at = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    for name, point in (("eye", o), ("target", at)):
-        if point.shape != (3,) or not np.isfinite(point).all():
-            raise InputError(f"look_at: {name} is {point.tolist()}; give three finite numbers")
-    offset = o - at
-    distance = float(np.linalg.norm(offset))
-    if distance <= 1e-9 * max(1.0, float(np.abs([o, at]).max())):
-        raise InputError(f"look_at: the camera stands on its target, {at.tolist()}; move one of them")
-    flat = math.hypot(offset[0], offset[1])
-    azimuth = math.atan2(offset[1], offset[0]) if flat > 1e-12 * distance else 0.0
-    elevation = math.atan2(offset[2], flat)
-    pose = poses_on_sphere(np.array([azimuth]), np.array([elevation]), distance)[0]
-    pose[:3, 3] = o
-    return pose
 
 
 def orbit(
@@ -100,38 +76,6 @@ def walk(frames: int, seed: int = 0, radius: float = RADIUS, target: Point = ORI
     return _on_sphere(QUARTER + step * lattice[:, 0], TILT + step * lattice[:, 1], radius, target)
 
 
-def through(poses: np.ndarray, frames: int) -> np.ndarray:
-    """Move from the first of given poses [n, 4, 4] through all others to the last, in the same time from each to the
-    next.
-
-    Orientations go the shortest way (spherical linear interpolation); the origin's place in the camera's own frame
-    changes linearly, so that a camera that circles the origin keeps its distance and does not cut across. If all
-    given poses are level, so is every frame. As many frames as poses return the poses. Raises `InputError` for no pose
-    and for poses that are not rigid.
-    """
-    from scipy.spatial.transform import Rotation, Slerp
-
-    given = np.asarray(poses, dtype=np.float64)
-    _checked(frames)
-    if given.ndim != 3 or given.shape[1:] != (4, 4) or not len(given):
-        raise InputError(f"through: poses of shape {given.shape}; give one 4 × 4 matrix or more")
-    check_poses(given, [f"pose {number}" for number in range(len(given))])
-    if len(given) == 1:
-        return np.repeat(given, frames, axis=0)
-    knots = np.arange(len(given), dtype=np.float64)
-    times = np.linspace(0.0, knots[-1], frames)
-    rotations = Slerp(knots, Rotation.from_matrix(given[:, :3, :3]))(times).as_matrix()
-    offsets = np.einsum("nji,nj->ni", given[:, :3, :3], given[:, :3, 3])
-    offset = np.stack([np.interp(times, knots, offsets[:, axis]) for axis in range(3)], axis=-1)
-    if np.abs(given[:, 2, 0]).max() < UPRIGHT:
-        rotations = _levelled(rotations)
-    path = np.zeros((frames, 4, 4))
-    path[:, :3, :3] = rotations
-    path[:, :3, 3] = np.einsum("nij,nj->ni", rotations, offset)
-    path[:, 3, 3] = 1.0
-    return path
-
-
 def mean_distance(poses: np.ndarray) -> float:
     """Return the mean distance of cameras [n, 4, 4] from the origin, in scene units."""
     return float(np.linalg.norm(poses[:, :3, 3], axis=-1).mean())
@@ -139,16 +83,6 @@ def mean_distance(poses: np.ndarray) -> float:
 
 PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral, "walk": walk}
 """The paths, called as `PATHS[name](frames, radius=…, target=…)`."""
-
-
-def _levelled(rotations: np.ndarray) -> np.ndarray:
-    """Level orientations [n, 3, 3]: the same view without roll; straight up or down they are left as they are."""
-    backward = rotations[:, :, 2]
-    flat = np.linalg.norm(backward[:, :2], axis=-1)
-    some = flat > UPRIGHT
-    right = rotations[:, :, 0].copy()
-    right[some] = np.stack([-backward[some, 1], backward[some, 0], np.zeros(some.sum())], axis=-1) / flat[some, None]
-    return np.stack([right, np.cross(backward, right), backward], axis=-1)
 
 
 def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float, target: Point) -> np.ndarray:

@@ -1,11 +1,10 @@
 """The loader of a finished run: its methods, with the weights that training left, ready to render."""
 
-import types
-import typing
-from dataclasses import dataclass, is_dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 import torch
 
@@ -251,30 +250,17 @@ def from_plain(kind: type[One], data: Any, path: Path) -> One:
     unknown: settings that silently differ would render another picture.
     """
     try:
-        found = _from_plain(kind, data)
-    except (TypeError, KeyError, ValueError) as error:
+        settings = msgspec.convert(data, kind)
+        if unlike := _unlike(asdict(settings), data):
+            raise ValueError(f"{kind.__name__}: {unlike}")
+    except (msgspec.ValidationError, ValueError) as error:
         raise InputError(f"{path}: its settings are not those of this version ({error}); run again") from error
-    return typing.cast(One, found)
+    return settings
 
 
-def _from_plain(kind: Any, data: Any) -> Any:
-    origin, parts = typing.get_origin(kind), typing.get_args(kind)
-    if is_dataclass(kind):
-        hints = typing.get_type_hints(kind)
-        if not isinstance(data, dict) or set(data) != set(hints):
-            unlike = sorted(set(data) ^ set(hints)) if isinstance(data, dict) else type(data).__name__
-            raise ValueError(f"{getattr(kind, '__name__', kind)}: {unlike}")
-        return typing.cast(type, kind)(**{name: _from_plain(hints[name], value) for name, value in data.items()})
-    if origin is tuple and parts[-1] is ... and isinstance(data, (list, tuple)):
-        return tuple(_from_plain(parts[0], value) for value in data)
-    if origin is tuple and isinstance(data, (list, tuple)) and len(data) == len(parts):
-        return tuple(_from_plain(part, value) for part, value in zip(parts, data, strict=True))
-    if origin in (types.UnionType, typing.Union):
-        return None if data is None and type(None) in parts else _from_plain(parts[0], data)
-    if origin is typing.Literal and data in parts:
-        return data
-    if kind is float and type(data) in (int, float):
-        return float(data)
-    if kind in (bool, int, str) and type(data) is kind:
-        return data
-    raise ValueError(f"{data!r} is no {kind}")
+def _unlike(ours: Any, theirs: Any) -> str:
+    """Return the keys that only one of two JSON documents has."""
+    if not (isinstance(ours, dict) and isinstance(theirs, dict)):
+        return ""
+    inner = (_unlike(ours[key], theirs[key]) for key in ours.keys() & theirs.keys())
+    return " ".join(filter(None, [*sorted(ours.keys() ^ theirs.keys()), *inner]))

@@ -30,10 +30,6 @@ from scenes.view_sets.view_set import Split, ViewSet
 
 CORNERS = 8
 """The voxels between which a point is interpolated."""
-FORWARD_AND_BACKWARD = 3
-"""The cost of a training step in forward passes: a layer's backward pass is two matrix multiplications of the size of
-its forward pass, one for its weights and one for its inputs.
-"""
 
 
 @runtime_checkable
@@ -55,13 +51,6 @@ def flops_per_evaluation(field: object) -> int | None:
         colours = 3 * field.coefficients
         return 2 * CORNERS * (1 + colours) + 2 * (colours if field.coefficients > 1 else 0)
     return None
-
-
-def training_flops(network_evaluations: float, per_evaluation: float) -> float:
-    """Count the operations of so many evaluations in training. A little too many if an occupancy grid is refreshed,
-    which runs forward alone and needs density alone.
-    """
-    return FORWARD_AND_BACKWARD * network_evaluations * per_evaluation
 
 
 SAME = 1e-6

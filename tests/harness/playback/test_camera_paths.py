@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from harness.playback.camera_paths import ORIGIN, PATHS, look_at, orbit, spiral, through, walk
+from harness.playback.camera_paths import PATHS, orbit, spiral, walk
 from scenes.files.errors import InputError
 from scenes.view_sets.viewpoints import RADIUS, TILT, all_poses
-from scenes.view_sets.viewpoints import look_at as scenes_look_at
 
 TARGET = (0.3, -0.2, 0.5)
 
@@ -92,54 +91,6 @@ def test_a_walk_goes_step_by_step_and_comes_back_to_the_same_bits() -> None:
     np.testing.assert_array_equal(walk(50, seed=3), poses[:50])
 
 
-def test_through_hits_what_is_given() -> None:
-    given = all_poses("test")[5:185:20]
-    np.testing.assert_allclose(through(given, len(given)), given, atol=1e-14)
-    np.testing.assert_allclose(through(given, 4 * (len(given) - 1) + 1)[::4], given, atol=1e-14)
-
-
-def test_through_keeps_level_and_distance_in_between() -> None:
-    path = through(all_poses("test")[::20], 77)
-    assert_level_and_rigid(path)
-    np.testing.assert_allclose(np.linalg.norm(path[:, :3, 3], axis=-1), RADIUS, rtol=1e-14)
-    np.testing.assert_allclose(misses(path, ORIGIN), 0.0, atol=1e-13)
-    longest = np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=-1).max()
-    assert longest < 0.2 * np.linalg.norm(np.diff(all_poses("test")[::20][:, :3, 3], axis=0), axis=-1).max()
-
-
-def test_through_goes_the_short_way_and_half_of_it_at_half_time() -> None:
-    low = orbit(4, elevation=0.0)
-    middle = through(low[:2], 3)[1]
-    np.testing.assert_allclose(middle, orbit(8, elevation=0.0)[1], atol=1e-14)
-
-
-def test_through_rolled_poses_keeps_their_roll() -> None:
-    roll = np.eye(4)
-    roll[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
-    rolled = orbit(4) @ roll
-    np.testing.assert_allclose(through(rolled, 4), rolled, atol=1e-14)
-    np.testing.assert_array_equal(through(rolled[:1], 3), rolled[[0, 0, 0]])
-
-
-def test_look_at_is_that_of_the_scenes_away_from_the_poles() -> None:
-    generator = np.random.default_rng(0)
-    for eye in generator.normal(size=(20, 3)) * 3:
-        ours = look_at(eye, TARGET)
-        np.testing.assert_allclose(ours, scenes_look_at(eye, np.array(TARGET)), atol=1e-13)
-        np.testing.assert_array_equal(ours[:3, 3], eye)
-
-
-@pytest.mark.parametrize("height", [2.0, -2.0])
-@pytest.mark.parametrize("offset", [0.0, -0.0])
-def test_look_at_from_a_pole_is_as_from_azimuth_0(height: float, offset: float) -> None:
-    pose = look_at((offset, offset, height))
-    assert_level_and_rigid(pose[None])
-    np.testing.assert_allclose(pose[:3, :3], look_at((1e-15, 0.0, height))[:3, :3], atol=1e-14)
-    np.testing.assert_array_equal(pose[:3, 3], (0.0, 0.0, height))
-    np.testing.assert_allclose(pose[:3, 0], [0.0, 1.0, 0.0])
-    np.testing.assert_allclose(misses(pose[None], ORIGIN), 0.0, atol=1e-14)
-
-
 @pytest.mark.parametrize("name", PATHS)
 @pytest.mark.parametrize(
     ("given", "said"),
@@ -161,11 +112,6 @@ def test_the_others_refuse_as_well() -> None:
     for call, said in (
         (lambda: orbit(3, elevation=math.nan), "finite angles"),
         (lambda: walk(3, keep=1.5), "keep 1.5"),
-        (lambda: look_at((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)), "stands on its target"),
-        (lambda: look_at((math.nan, 1.0, 1.0)), "eye is"),
-        (lambda: through(np.zeros((0, 4, 4)), 3), "one 4 × 4 matrix or more"),
-        (lambda: through(orbit(3), 0), "0 frames"),
-        (lambda: through(2.0 * orbit(3), 3), "pose 0"),
     ):
         with pytest.raises(InputError, match=said):
             call()

@@ -10,7 +10,8 @@ from baselines.catalog import CATALOG
 from baselines.contract import EVERY_ACCELERATION, NetworkSize
 from baselines.field import NetworkField
 from harness.studies.speed.throughput import products, step_flops
-from harness.training.cell_training import FORWARD_AND_BACKWARD, flops_per_evaluation, training_flops
+from harness.training.cell_training import flops_per_evaluation
+from reports.run.work_precision import FORWARD_AND_BACKWARD
 from tests.baselines.small_fields import BOX, EIGHT, SMALL, field_of, some_points
 
 POINTS = 24
@@ -55,7 +56,7 @@ def test_without_view_direction_its_columns_are_not_counted() -> None:
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:
     """Nobody asks for a gradient of what is encoded, and direction's product is taken once a ray."""
     size, points, rays = NetworkSize(), 1000, 10
-    counted = training_flops(points, flops_per_evaluation(field_of("nerf", size)) or 0)
+    counted = FORWARD_AND_BACKWARD * points * (flops_per_evaluation(field_of("nerf", size)) or 0)
     for_encoded = sum(2 * one.inputs * one.outputs * points for one in products(size) if not one.gradient)
     for_directions = 2 * 2 * 27 * 128 * (points - rays)
     needed = step_flops(size, points, rays)

@@ -7,11 +7,9 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import Checkpoint
-from harness.training import cell_training
 from reports.data.load import Records, read_records
 from reports.drawing.palette import INK, KNOWN
 from reports.run.work_precision import (
-    FORWARD_AND_BACKWARD,
     Point,
     diagrams,
     hull,
@@ -71,11 +69,6 @@ def test_a_seed_is_drawn_as_it_is(tmp_path, measure, cost, x, y):
     trace = next(one for one in panel.traces if one.label == "nerf seed 0")
     assert (trace.kind, trace.x) == ("thin", x)
     assert trace.y == pytest.approx(y)
-
-
-def test_a_step_costs_as_many_forward_passes_as_the_harness_counts():
-    assert FORWARD_AND_BACKWARD == cell_training.FORWARD_AND_BACKWARD
-    assert cell_training.training_flops(1000, 50) == 150_000
 
 
 def test_means_and_bands_are_geometric(tmp_path):
