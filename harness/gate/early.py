@@ -29,6 +29,7 @@ from harness.plan.settings import TrainSettings
 from harness.studies.drawn_views import write_disc
 from harness.training import evaluate
 from harness.training.batches import Batches
+from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -165,15 +166,14 @@ def _course(start: Start, views: ViewSet, kind: Precision, settings: TrainSettin
             field.dtype = kind.dtype
     if start.stirred:
         _stir(learner)
-    batches = Batches(train, views.train.rgba)
+    batch_at = Batches(train, views.train.rgba).stream(STREAM, settings.rays)
     looked_at = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
     losses, renders = [], {}
-    for step in range(kind.steps):
-        learner.train_on(*batches.batch(STREAM, step, settings.rays))
+    for _ in steps(learner, batch_at, at_step(kind.steps)):
         losses.append(float(learner.last_loss or math.nan))
-        if step + 1 in kind.rendered_after:
+        if learner.step in kind.rendered_after:
             seen = learner.render(looked_at, 2048)
-            renders[str(step + 1)] = torch.cat([seen.colour.flatten(), seen.depth]).tolist()
+            renders[str(learner.step)] = torch.cat([seen.colour.flatten(), seen.depth]).tolist()
     return Course(losses, renders)
 
 

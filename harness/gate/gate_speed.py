@@ -9,6 +9,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from harness.studies.drawn_views import write_disc
 from harness.studies.speed.speed_context import interleaved, quotients
 from harness.training import evaluate
 from harness.training.batches import Batches
-from harness.training.learner import Learner
+from harness.training.learner import Learner, at_step, take_step, train
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -102,17 +103,14 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
     settings = gate_plan((0,), TRAINED_SCENES, (method,)).train
     field = PlainField(settings.network, box_of(views, CPU), STREAM)
     if what == "train":
-        batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
+        batch_at = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba).stream(STREAM, settings.rays)
         optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
-        first = batches.batch(STREAM, 0, settings.rays)
+        first = batch_at(0)
 
         def plain() -> None:
             plain_step(field, optimiser, *first, settings.bins, generator_for(STREAM, "plain"))
 
-        def step() -> None:
-            learner.train_on(*batches.batch(STREAM, learner.step, settings.rays))
-
-        return step, plain
+        return partial(take_step, learner, batch_at), plain
     if what == "render":
         rays, white = cameras.all_rays(0), torch.ones(3)
         without = torch.no_grad()(plain_render)
@@ -135,7 +133,6 @@ def trained(method: str, views: ViewSet) -> Learner:
     plan = gate_plan((0,), TRAINED_SCENES, (method,))
     learner = Trainer(method, box_of(views, CPU), plan.train, plan.budget, STREAM, CPU)
     batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
-    learner.warm_up(*batches.batch(STREAM, 0, plan.train.rays))
-    for step in range(STEPS_BEFORE):
-        learner.train_on(*batches.batch(STREAM, step, plan.train.rays))
-    return learner
+    batch_at = batches.stream(STREAM, plan.train.rays)
+    learner.warm_up(*batch_at(0))
+    return train(learner, batch_at, at_step(STEPS_BEFORE))

@@ -6,7 +6,7 @@ of a comparison gets the same rays.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,6 +199,10 @@ class Batches:
             # kept for the other methods, which are at the same step
             self._last = (wanted, self._drawn(*wanted))
         return self._last[1]
+
+    def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
+        """Return the function of a step that draws its batch."""
+        return lambda step: self.batch(seed, step, count)
 
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
         index = self._chosen(seed, step, count)

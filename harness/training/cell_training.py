@@ -2,13 +2,12 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import torch
 from torch import nn
 
 from harness.machine.provenance import CHECKED, PROGRAM
@@ -20,8 +19,9 @@ from harness.records.json_record import DamagedRecord, as_promised, plain
 from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training import evaluate
+from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
-from harness.training.learner import Learner
+from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
@@ -152,12 +152,14 @@ class CellTraining:
     def __init__(
         self,
         trainer: Learner,
+        batch_at: Callable[[int], Batch],
         views: ViewSet,
         task: GroupTask,
         provenance: dict[str, Any],
         floor: float | None,
     ) -> None:
         self.trainer = trainer
+        self.batch_at = batch_at
         self.views = views
         self.task = task
         self.provenance = provenance
@@ -176,10 +178,10 @@ class CellTraining:
     def progress(self) -> float:
         return 1.0 if self.ended else self.trainer.progress
 
-    def warm_up(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+    def warm_up(self) -> CellRecord | None:
         """Run everything before the clock starts; returns the record if the cell ends with it."""
         try:
-            self.trainer.warm_up(rays, truth)
+            self.trainer.warm_up(*self.batch_at(0))
         except Diverged as stop:
             return self._stopped("diverged", str(stop))
         except Exception as error:
@@ -278,10 +280,10 @@ class CellTraining:
         }
         return dict(json.loads(json.dumps(found)))
 
-    def advance(self, rays: Any, truth: torch.Tensor) -> CellRecord | None:
+    def advance(self) -> CellRecord | None:
         """Take one step and run whatever is due after it; returns the record when the cell has ended."""
         try:
-            self.trainer.train_on(rays, truth)
+            take_step(self.trainer, self.batch_at)
             if self.trainer.progress < self.due[0]:
                 return None
             while self.due and self.trainer.progress >= self.due[0]:

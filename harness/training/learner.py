@@ -1,6 +1,7 @@
-"""The interface of a method in training, whatever its kind, and the clipping of gradients."""
+"""The interface of a method in training, whatever its kind; the loop that steps it; the clipping of gradients."""
 
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -9,6 +10,7 @@ from torch import Tensor
 from baselines.contract import Box, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from harness.machine.stopwatch import Stopwatch
+from harness.training.batches import Batch
 
 NORMS_REMEMBERED = 20
 SPIKE = 10.0
@@ -134,3 +136,42 @@ class Learner(Protocol):
         ...
 
     def amplifier_scalars(self) -> dict[str, float | None]: ...
+
+
+@runtime_checkable
+class Stepped(Protocol):
+    """The part of a `Learner` that the loop of training needs."""
+
+    step: int
+
+    @property
+    def progress(self) -> float: ...
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
+
+
+L = TypeVar("L", bound=Stepped)
+
+
+def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
+    """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`."""
+    learner.train_on(*batch_at(learner.step))
+
+
+def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> Iterator[L]:
+    """Step the learner until `until` holds, or to the end of its budget; yields it after every step, off its clock."""
+    while not (until(learner) if until else learner.progress >= 1.0):
+        take_step(learner, batch_at)
+        yield learner
+
+
+def train(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> L:
+    """Return the learner after all of its `steps`."""
+    for _ in steps(learner, batch_at, until):
+        pass
+    return learner
+
+
+def at_step(count: int) -> Callable[[Stepped], bool]:
+    """Return the condition that a learner has taken `count` steps since its start."""
+    return lambda learner: learner.step >= count

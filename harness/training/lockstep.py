@@ -1,7 +1,7 @@
 """All methods of one scene and one seed, trained in turn on the same batches, each on its own clock; or one alone."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
@@ -15,11 +15,13 @@ from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
-from harness.training.learner import Learner
+from harness.training.learner import Learner, train
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import Split, ViewSet
+
+T = TypeVar("T")
 
 
 def train_group(
@@ -38,13 +40,15 @@ def train_group(
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.ray_attention)
+    batch_at = batches.stream(stream, task.train.rays)
     shared = box_of(views, device), task.train, task.budget, stream, device, needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
     keep_truth(task.out, task.scene, views, task.score.stored_views)
     runners = []
 
     def fresh(method: str) -> CellTraining:
-        return CellTraining((made_by or learner_for)(method, *shared), views, task, provenance, floor)
+        learner = (made_by or learner_for)(method, *shared)
+        return CellTraining(learner, batch_at, views, task, provenance, floor)
 
     for method in task.methods:
         try:
@@ -59,8 +63,7 @@ def train_group(
                 task.scene, method, task.seed, "error", f"{type(error).__name__} before the first step: {error}"
             )
             continue
-        first = batches.batch(stream, 0, task.train.rays)
-        failed = runner.warm_up(*first)
+        failed = runner.warm_up()
         if failed is not None:
             del runner  # its memory is free for the next one
             yield failed
@@ -69,19 +72,15 @@ def train_group(
             notice = runner.go_on()
         except IncompatibleSnapshot as unfit:
             notice, runner = str(unfit), fresh(method)
-            runner.warm_up(*first)
+            runner.warm_up()
         if notice:
             on_notice(notice)
         runners.append(runner)
     active = list(runners)
     keeping = Keeping(task.keep_every)
-    turn = 0
-    while active:
-        # the first one changes, so that none always finds the caches that another has filled
-        order = active[turn % len(active) :] + active[: turn % len(active)]
+    for order in turns(active):
         for runner in order:
-            rays, truth = batches.batch(stream, runner.trainer.step, task.train.rays)
-            record = runner.advance(rays, truth)
+            record = runner.advance()
             if record is not None:
                 active.remove(runner)
                 yield record
@@ -89,8 +88,18 @@ def train_group(
                 with keeping.done():
                     for notice in filter(None, [one.keep() for one in active]):
                         on_notice(notice)
-        turn += 1
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+def turns(active: list[T]) -> Iterator[list[T]]:
+    """Yield the order of each turn until the caller has taken all out of `active`. The first one changes, so that none
+    always finds the caches that another has filled.
+    """
+    turn = 0
+    while active:
+        first = turn % len(active)
+        yield active[first:] + active[:first]
+        turn += 1
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
@@ -122,25 +131,19 @@ def trained_alone(
     settings: TrainSettings,
     budget: Budget,
     device: torch.device,
-    on_step: Callable[[Learner], None] | None = None,
 ) -> Learner:
-    """Return a learner trained to the end of its budget on the batches of `stream`; `on_step` is called after each
-    step, off the clock.
+    """Return a learner trained to the end of its budget on the batches of `stream`.
 
     Parts that the scene does not need are left out. Raises `Diverged`, and `NotAvailable` if the method cannot run
     here.
     """
     settings = for_scene(settings, views)
     cameras = evaluate.cameras_of(views, views.train, device)
-    batches = Batches(cameras, views.train.rgba, settings.ray_attention)
+    batch_at = Batches(cameras, views.train.rgba, settings.ray_attention).stream(stream, settings.rays)
     box, directed = box_of(views, device), needs_view_direction(views)
-    trainer = learner_for(method, box, settings, budget, stream, device, directed)
-    trainer.warm_up(*batches.batch(stream, 0, settings.rays))
-    while trainer.progress < 1.0:
-        trainer.train_on(*batches.batch(stream, trainer.step, settings.rays))
-        if on_step is not None:
-            on_step(trainer)
-    return trainer
+    learner = learner_for(method, box, settings, budget, stream, device, directed)
+    learner.warm_up(*batch_at(0))
+    return train(learner, batch_at)
 
 
 def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:

@@ -24,8 +24,8 @@ from harness.records.json_record import Record, as_promised, load_json, plain
 from harness.studies.evidence.evidence_context import SEARCHED
 from harness.training import evaluate
 from harness.training.batches import Batches
-from harness.training.learner import Learner
-from harness.training.lockstep import box_of, needs_view_direction, psnr_on, stream_of
+from harness.training.learner import Learner, take_step
+from harness.training.lockstep import box_of, needs_view_direction, psnr_on, stream_of, turns
 from harness.training.make_learner import learner_for
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
@@ -180,20 +180,19 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
     all.
     """
     settings, stream = for_scene(plan.train, views), stream_of(scene, seed)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba)
+    cameras = evaluate.cameras_of(views, views.train, device)
+    batch_at = Batches(cameras, views.train.rgba).stream(stream, settings.rays)
     box, directed = box_of(views, device), needs_view_direction(views)
     active: list[Learner] = []
     for method in plan.methods:
         learner = learner_for(method, box, settings, plan.budget, stream, device, directed)
         learner.clock = Stopwatch(device, time.process_time if device.type in CLOCKS else time.perf_counter)
-        learner.warm_up(*batches.batch(stream, 0, settings.rays))
+        learner.warm_up(*batch_at(0))
         active.append(learner)
-    turn = 0
-    while active:
-        first = turn % len(active)
-        for learner in active[first:] + active[:first]:
+    for order in turns(active):
+        for learner in order:
             try:
-                learner.train_on(*batches.batch(stream, learner.step, settings.rays))
+                take_step(learner, batch_at)
                 if learner.progress < 1.0:
                     continue
                 score = psnr_on(learner, views, views.val, plan.score.chunk)
@@ -201,7 +200,6 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
                 score = None
             active.remove(learner)
             yield _row(learner, scene, seed, score)
-        turn += 1
 
 
 def _row(learner: Learner, scene: str, seed: int, score: float | None) -> RepairRow:

@@ -19,7 +19,7 @@ from harness.studies.drawn_views import write_disc
 from harness.training.batches import Batches
 from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
 from harness.training.evaluate import cameras_of
-from harness.training.learner import Learner
+from harness.training.learner import Learner, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import learner_for
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -65,15 +65,14 @@ def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, st
     """
     _, batches = drawn()
     learner = fresh(subject, settings)
-    learner.warm_up(*batches.batch(STREAM, 0, settings.rays))
-    while learner.step < steps:
-        learner.train_on(*batches.batch(STREAM, learner.step, settings.rays))
-        if learner.step in stops:
-            kept = _through_a_file(training_state(learner))
-            learner = fresh(subject, settings)
-            learner.warm_up(*batches.batch(STREAM, 0, settings.rays))
-            restore_training(learner, kept)
-    return learner
+    batch_at = batches.stream(STREAM, settings.rays)
+    learner.warm_up(*batch_at(0))
+    for stop in stops:
+        kept = _through_a_file(training_state(train(learner, batch_at, at_step(stop))))
+        learner = fresh(subject, settings)
+        learner.warm_up(*batch_at(0))
+        restore_training(learner, kept)
+    return train(learner, batch_at, at_step(steps))
 
 
 def _through_a_file(kept: Unfinished) -> Unfinished:

@@ -18,7 +18,7 @@ from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.batches import Batches, Camera
 from harness.training.checkpoints import tensors_of
 from harness.training.evaluate import View, cameras_of
-from harness.training.learner import Learner
+from harness.training.learner import Learner, at_step, train
 from harness.training.make_learner import learner_for
 from harness.training.metrics import mse
 from harness.training.trainer import Trainer
@@ -162,8 +162,7 @@ def _retrained(situation: ServingContext, cell: TrainedCell, learner: Trainer) -
     further = copied(learner, kept)
     batches = Batches(cameras_of(views, views.train, learner.device), views.train.rgba)
     steps = situation.sizes.extra_steps
-    for _ in range(steps):
-        further.train_on(*batches.batch("serving", further.step, settings.rays))
+    train(further, batches.stream("serving", settings.rays), at_step(further.step + steps))
     yield Variant(f"{steps} more steps of training", further, cell.chunk)
 
 
