@@ -39,12 +39,9 @@ SCRIPTS = (
     "thumbnails.js",
     "compare_choice.js",
     "compare_layers.js",
-    "compare_panel.js",
     "compare_view.js",
     "compare_probe.js",
     "compare_controls.js",
-    "compare_keys.js",
-    "compare_export.js",
     "compare.js",
 )
 

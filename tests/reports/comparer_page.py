@@ -22,7 +22,7 @@ from scenes.view_sets.pixels import encode_srgb
 
 METHODS = ("nerf", "nerf_matched", "qnerf")
 STEPS = (100, 400, 1600)
-FILES = ("state.js", "element.js", "numbers.js", "filter.js", *pictures.SCRIPTS)
+FILES = ("state.js", "element.js", "numbers.js", "download.js", "filter.js", *pictures.SCRIPTS)
 ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colour_space.js", "delta_e.js", "flip.js")
 """What the arithmetic needs."""
 

@@ -68,7 +68,6 @@ def test_an_address_restores_everything(browser, address):
     view.get_by_role("combobox", name="A", exact=True).select_option("qnerf")
     view.get_by_role("combobox", name="B", exact=True).select_option("nerf")
     view.get_by_role("button", name="FLIP", exact=True).click(modifiers=["Shift"])
-    view.get_by_role("combobox", name="Channel").select_option("green")
     view.locator(".stage canvas").first.click(position={"x": 100, "y": 90})
     for key in ("+", "+", "e", ","):
         view.keyboard.press(key)

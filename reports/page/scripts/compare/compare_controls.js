@@ -1,136 +1,130 @@
-// The comparer's controls: made once, then set to what is chosen. `choose(changes, soon)` takes keys of the address.
+// The comparer's controls, made once and then set to what is chosen, and its keys.
 const compareControls = (() => {
-  const PLAY = 700;
+  // What a key is called, what it does in words, and by key what it does; `back` is −1 with Shift, else 1.
+  const KEYS = [
+    ["S  W  D", "side by side, wipe, difference A − B", {
+      s: (act) => act.mode("side"), w: (act) => act.mode("wipe"), d: (act) => act.mode("difference"),
+    }],
+    ["F", "flip; again: swap A and B in place", { f: (act) => act.flip() }],
+    ["1 … 9", "picture A: 1 is the ground truth; with Shift: picture B", {}],
+    ["M", "next map; with Shift: the one before", { m: (act, back) => act.nextMap(back) }],
+    ["Shift + click", "on a map: a further row, or one less", {}],
+    ["← ↑ → ↓", "move the pixel whose numbers are shown; with Ctrl: by ten; with Shift: pan", {}],
+    ["+  −  0", "closer, farther, fit", {
+      "+": (act) => act.closer(1.5), "=": (act) => act.closer(1.5), "-": (act) => act.closer(1 / 1.5), 0: (act) => act.fit(),
+    }],
+    ["E", "half a stop brighter; with Shift: darker; R: reset", {
+      e: (act, back) => act.expose(0.5 * back), r: (act) => act.expose(null),
+    }],
+    [",  .", "checkpoint before, after", { ",": (act) => act.checkpoint(-1), ".": (act) => act.checkpoint(1) }],
+    ["V  C  N", "next view, next scene, next seed; with Shift: before", {
+      v: (act, back) => act.next("view", back), c: (act, back) => act.next("scene", back), n: (act, back) => act.next("seed", back),
+    }],
+    ["[  ]", "wipe to the left, to the right", { "[": (act) => act.wipe(-0.02), "]": (act) => act.wipe(0.02) }],
+    ["Esc", "let go of the pixel", { Escape: (act) => act.letGo() }],
+    ["?", "these keys", { "?": (act) => act.help() }],
+  ];
+  const NOTE = "They work once a picture or a control has been clicked or tabbed to; then the wheel zooms as well. Drag pans, a double click fits.";
+  const ACTIONS = Object.assign({}, ...KEYS.map(([, , actions]) => actions));
+  const MOVES = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
-  function select(label, options) {
-    const input = element("select", { "aria-label": label });
-    const set = (entries, value) => {
-      const key = JSON.stringify(entries);
-      if (input.dataset.entries !== key) {
-        input.dataset.entries = key;
-        input.replaceChildren(...entries.map(([name, text]) => element("option", { value: name }, text)));
-      }
-      input.value = value;
-    };
-    input.addEventListener("change", () => options(input.value));
-    return { whole: element("label", {}, element("span", {}, label), input), input, set };
+  const dialog = () => element.keys(KEYS, NOTE);
+
+  // `act` does what keys ask for. What a focused control needs itself is left to it.
+  function listen(root, act) {
+    root.addEventListener("keydown", (event) => {
+      const arrows = MOVES[event.key];
+      const taken = event.target.closest(arrows ? "select, input[type=range]" : "select");
+      if (event.altKey || event.metaKey || (event.ctrlKey && !arrows) || event.target.closest("dialog") || taken) return;
+      // by where the key lies: Shift makes other signs of digits
+      const digit = /^Digit([1-9])$/.exec(event.code);
+      const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+      if (arrows && event.target.closest("[role=slider]")) act.wipe(arrows[0] * (event.shiftKey ? 0.1 : 0.01) - arrows[1] * 0.01);
+      else if (arrows && event.shiftKey) act.pan(-arrows[0], -arrows[1]);
+      else if (arrows) act.step(...arrows.map((way) => way * (event.ctrlKey ? 10 : 1)));
+      else if (digit) act.pick(digit[1] - 1, event.shiftKey);
+      else if (Object.hasOwn(ACTIONS, key)) ACTIONS[key](act, event.shiftKey ? -1 : 1);
+      else return;
+      event.preventDefault();
+    });
   }
 
   function buttons(label, names, press) {
-    const all = Object.entries(names).map(([name, text]) => {
-      const one = element("button", { type: "button", "data-name": name }, text);
-      one.addEventListener("click", (event) => press(name, event));
-      return one;
-    });
-    const whole = element("div", { role: "group", "aria-label": label, class: "choices" }, ...all);
+    const all = Object.entries(names).map(([name, text]) =>
+      element("button", { type: "button", "data-name": name, click: (event) => press(name, event) }, text));
     const set = (chosen) => all.forEach((one) => one.setAttribute("aria-pressed", String(chosen.includes(one.dataset.name))));
-    return { whole, set };
+    return { whole: element("div", { role: "group", "aria-label": label, class: "choices" }, all), set };
   }
 
   function slider(label, least, most, step, moved) {
-    const input = element("input", { type: "range", "aria-label": label, min: least, max: most, step });
-    const output = element("output", {});
-    input.addEventListener("input", () => moved(Number(input.value)));
-    return { whole: element("label", { class: "slider" }, element("span", {}, label), input, output), input, output };
+    const input = element("input", { type: "range", "aria-label": label, min: least, max: most, step, input: () => moved(Number(input.value)) });
+    const output = element("output");
+    const set = (value, words) => {
+      input.value = String(value);
+      input.setAttribute("aria-valuetext", words);
+      output.textContent = words;
+    };
+    return { whole: element("label", { class: "slider" }, element("span", {}, label), input, output), input, set };
   }
 
-  function button(text, label, pressed) {
-    const one = element("button", { type: "button", "aria-label": label, title: label }, text);
-    one.addEventListener("click", pressed);
-    return one;
-  }
+  const button = (text, label, click) => element("button", { type: "button", "aria-label": label, title: label, click }, text);
 
+  // `choose(changes, soon)` takes keys of the address.
   function controls({ choose, act, choice }) {
-    const scene = select("Scene", (name) => choose({ scene: name }));
-    const view = select("View", (name) => choose({ view: name }));
-    const seed = select("Seed", (name) => choose({ seed: name }));
-    const modes = buttons("How to compare", compareChoice.MODES, (name) => choose({ "compare.mode": name }));
+    const scene = element.select("Scene", (name) => choose({ scene: name }));
+    const view = element.select("View", (name) => choose({ view: name }));
+    const seed = element.select("Seed", (name) => choose({ seed: name }));
+    const modes = buttons("How to compare", compareChoice.MODES, act.mode);
     const titles = Object.fromEntries(Object.entries(errorMaps.MAPS).map(([name, map]) => [name, map.title]));
-    const more = button("+ row", "Add a row of maps instead of changing it (Shift)", () => {
-      more.setAttribute("aria-pressed", String(more.getAttribute("aria-pressed") !== "true"));
-    });
-    more.setAttribute("aria-pressed", "false");
-    const adds = (event) => event.shiftKey || more.getAttribute("aria-pressed") === "true";
-    const maps = buttons("What to show", titles, (name, event) => act.map(name, adds(event)));
-    maps.whole.append(more);
-    const a = select("A", (name) => choose({ "compare.a": name }));
-    const b = select("B", (name) => choose({ "compare.b": name }));
-    const swap = button("⇄", "Swap A and B (F)", () => act.swap());
-    const pair = element("div", { class: "pair" }, a.whole, swap, b.whole);
-
+    const maps = buttons("What to show", titles, (name, event) => act.map(name, event.shiftKey));
+    const a = element.select("A", (name) => choose({ "compare.a": name }));
+    const b = element.select("B", (name) => choose({ "compare.b": name }));
+    const pair = element("div", { class: "pair" }, a.whole, button("⇄", "Swap A and B (F)", act.swap), b.whole);
     const step = slider("Checkpoint", 0, 0, 1, (place) => choose({ step: choice().steps[place] }, true));
-    const play = button("▶", "Play the checkpoints (P)", () => act.play());
-    step.whole.append(play);
-    const exposure = slider("Exposure", -compareChoice.EXPOSURES, compareChoice.EXPOSURES, 0.1, (stops) =>
-      choose({ "compare.ev": stops || null }, true),
-    );
-    const reset = button("↺", "Exposure 0 (R)", () => choose({ "compare.ev": null }));
-    exposure.whole.append(reset);
+    const most = compareChoice.EXPOSURES;
+    const exposure = slider("Exposure", -most, most, 0.1, (stops) => choose({ "compare.ev": stops || null }, true));
+    exposure.whole.append(button("↺", "Exposure 0 (R)", () => act.expose(null)));
     const range = slider("Range of colours", -6, 3, 1, (scale) => choose({ "compare.range": scale || null }, true));
-    const channel = select("Channel", (name) => choose({ "compare.channel": name === "all" ? null : name }));
-    channel.set(Object.entries(errorMaps.CHANNELS), "all");
     const magnified = element("output", { class: "magnified", "aria-label": "Magnification" });
-    const closer = element(
-      "div",
-      { role: "group", "aria-label": "Zoom", class: "choices zoom" },
-      button("−", "Smaller (−)", () => act.closer(1 / 1.5)),
-      magnified,
-      button("+", "Larger (+)", () => act.closer(1.5)),
-      button("fit", "Fit (0)", () => act.fit()),
-    );
-    const help = button("?", "Keys (?)", () => act.help());
-
-    const whole = element(
-      "div",
-      { class: "controls" },
-      element("div", { class: "line" }, scene.whole, view.whole, seed.whole, modes.whole, pair, help),
-      element("div", { class: "line" }, maps.whole),
-      element("div", { class: "line" }, step.whole, exposure.whole, range.whole, channel.whole, closer),
-    );
+    const closer = element("div", { role: "group", "aria-label": "Zoom", class: "choices zoom" },
+      button("−", "Smaller (−)", () => act.closer(1 / 1.5)), magnified,
+      button("+", "Larger (+)", () => act.closer(1.5)), button("fit", "Fit (0)", act.fit));
+    const line = (...parts) => element("div", { class: "line" }, parts);
+    const whole = element("div", { class: "controls" },
+      line(scene.whole, view.whole, seed.whole, modes.whole, pair, button("?", "Keys (?)", act.help)),
+      line(maps.whole), line(step.whole, exposure.whole, range.whole, closer));
 
     function set(now) {
-      scene.set(now.scenes.map((one) => [one.name, one.title]), now.scene.name);
-      view.set(now.scene.views.map((one) => [one.name, one.name]), now.shown.name);
-      seed.set(now.seeds.map((one) => [String(one), String(one)]), String(now.seed));
+      const names = now.images.map(({ id, name }) => [id, name]);
+      scene.set(now.scenes.map(({ name, title }) => [name, title]), now.scene.name);
+      view.set(now.scene.views.map(({ name }) => [name, name]), now.shown.name);
+      seed.set(now.seeds.map((each) => [String(each), String(each)]), String(now.seed));
       modes.set([now.mode]);
       maps.set(now.maps);
-      const names = now.images.map((one) => [one.id, one.name]);
       a.set(names, now.a);
       b.set(names, now.b);
       pair.hidden = now.mode === "side";
       step.input.max = String(Math.max(0, now.steps.length - 1));
-      step.input.value = String(now.steps.indexOf(now.step));
       step.input.disabled = now.steps.length < 2;
-      play.disabled = now.steps.length < 2;
-      step.output.textContent = now.step === null ? "none kept" : `step ${now.step}${took(now)}`;
-      step.input.setAttribute("aria-valuetext", step.output.textContent);
-      exposure.input.value = String(now.stops);
-      exposure.output.textContent = `${now.stops > 0 ? "+" : ""}${numbers.fixed(now.stops, 1)} EV`;
-      exposure.input.setAttribute("aria-valuetext", exposure.output.textContent);
+      step.set(now.steps.indexOf(now.step), now.step === null ? "none kept" : `step ${now.step}${took(now)}`);
+      exposure.set(now.stops, `${now.stops > 0 ? "+" : ""}${numbers.fixed(now.stops, 1)} EV`);
       exposure.whole.toggleAttribute("data-hdr", now.shown.hdr);
       exposure.whole.title = now.shown.hdr ? "The truth of this view is brighter than white in places" : "";
-      const shown = now.maps.map((name) => errorMaps.MAPS[now.mode === "difference" && name === "colour" ? "signed" : name]);
-      range.whole.hidden = !shown.some((map) => map.scaled);
-      range.input.value = String(now.scale);
-      range.output.textContent = now.scale < 0 ? `÷ ${2 ** -now.scale}` : `× ${2 ** now.scale}`;
-      channel.whole.hidden = !shown.some((map) => map.channelled);
-      channel.input.value = now.channel;
+      const shown = now.maps.map((name) => (now.mode === "difference" && name === "colour" ? "signed" : name));
+      range.whole.hidden = !shown.some((name) => errorMaps.MAPS[name].scaled);
+      range.set(now.scale, now.scale < 0 ? `÷ ${2 ** -now.scale}` : `× ${2 ** now.scale}`);
     }
 
-    function took(now) {
-      const seconds = now.images.filter((one) => one.record).map((one) => one.record.seconds);
-      if (!seconds.length) return "";
-      const [least, most] = [Math.min(...seconds), Math.max(...seconds)].map((v) => v.toFixed(1));
-      return ` · ${least === most ? least : `${least}–${most}`} s`;
+    function took({ images }) {
+      const seconds = images.filter(({ record }) => record).map(({ record }) => record.seconds);
+      if (seconds.length === 0) return "";
+      const [least, longest] = [Math.min(...seconds), Math.max(...seconds)].map((value) => value.toFixed(1));
+      return ` · ${least === longest ? least : `${least}–${longest}`} s`;
     }
 
-    const playing = (on) => {
-      play.textContent = on ? "❚❚" : "▶";
-      play.setAttribute("aria-pressed", String(on));
-    };
     const magnify = (scale) => (magnified.textContent = `${Math.round(100 * scale)} %`);
-    return { whole, set, playing, magnify };
+    return { whole, set, magnify };
   }
 
-  return { controls, PLAY };
+  return { controls, dialog, listen };
 })();

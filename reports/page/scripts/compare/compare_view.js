@@ -1,66 +1,85 @@
 // The panels on the page: which there are for a choice, what they show once it has been computed, and painting them.
 const compareView = (() => {
-  const { swatch } = comparePanel;
-
   // Rows of maps × columns of images; where two methods are compared, maps tell how they differ.
   function plan(choice) {
-    const by = (id) => choice.images.find((one) => one.id === id);
+    const by = (wanted) => choice.images.find(({ id }) => id === wanted);
     const [truth] = choice.images;
     const [a, b] = [by(choice.a), by(choice.b)];
     const columns = {
-      side: () => choice.images.map((one) => ({ key: one.id, parts: [one], against: truth })),
+      side: () => choice.images.map((image) => ({ key: image.id, parts: [image], against: truth })),
       wipe: () => [{ key: "wipe", parts: [a, b], against: truth }],
       flip: () => [{ key: "flip", parts: [a], against: truth }],
       difference: () => [{ key: "difference", parts: [a], against: b }],
     }[choice.mode]();
     const instead = choice.mode === "difference" ? { colour: "signed", depth: "depth_error" } : {};
-    const rows = [...new Set(choice.maps.map((one) => instead[one] ?? one))];
-    return { rows, columns };
+    return { rows: [...new Set(choice.maps.map((name) => instead[name] ?? name))], columns };
   }
 
-  function titleOf(column, choice) {
-    const name = (image) => element("span", { class: "who" }, swatch(image.variable), image.name);
-    if (choice.mode === "side") return [name(column.parts[0])];
+  function titleOf({ parts: [a, b], against }, { mode }) {
+    const name = (image) => element("span", { class: "who" }, element.swatch(image.variable), image.name);
     const letter = (text) => element("b", { class: "letter" }, text);
-    if (choice.mode === "flip") return [letter("A"), name(column.parts[0])];
-    const second = choice.mode === "wipe" ? column.parts[1] : column.against;
-    const sign = choice.mode === "wipe" ? element("span", { class: "between" }, "") : element("span", {}, "−");
-    return [letter("A"), name(column.parts[0]), sign, letter("B"), name(second)];
+    const seconds = a.record ? element("small", {}, numbers.seconds(a.record.seconds)) : null;
+    if (mode === "side") return [name(a), seconds];
+    if (mode === "flip") return [letter("A"), name(a), seconds];
+    const sign = mode === "wipe" ? element("span", { class: "between" }) : element("span", {}, "−");
+    return [letter("A"), name(a), sign, letter("B"), name(b ?? against)];
   }
 
   function legend(name, choice) {
-    const map = errorMaps.MAPS[name];
-    if (!map.colours) return [];
-    const [low, high] = errorMaps.endsOf(name, choice.scale, choice.shown);
-    const digits = (value) => String(Number(value.toPrecision(4))).replace("-", "−");
-    const bar = element("i", { class: "ramp", "aria-hidden": "true" });
-    bar.style.background = colourMaps.gradient(map.colours);
-    const of = choice.mode === "difference" ? "B" : "the truth";
-    const about = map.signed ? `${map.about.split(";")[0]} ${of}${map.about.slice(map.about.split(";")[0].length)}` : map.about;
-    const channel = map.channelled && choice.channel !== "all" ? `, ${errorMaps.CHANNELS[choice.channel]}` : "";
-    return [element("span", { class: "ends" }, digits(low), bar, digits(high)), element("span", { title: about + channel }, about + channel)];
+    const { colours, about, signed } = errorMaps.MAPS[name];
+    const title = element("b", {}, errorMaps.titleOf(name));
+    if (!colours) return [title];
+    const [low, high] = errorMaps.endsOf(name, choice.scale, choice.shown).map(numbers.brief);
+    const [first, ...rest] = about.split(";");
+    const words = signed ? [`${first} ${choice.mode === "difference" ? "B" : "the truth"}`, ...rest].join(";") : about;
+    const ramp = element("i", { class: "ramp", "aria-hidden": "true" });
+    ramp.style.background = colourMaps.gradient(colours);
+    return [title, element("span", { class: "ends" }, low, ramp, high), element("span", { title: words }, words)];
   }
 
-  function handle(one, to) {
-    const grip = element("div", {
-      class: "handle",
-      role: "slider",
-      tabindex: "0",
-      "aria-label": "Where A ends and B begins",
-      "aria-valuemin": "0",
-      "aria-valuemax": "100",
+  // The canvas with a pixel of its own for each of the screen's.
+  function sized(canvas) {
+    const box = canvas.getBoundingClientRect();
+    const ratio = devicePixelRatio || 1;
+    const [width, height] = [box.width, box.height].map((length) => Math.max(1, Math.round(length * ratio)));
+    if (canvas.width !== width) canvas.width = width;
+    if (canvas.height !== height) canvas.height = height;
+    return { width: box.width, height: box.height, ratio };
+  }
+
+  // Draws bitmaps from left to right: the second one from `wipe` (0 … 1 of the panel) on.
+  function draw(canvas, size, bitmaps, at, pixel) {
+    const context = canvas.getContext("2d");
+    const picture = bitmaps.find(Boolean);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    if (!picture) return;
+    const { scale, left, top } = zoom.placed(at, size, picture);
+    context.setTransform(size.ratio, 0, 0, size.ratio, 0, 0);
+    context.imageSmoothingEnabled = scale * size.ratio < 1;
+    context.imageSmoothingQuality = "high";
+    const edges = bitmaps.length === 2 ? [0, at.wipe * size.width, size.width] : [0, size.width];
+    bitmaps.forEach((bitmap, place) => {
+      if (!bitmap) return;
+      context.save();
+      context.beginPath();
+      context.rect(edges[place], 0, edges[place + 1] - edges[place], size.height);
+      context.clip();
+      context.drawImage(bitmap, left, top, bitmap.width * scale, bitmap.height * scale);
+      context.restore();
     });
-    const follow = (event) => {
-      const box = one.frame.getBoundingClientRect();
-      to.wipe((event.clientX - box.left) / box.width);
-    };
-    grip.addEventListener("pointerdown", (event) => {
-      event.stopPropagation();
-      grip.setPointerCapture(event.pointerId);
-    });
-    grip.addEventListener("pointermove", (event) => grip.hasPointerCapture(event.pointerId) && follow(event));
-    one.frame.append(grip);
-    one.grip = grip;
+    if (pixel) mark(context, left + pixel[0] * scale, top + pixel[1] * scale, scale);
+  }
+
+  // A frame about a pixel, light on dark, so that it is seen on any ground.
+  function mark(context, x, y, scale) {
+    const side = Math.max(scale, 9);
+    const corner = (scale - side) / 2;
+    for (const [width, colour] of [[3, "#000"], [1.25, "#fff"]]) {
+      context.lineWidth = width;
+      context.strokeStyle = colour;
+      context.strokeRect(x + corner, y + corner, side, side);
+    }
   }
 
   function view(stage, to) {
@@ -70,97 +89,94 @@ const compareView = (() => {
 
     function build(choice) {
       const { rows, columns } = plan(choice);
-      const key = JSON.stringify([choice.mode, rows, columns.map((one) => [one.key, one.parts.map((part) => part.id)])]);
+      const key = JSON.stringify([choice.mode, rows, columns.map(({ key: name, parts }) => [name, parts.map(({ id }) => id)])]);
       if (key !== built) {
         built = key;
-        panels = [];
-        stage.replaceChildren(...rows.map((name) => row(name, columns, choice)));
+        panels = rows.flatMap((name) => columns.map((column) => panel(name, column, choice)));
+        stage.replaceChildren(...rows.map((name) => element("div", { class: "maprow" },
+          element("p", { class: "maplegend", "data-map": name }),
+          element("div", { class: "panes" }, panels.filter((one) => one.name === name).map((one) => one.figure)))));
       }
       for (const one of panels) {
         one.column = columns.find((column) => column.key === one.column.key);
-        const [image] = one.column.parts;
-        one.title.replaceChildren(...titleOf(one.column, choice), ...after(one, image, choice.mode));
-        one.figure.toggleAttribute("data-chosen", choice.mode === "side" && image.id === choice.method);
+        one.title.replaceChildren(...titleOf(one.column, choice).filter(Boolean), one.save);
+        one.figure.toggleAttribute("data-chosen", choice.mode === "side" && one.column.key === choice.method);
         one.canvas.setAttribute("aria-label", labelOf(one, choice));
       }
       stage.dataset.mode = choice.mode;
       stage.style.setProperty("--ratio", String(choice.shown.width / choice.shown.height));
       stage.style.setProperty("--columns", String(columns.length));
-      for (const part of stage.querySelectorAll(".maplegend")) {
-        part.replaceChildren(element("b", {}, errorMaps.titleOf(part.dataset.map, choice.channel)), ...legend(part.dataset.map, choice));
-      }
+      for (const part of stage.querySelectorAll(".maplegend")) part.replaceChildren(...legend(part.dataset.map, choice));
     }
 
-    const after = (one, image, mode) => {
-      const alone = image.record && (mode === "side" || mode === "flip");
-      return alone ? [element("small", {}, numbers.seconds(image.record.seconds)), one.save] : [one.save];
-    };
+    function labelOf({ name, column }, choice) {
+      const names = column.parts.map((part) => part.name).join(" and ");
+      const other = choice.mode === "difference" ? ` against ${column.against.name}` : "";
+      return `${errorMaps.titleOf(name)} of ${names}${other}, ${choice.scene.name}, view ${choice.shown.name}`;
+    }
 
-    const labelOf = (one, choice) => {
-      const names = one.column.parts.map((part) => part.name).join(" and ");
-      const other = choice.mode === "difference" ? ` against ${one.column.against.name}` : "";
-      return `${errorMaps.titleOf(one.name, choice.channel)} of ${names}${other}, ${choice.scene.name}, view ${choice.shown.name}`;
-    };
+    function panel(name, column, choice) {
+      const one = { name, column, layers: [], size: null };
+      one.canvas = element("canvas", { role: "img" });
+      one.why = element("p", { class: "why", hidden: true });
+      one.frame = element("div", { class: "frame" }, one.canvas, one.why);
+      one.title = element("figcaption");
+      one.said = element("p", { class: "said" });
+      one.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG", click: () => save(one) }, "PNG");
+      one.figure = element("figure", { class: "pane", "data-panel": `${column.key}-${name}` }, one.title, one.frame, one.said);
+      zoom.follow(one.canvas, to.gestures(one));
+      if (choice.mode === "wipe") addGrip(one);
+      return one;
+    }
 
-    function row(name, columns, choice) {
-      const own = columns.map((column) => {
-        const one = comparePanel.panel({ key: `${column.key}-${name}`, label: "", title: [] });
-        one.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG" }, "PNG");
-        one.save.addEventListener("click", () => to.save(one));
-        Object.assign(one, { name, column });
-        zoom.follow(one.canvas, to.gestures(one));
-        if (choice.mode === "wipe") handle(one, to);
-        panels.push(one);
-        return one.figure;
+    function addGrip(one) {
+      const follow = (event) => {
+        if (!one.grip.hasPointerCapture(event.pointerId)) return;
+        const box = one.frame.getBoundingClientRect();
+        to.wipe((event.clientX - box.left) / box.width);
+      };
+      const take = (event) => {
+        event.stopPropagation();
+        one.grip.setPointerCapture(event.pointerId);
+      };
+      one.grip = element("div", {
+        class: "handle", role: "slider", tabindex: "0", "aria-label": "Where A ends and B begins", "aria-valuemin": "0",
+        "aria-valuemax": "100", pointerdown: take, pointermove: follow,
       });
-      return element(
-        "div",
-        { class: "maprow" },
-        element("p", { class: "maplegend", "data-map": name }),
-        element("div", { class: "panes" }, ...own),
-      );
+      one.frame.append(one.grip);
+    }
+
+    function save({ canvas }) {
+      const title = canvas.getAttribute("aria-label");
+      canvas.toBlob((blob) => download.saveBlob(title, "png", blob));
     }
 
     async function fill(one, choice, mine) {
       const { parts, against } = one.column;
       one.figure.setAttribute("aria-busy", "true");
-      const jobs = parts.map((image) =>
-        compareLayers.layer(compareLayers.mapOf(one.name, image, against), image, against, choice),
-      );
-      const settled = await Promise.allSettled(jobs);
+      const settled = await Promise.allSettled(parts.map((image) => compareLayers.layer(one.name, image, against, choice)));
       if (mine !== turn) return;
-      const layers = settled.map((result) => (result.status === "fulfilled" ? result.value : null));
-      const reasons = settled.map((result) => (result.status === "rejected" ? result.reason.message : null));
-      one.show(layers);
-      const tell = (texts, letters) =>
-        texts.map((text, place) => (text && letters ? `${"AB"[place]}: ${text}` : text)).filter(Boolean);
-      const twice = parts.length === 2;
-      one.say(tell(layers.map((layer) => layer?.said), twice).join(" · "), tell(reasons, twice).join(" ") || null);
+      const lettered = (texts) =>
+        texts.map((text, place) => (text && parts.length === 2 ? `${"AB"[place]}: ${text}` : text)).filter(Boolean);
+      one.layers = settled.map(({ value }) => value ?? null);
+      one.canvas.hidden = !one.layers.some(Boolean);
+      one.said.textContent = lettered(one.layers.map((layer) => layer?.said)).join(" · ");
+      one.why.textContent = lettered(settled.map(({ reason }) => reason?.message)).join(" ");
+      one.why.hidden = !one.why.textContent;
+      one.figure.removeAttribute("aria-busy");
       to.painted();
     }
 
     function show(choice) {
       turn += 1;
-      const mine = turn;
       build(choice);
-      const work = panels.map((one) => fill(one, choice, mine));
-      if (choice.mode === "flip") ahead(choice);
-      return Promise.all(work);
+      for (const one of panels) fill(one, choice, turn);
     }
 
-    // Makes ready what the next key press shows.
-    function ahead(choice) {
-      const [truth] = choice.images;
+    function paint(choice, pixel) {
       for (const one of panels) {
-        for (const image of choice.images) {
-          compareLayers.layer(compareLayers.mapOf(one.name, image, truth), image, truth, choice).catch(() => {});
-        }
-      }
-    }
-
-    function paint(choice, pixel, textOf) {
-      for (const one of panels) {
-        one.paint(choice, choice.wipe, pixel, textOf);
+        one.size = sized(one.canvas);
+        draw(one.canvas, one.size, one.layers.map((layer) => layer?.bitmap), choice, pixel);
         if (!one.grip) continue;
         one.grip.style.left = `${100 * choice.wipe}%`;
         one.grip.setAttribute("aria-valuenow", String(Math.round(100 * choice.wipe)));

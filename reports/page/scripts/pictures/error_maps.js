@@ -3,43 +3,31 @@
 // compare_data.js) and the opacity of the ground truth, which is not `truth` where two methods are compared.
 const errorMaps = (() => {
   const LUMA = [0.2126, 0.7152, 0.0722];
-  const CHANNELS = { all: "all channels", red: "red", green: "green", blue: "blue" };
+  const EVEN = [1 / 3, 1 / 3, 1 / 3];
   const OPAQUE = 0.99;
 
-  const channelOf = (name) => ["red", "green", "blue"].indexOf(name);
-
-  // `of(difference of each channel)`, summed with weights over all channels, or of one alone.
-  function* differences({ test, truth }, channel, weights, of) {
+  // `of(difference of each channel)`, summed with weights over the channels.
+  function* differences({ test, truth }, weights, of) {
     const found = new Float32Array(test.width * test.height);
-    const one = channelOf(channel);
     for (let place = 0; place < found.length; place += 1) {
-      const difference = (which) => of(test.planes[which][place] - truth.planes[which][place]);
-      found[place] =
-        one >= 0
-          ? difference(one)
-          : weights[0] * difference(0) + weights[1] * difference(1) + weights[2] * difference(2);
+      const difference = (which) => weights[which] * of(test.planes[which][place] - truth.planes[which][place]);
+      found[place] = difference(0) + difference(1) + difference(2);
       if (place % test.width === 0) yield;
     }
     return found;
   }
 
-  const EVEN = [1 / 3, 1 / 3, 1 / 3];
-
   function* depthError({ test, truth, opaque }) {
-    const found = new Float32Array(test.width * test.height).fill(NaN);
-    for (let place = 0; place < found.length; place += 1) {
-      if (opaque[place] > OPAQUE) found[place] = test.depth[place] - truth.depth[place];
-    }
-    return found;
+    return test.depth.map((depth, place) => (opaque[place] > OPAQUE ? depth - truth.depth[place] : NaN));
   }
 
   function* depth({ test }) {
     return test.isTruth ? test.depth.map((v) => (v === 0 ? NaN : v)) : test.depth;
   }
 
+  // Of the values that are numbers.
   function mean(values, of = (v) => v) {
-    let sum = 0;
-    let many = 0;
+    let [sum, many] = [0, 0];
     for (const value of values) {
       if (Number.isNaN(value)) continue;
       sum += of(value);
@@ -48,24 +36,25 @@ const errorMaps = (() => {
     return many ? sum / many : NaN;
   }
 
-  const psnrOf = (error) => (error === 0 ? Infinity : -10 * Math.log10(error));
+  const square = (v) => v * v;
   const fixed = (value, digits) => (value === Infinity ? "∞" : numbers.fixed(value, digits));
   const beside = (value, digits) => (value === null || value === undefined ? "" : ` (record ${fixed(value, digits)})`);
-  const squares = (pair) => [0, 1, 2].reduce((sum, which) => {
-    const [one, other] = [pair.test.planes[which], pair.truth.planes[which]];
-    let total = 0;
-    for (let place = 0; place < one.length; place += 1) total += (one[place] - other[place]) ** 2;
-    return sum + total / one.length / 3;
-  }, 0);
+
+  function squaredError({ test, truth }) {
+    const own = test.planes.map((plane, which) => mean(plane.map((v, place) => square(v - truth.planes[which][place]))));
+    return mean(own);
+  }
 
   // `range` is the largest value that the colours tell apart; maps with `scaled` let the reader change it.
-  // `titled`: its title over all channels, where these are not weighed alike.
-  // `said(values, pair, record, channel)`: its figures in words; `record` has psnr, flip and delta_e of the same view or null.
+  // `alone`: it is of one picture, and no comparison. `depth`: it needs depth.
+  // `said(values, pair, record)`: its figures in words; `record` has psnr, flip and delta_e of the same view or null.
   const MAPS = {
     colour: {
       title: "Colour",
-      said: (_, pair, record) =>
-        pair ? `PSNR ${fixed(psnrOf(squares(pair)), 2)} dB${beside(record?.psnr, 2)}` : "",
+      said: (_, pair, record) => {
+        const error = squaredError(pair);
+        return `PSNR ${fixed(error === 0 ? Infinity : -10 * Math.log10(error), 2)} dB${beside(record?.psnr, 2)}`;
+      },
     },
     signed: {
       title: "Signed error",
@@ -75,14 +64,10 @@ const errorMaps = (() => {
       range: 0.25,
       signed: true,
       scaled: true,
-      channelled: true,
-      needs: ["planes"],
-      work: (pair, channel) => differences(pair, channel, LUMA, (v) => v),
+      work: (pair) => differences(pair, LUMA, (v) => v),
       // errors of opposite sign cancel in luma, so that its own RMSE would not be the picture's
-      said: (values, pair, _, channel) =>
-        channel === "all"
-          ? `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squares(pair)), 4)}`
-          : `mean ${fixed(mean(values), 4)}, RMSE ${fixed(Math.sqrt(mean(values, (v) => v * v)), 4)}`,
+      said: (values, pair) =>
+        `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squaredError(pair)), 4)}`,
     },
     absolute: {
       title: "Absolute error",
@@ -90,30 +75,14 @@ const errorMaps = (() => {
       colours: "magma",
       range: 0.25,
       scaled: true,
-      channelled: true,
-      needs: ["planes"],
-      work: (pair, channel) => differences(pair, channel, EVEN, Math.abs),
+      work: (pair) => differences(pair, EVEN, Math.abs),
       said: (values) => `mean ${fixed(mean(values), 4)}`,
-    },
-    squared: {
-      title: "Squared error",
-      about: "display value²",
-      colours: "magma",
-      range: 0.0625,
-      scaled: true,
-      channelled: true,
-      needs: ["planes"],
-      work: (pair, channel) => differences(pair, channel, EVEN, (v) => v * v),
-      said: (values, _, record, channel) =>
-        `MSE ${mean(values).toExponential(2).replace("-", "−")}, PSNR ${fixed(psnrOf(mean(values)), 2)} dB` +
-        (channel === "all" ? beside(record?.psnr, 2) : ""),
     },
     flip: {
       title: "FLIP",
       about: "FLIP, 67 pixels a degree",
       colours: "magma",
       range: 1,
-      needs: ["planes"],
       work: ({ test, truth }) => flip.map(truth.planes, test.planes, test.width, test.height),
       said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.flip, 4)}`,
     },
@@ -123,7 +92,6 @@ const errorMaps = (() => {
       colours: "magma",
       range: 20,
       scaled: true,
-      needs: ["planes"],
       work: ({ test, truth }) => deltaE.map(truth.planes, test.planes, test.width, test.height),
       said: (values, _, record) => `mean ${fixed(mean(values), 2)}${beside(record?.delta_e, 2)}`,
     },
@@ -134,27 +102,23 @@ const errorMaps = (() => {
       range: 0.5,
       signed: true,
       scaled: true,
-      needs: ["depth", "opacity"],
+      depth: true,
       work: depthError,
       said: (values) =>
         Number.isNaN(mean(values))
           ? "no opaque pixel"
-          : `RMSE ${fixed(Math.sqrt(mean(values, (v) => v * v)), 4)}, mean ${fixed(mean(values), 4)}`,
+          : `RMSE ${fixed(Math.sqrt(mean(values, square)), 4)}, mean ${fixed(mean(values), 4)}`,
     },
     depth: {
       title: "Depth",
       about: "scene units along the ray",
       colours: "viridis",
       alone: true,
-      needs: ["depth"],
+      depth: true,
       work: depth,
       said: (values) => {
-        let [least, most] = [Infinity, -Infinity];
-        for (const v of values) {
-          if (v < least) least = v;
-          if (v > most) most = v;
-        }
-        return most < least ? "nothing was hit" : `${fixed(least, 2)} to ${fixed(most, 2)}`;
+        const hit = values.filter((v) => !Number.isNaN(v)).sort();
+        return hit.length > 0 ? `${fixed(hit[0], 2)} to ${fixed(hit.at(-1), 2)}` : "nothing was hit";
       },
     },
     opacity: {
@@ -163,7 +127,6 @@ const errorMaps = (() => {
       colours: "grey",
       range: 1,
       alone: true,
-      needs: ["opacity"],
       work: function* ({ test }) {
         return test.opacity;
       },
@@ -171,7 +134,7 @@ const errorMaps = (() => {
     },
   };
 
-  const titleOf = (name, channel) => (channel === "all" && MAPS[name].titled) || MAPS[name].title;
+  const titleOf = (name) => MAPS[name].titled ?? MAPS[name].title;
 
   // What lies at the two ends of the colours: of depth the view's near and far, else the range as the reader scaled it.
   function endsOf(name, scale, view) {
@@ -181,5 +144,5 @@ const errorMaps = (() => {
     return [map.signed ? -most : 0, most];
   }
 
-  return { MAPS, CHANNELS, titleOf, endsOf };
+  return { MAPS, titleOf, endsOf };
 })();

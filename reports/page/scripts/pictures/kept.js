@@ -2,34 +2,28 @@
 const kept = (() => {
   // `sizeOf` tells the bytes of a value. A promise that fails is forgotten, so that the next to ask tries again.
   function memory(limit, sizeOf) {
-    const found = new Map();
-    let held = 0;
+    const entries = new Map();
 
-    function forget(key) {
-      held -= found.get(key).bytes;
-      found.delete(key);
+    function tidy(latest) {
+      let held = [...entries.values()].reduce((sum, { bytes }) => sum + bytes, 0);
+      for (const [key, { bytes }] of entries) {
+        if (held <= limit) return;
+        if (key === latest || bytes === 0) continue;
+        entries.delete(key);
+        held -= bytes;
+      }
     }
 
     return (key, make) => {
-      const known = found.get(key);
-      if (known) {
-        found.delete(key);
-        found.set(key, known);
-        return known.promise;
-      }
-      const entry = { bytes: 0, promise: make() };
-      found.set(key, entry);
+      const entry = entries.get(key) ?? { bytes: 0, promise: make() };
+      entries.delete(key);
+      entries.set(key, entry);
       entry.promise.then(
         (value) => {
-          if (found.get(key) !== entry) return;
           entry.bytes = sizeOf(value);
-          held += entry.bytes;
-          for (const old of [...found.keys()]) {
-            if (held <= limit) break;
-            if (old !== key && found.get(old).bytes) forget(old);
-          }
+          tidy(key);
         },
-        () => found.get(key) === entry && forget(key),
+        () => entries.get(key) === entry && entries.delete(key),
       );
       return entry.promise;
     };

@@ -1,7 +1,7 @@
 // The page's stored pictures → numbers. A picture is named by a REF of the page's data: channels, bits, low, high, id.
 const pixels = (() => {
-  const LIMIT = 192e6;
-  const remember = kept.memory(LIMIT, (raw) => raw.byteLength);
+  const remember = kept.memory(192e6, (raw) => raw.byteLength);
+  const tables = new WeakMap();
   const files = new Map();
   const fromFiles = new Map();
 
@@ -73,11 +73,14 @@ const pixels = (() => {
 
   // What each raw number of a REF means, 256 or 65536 of them.
   function meanings(ref) {
-    const most = 2 ** ref.bits - 1;
-    return Float64Array.from({ length: most + 1 }, (_, number) => {
-      const value = ref.low + (number / most) * (ref.high - ref.low);
-      return ref.log ? Math.max(0, Math.exp(value) - 1e-4) : value;
-    });
+    if (!tables.has(ref)) {
+      const most = 2 ** ref.bits - 1;
+      tables.set(ref, Float64Array.from({ length: most + 1 }, (_, number) => {
+        const value = ref.low + (number / most) * (ref.high - ref.low);
+        return ref.log ? Math.max(0, Math.exp(value) - 1e-4) : value;
+      }));
+    }
+    return tables.get(ref);
   }
 
   return { raw, meanings };

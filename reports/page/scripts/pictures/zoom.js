@@ -74,7 +74,8 @@ const zoom = (() => {
     return inside ? [column, row] : null;
   }
 
-  // Tells `to` of what pointers do on a canvas: closer(factor, point), drag(dx, dy), hover(point), away(), tap(point), fit().
+  // Tells `to` of what pointers do on a canvas: closer(factor, point), drag(dx, dy), hover(point), tap(point), fit();
+  // hover(null) once the pointer has left.
   // The wheel is the page's own until the reader has clicked (`to.listening()`), unless Ctrl is held.
   function follow(canvas, to) {
     const down = new Map();
@@ -125,7 +126,7 @@ const zoom = (() => {
       if (down.delete(event.pointerId) && travelled <= 3) to.tap(pointOf(event));
     });
     canvas.addEventListener("pointercancel", (event) => down.delete(event.pointerId));
-    canvas.addEventListener("pointerleave", () => to.away());
+    canvas.addEventListener("pointerleave", () => to.hover(null));
     canvas.addEventListener("dblclick", () => to.fit());
   }
 

@@ -3,16 +3,18 @@
 const download = (() => {
   // Under a name of letters, digits and dashes.
   function save(title, extension, text, type) {
-    const url = URL.createObjectURL(new Blob([text], { type: `${type};charset=utf-8` }));
+    saveBlob(title, extension, new Blob([text], { type: `${type};charset=utf-8` }));
+  }
+
+  function saveBlob(title, extension, blob) {
+    const url = URL.createObjectURL(blob);
     saveFrom(title, extension, url);
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   }
 
   // What lies at an address of the page's own.
   function saveFrom(title, extension, address) {
-    const link = document.createElement("a");
-    link.href = address;
-    link.download = `${fileName(title)}.${extension}`;
+    const link = element("a", { href: address, download: `${fileName(title)}.${extension}` });
     document.body.append(link);
     link.click();
     link.remove();
@@ -36,22 +38,21 @@ const download = (() => {
     return /[",\r\n]/.test(text) || text !== text.trim() ? `"${text.replace(/"/g, '""')}"` : text;
   }
 
+  // The words of a cell {text, small} in one line.
+  const wordsOf = ({ text, small }) => (small ? `${text} (${small})`.trim() : text);
+
   // `table`: {caption, columns: [{label, numeric}], rows: [[{text, small}]], totals: likewise}.
-  function markdown(table) {
+  function markdown({ caption, columns, rows, totals }) {
     const line = (cells) => `| ${cells.join(" | ")} |`;
-    const rule = table.columns.map((column) => (column.numeric ? "---:" : ":---"));
-    const rows = table.rows.map((row) => line(row.map(markdownCell)));
-    const totals = table.totals.map((row) => line(row.map((cell) => bold(markdownCell(cell)))));
-    const head = [line(table.columns.map((column) => markdownText(column.label))), line(rule)];
-    return [`**${markdownText(table.caption)}**`, "", ...head, ...rows, ...totals, ""].join("\n");
-  }
-
-  function bold(text) {
-    return text ? `**${text}**` : text;
-  }
-
-  function markdownCell(cell) {
-    return markdownText(cell.small ? `${cell.text} (${cell.small})`.trim() : cell.text);
+    const cell = (one) => markdownText(wordsOf(one));
+    const bold = (one) => cell(one) && `**${cell(one)}**`;
+    return [
+      `**${markdownText(caption)}**`, "",
+      line(columns.map(({ label }) => markdownText(label))),
+      line(columns.map(({ numeric }) => (numeric ? "---:" : ":---"))),
+      ...rows.map((row) => line(row.map(cell))),
+      ...totals.map((row) => line(row.map(bold))), "",
+    ].join("\n");
   }
 
   function markdownText(text) {
@@ -64,31 +65,25 @@ const download = (() => {
   }
 
   // With booktabs.
-  function latex(table) {
-    const align = table.columns.map((column) => (column.numeric ? "r" : "l")).join("");
+  function latex({ caption, columns, rows, totals }) {
     // the line before would take a star or a bracket for its own
     const line = (cells) => `${/^\s*[[*]/.test(cells[0]) ? "{}" : ""}${cells.join(" & ")} \\\\`;
-    const rows = (some) => some.map((row) => line(row.map(latexCell)));
+    const lines = (some) => some.map((row) => line(row.map((cell) => latexText(wordsOf(cell)))));
     return [
       "% needs \\usepackage{booktabs} and \\usepackage{amssymb}",
       "\\begin{table}",
       "\\centering",
-      `\\caption{${latexText(table.caption)}}`,
-      `\\begin{tabular}{${align}}`,
+      `\\caption{${latexText(caption)}}`,
+      `\\begin{tabular}{${columns.map(({ numeric }) => (numeric ? "r" : "l")).join("")}}`,
       "\\toprule",
-      line(table.columns.map((column) => latexText(column.label))),
+      line(columns.map(({ label }) => latexText(label))),
       "\\midrule",
-      ...rows(table.rows),
-      ...(table.totals.length > 0 ? ["\\midrule", ...rows(table.totals)] : []),
+      ...lines(rows),
+      ...(totals.length > 0 ? ["\\midrule", ...lines(totals)] : []),
       "\\bottomrule",
       "\\end{tabular}",
-      "\\end{table}",
-      "",
+      "\\end{table}", "",
     ].join("\n");
-  }
-
-  function latexCell(cell) {
-    return latexText(cell.small ? `${cell.text} (${cell.small})`.trim() : cell.text);
   }
 
   const GREEK = {
@@ -117,5 +112,5 @@ const download = (() => {
       .replace(new RegExp(`[${RAISED}]+`, "g"), levels(RAISED, "^"))
       .replace(new RegExp(`[${LOWERED}]+`, "g"), levels(LOWERED, "_"));
   }
-  return { save, saveFrom, csv, markdown, latex };
+  return { save, saveBlob, saveFrom, csv, markdown, latex };
 })();

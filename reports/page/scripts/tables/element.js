@@ -24,5 +24,35 @@ const element = (() => {
     const node = document.getElementById(id);
     return node ? JSON.parse(node.textContent) : otherwise;
   };
+
+  // A square of the colour that a variable of the page holds.
+  made.swatch = (variable) => {
+    const mark = made("i", { class: "swatch", "aria-hidden": "true" });
+    mark.style.background = `var(${variable ?? "--ink"})`;
+    return mark;
+  };
+
+  // A list of [term, text].
+  made.terms = (pairs, attributes = {}) =>
+    made("dl", attributes, pairs.map(([term, text]) => made("div", {}, made("dt", {}, term), made("dd", {}, text))));
+
+  // A choice whose options [value, text] are set together with the chosen one.
+  made.select = (label, chosen) => {
+    const input = made("select", { "aria-label": label, autocomplete: "off", change: () => chosen(input.value) });
+    const set = (entries, value) => {
+      const options = entries.map(([name, text]) => made("option", { value: name }, text));
+      if (input.innerHTML !== made("select", {}, options).innerHTML) input.replaceChildren(...options);
+      input.value = value;
+    };
+    return { whole: made("label", {}, label, input), set };
+  };
+
+  // A dialog that lists [keys, what they do].
+  made.keys = (list, note = "") => {
+    const dialog = made("dialog", { class: "keys", "aria-label": "Keys" }, made("h2", {}, "Keys"), made.terms(list),
+      made("p", { class: "note" }, note),
+      made("button", { type: "button", class: "act", autofocus: true, click: () => dialog.close() }, "close"));
+    return dialog;
+  };
   return made;
 })();

@@ -1,73 +1,60 @@
-// Which scenes and methods are shown, in tables, figures and pictures alike; what is taken out stays in means and verdicts.
+// Which scenes and methods are shown, in tables, figures and pictures alike; what is taken out stays in means and
+// verdicts.
 const filter = (() => {
   const known = element.data("runs-data", { scenes: [], methods: [] });
-  const parts = [["scene", "scenes", known.scenes], ["method", "methods", known.methods]];
+  const KINDS = [["scene", "scenes"], ["method", "methods"]];
   const button = element("button", { type: "button", class: "tool", "aria-expanded": "false", click: () => toggle() }, "Filter");
   const box = element("div", { class: "filter", role: "dialog", "aria-label": "Scenes and methods that are shown", hidden: true });
 
-  // The names that are left, or null for all of them.
-  function chosen(name, every) {
-    const text = state.get(`filter.${name}`);
-    if (text === null) return null;
-    const wanted = new Set(text.split(",").map(decoded));
-    const there = every.filter((one) => wanted.has(one));
-    return there.length > 0 && there.length < every.length ? new Set(there) : null;
-  }
-
-  function decoded(text) {
-    try {
-      return decodeURIComponent(text);
-    } catch {
-      return text;
-    }
+  // The names that are left of `scenes` or `methods`, or null for all of them.
+  function chosen(kinds) {
+    const wanted = (state.get(`filter.${kinds}`) ?? "").split("\n");
+    const left = known[kinds].filter((name) => wanted.includes(name));
+    return left.length > 0 && left.length < known[kinds].length ? left : null;
   }
 
   // Whether a scene and a method are shown; either may be left open.
   function allows(scene, method) {
     const about = { scene, method };
-    return parts.every(([one, name, every]) => !about[one] || (chosen(name, every)?.has(about[one]) ?? true));
+    return KINDS.every(([kind, kinds]) => !about[kind] || (chosen(kinds)?.includes(about[kind]) ?? true));
   }
 
-  function change(name, every) {
-    const left = [...box.querySelectorAll(`input[name=${name}]`)].filter((one) => one.checked).map((one) => one.value);
-    const all = left.length === every.length || left.length === 0;
-    state.set({ [`filter.${name}`]: all ? null : left.map(encodeURIComponent).join(",") });
+  function change(kinds) {
+    const left = [...box.querySelectorAll(`input[name=${kinds}]:checked`)].map((input) => input.value);
+    state.set({ [`filter.${kinds}`]: left.length === known[kinds].length ? null : left.join("\n") || null });
     if (left.length === 0) fill();
   }
 
   function fill() {
-    const lists = parts.map(([, name, every]) => {
-      const left = chosen(name, every);
-      return element("fieldset", {}, element("legend", {}, name), every.map((one) => {
-        const input = element("input", { type: "checkbox", name, value: one, autocomplete: "off", change: () => change(name, every) });
-        input.checked = left === null || left.has(one);
-        return element("label", {}, input, one);
-      }));
+    const act = (text, click) => element("button", { type: "button", class: "act", click }, text);
+    const lists = KINDS.map(([, kinds]) => {
+      const left = chosen(kinds) ?? known[kinds];
+      const boxes = known[kinds].map((name) => element("label", {}, element("input", {
+        type: "checkbox", name: kinds, value: name, autocomplete: "off", checked: left.includes(name),
+        change: () => change(kinds),
+      }), name));
+      return element("fieldset", {}, element("legend", {}, kinds), boxes);
     });
+    const all = () => {
+      state.set({ "filter.scenes": null, "filter.methods": null });
+      fill();
+    };
     box.replaceChildren(...lists,
       element("p", { class: "note" }, "Takes rows, columns, figures and pictures of the others out of sight. Means and verdicts stay those of the whole run."),
-      element("button", { type: "button", class: "act", click: () => { state.set({ "filter.scenes": null, "filter.methods": null }); fill(); } }, "show all"),
-      " ", element("button", { type: "button", class: "act", click: () => toggle(false) }, "done"));
+      act("show all", all), " ", act("done", () => toggle(false)));
   }
 
   function apply() {
     const isOut = ({ scene, method }) => !allows(scene, method);
     for (const row of document.querySelectorAll("tr[data-scene], tr[data-method]")) row.classList.toggle("out", isOut(row.dataset));
-    for (const table of document.querySelectorAll("table:has(th[data-method])")) columns(table, isOut);
+    for (const head of document.querySelectorAll("th[data-method]")) {
+      for (const row of head.closest("table").rows) row.cells[head.cellIndex]?.classList.toggle("column-out", isOut(head.dataset));
+    }
     for (const figure of figures.all()) figure.classList.toggle("out", isOut(figures.about(figure)));
-    const left = parts.map(([, name, every]) => [chosen(name, every), name, every]);
-    const many = left.filter(([some]) => some).map(([some, name, every]) => `${some.size} of ${every.length} ${name}`);
+    const many = KINDS.filter(([, kinds]) => chosen(kinds)).map(([, kinds]) => `${chosen(kinds).length} of ${known[kinds].length} ${kinds}`);
     button.textContent = many.length > 0 ? `Filter: ${many.join(", ")}` : "Filter";
     button.classList.toggle("on", many.length > 0);
     tables.refresh();
-  }
-
-  function columns(table, isOut) {
-    [...table.tHead.rows[0].cells].forEach((head, place) => {
-      if (!head.dataset.method) return;
-      const out = isOut({ method: head.dataset.method });
-      for (const row of table.rows) row.cells[place]?.classList.toggle("column-out", out);
-    });
   }
 
   function toggle(open = box.hidden) {
@@ -91,7 +78,7 @@ const filter = (() => {
       apply();
       if (!box.hidden && !box.contains(document.activeElement)) fill();
     });
-    if (state.get("filter.scenes") !== null || state.get("filter.methods") !== null) apply();
+    if (state.get("filter.scenes") ?? state.get("filter.methods")) apply();
   }
   return { start, toggle, allows };
 })();

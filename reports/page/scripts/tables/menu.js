@@ -1,57 +1,37 @@
-// One small menu for the whole page, opened below the button that it belongs to.
+// One small menu for the whole page, opened below the button that it belongs to. The browser closes it by Escape and
+// by a click elsewhere, and gives the focus back.
 const menu = (() => {
+  const WIDTH = 120;
+  const list = element("div", { class: "menu", role: "menu", popover: "auto", style: `width: ${WIDTH}px` });
   let owner = null;
-  const list = element("div", { class: "menu", role: "menu", hidden: true });
   document.body.append(list);
 
-  // `items`: [[label, what to do], …].
-  function open(button, items) {
-    if (owner === button) return close();
-    close();
+  // Makes the menu that of a button just before the browser opens it for the click; `items`: [[label, what to do], …].
+  function give(button, items) {
+    if (owner) owner.popoverTargetElement = null;
     owner = button;
-    const entries = items.map(([label, act]) =>
-      element("button", { type: "button", role: "menuitem", tabindex: "-1", click: () => { close(true); act(); } }, label));
-    list.replaceChildren(...entries);
-    list.hidden = false;
-    button.setAttribute("aria-expanded", "true");
+    owner.popoverTargetElement = list;
+    list.replaceChildren(...items.map(([label, act], place) => element("button", {
+      type: "button", role: "menuitem", autofocus: place === 0, click: () => { list.hidePopover(); act(); },
+    }, label)));
     const at = button.getBoundingClientRect();
-    const left = Math.min(at.right - list.offsetWidth, document.documentElement.clientWidth - list.offsetWidth - 8);
-    list.style.left = `${Math.max(8, left) + scrollX}px`;
+    list.style.left = `${Math.max(8, at.right - WIDTH) + scrollX}px`;
     list.style.top = `${at.bottom + 4 + scrollY}px`;
-    entries[0]?.focus({ preventScroll: true });
-  }
-
-  function close(returning = false) {
-    if (owner === null) return;
-    list.hidden = true;
-    owner.setAttribute("aria-expanded", "false");
-    if (returning) owner.focus({ preventScroll: true });
-    owner = null;
   }
 
   list.addEventListener("keydown", (event) => {
     const entries = [...list.children];
     const place = entries.indexOf(document.activeElement);
-    const to = { ArrowDown: place + 1, ArrowUp: place - 1, Home: 0, End: entries.length - 1 }[event.key];
-    if (to !== undefined) {
-      event.preventDefault();
-      entries[(to + entries.length) % entries.length].focus();
-    } else if (event.key === "Escape" || event.key === "Tab") {
-      if (event.key === "Escape") event.preventDefault();
-      event.stopPropagation();
-      close(true);
-    }
-  });
-  document.addEventListener("pointerdown", (event) => {
-    if (owner && !list.contains(event.target) && !owner.contains(event.target)) close();
+    const to = { ArrowDown: place + 1, ArrowUp: place - 1, Home: 0, End: -1 }[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    entries.at(to % entries.length).focus();
   });
 
   // A quiet button that opens a menu; `items` is asked when it is pressed.
   function button(label, items) {
-    return element("button", {
-      type: "button", class: "save", "aria-haspopup": "menu", "aria-expanded": "false", "aria-label": label,
-      title: label, click: (event) => open(event.currentTarget, items()),
-    }, "save");
+    const click = (event) => give(event.currentTarget, items());
+    return element("button", { type: "button", class: "save", "aria-haspopup": "menu", "aria-label": label, title: label, click }, "save");
   }
   return { button };
 })();

@@ -2,8 +2,10 @@
 // `scene`, `method`, `seed`, `step` and `view` are the selection that all parts share; other keys begin with the
 // name of the part that they belong to, such as `compare.mode`.
 const state = (() => {
+  const SETTLED = 250;
   const listeners = [];
-  let chosen = new Map();
+  let chosen = fromAddress();
+  let writing = 0;
 
   // The address as it is typed may be anything.
   function decoded(text) {
@@ -20,11 +22,18 @@ const state = (() => {
   }
 
   // `entry`: whether going back returns to what was before.
-  function toAddress(entry) {
+  function write(entry) {
+    clearTimeout(writing);
     const text = new URLSearchParams([...chosen]).toString();
     const address = text ? `#${text}` : location.pathname + location.search;
-    if (entry) history.pushState(null, "", address);
-    else history.replaceState(null, "", address);
+    history[entry ? "pushState" : "replaceState"](null, "", address);
+  }
+
+  // Replaces what is chosen and returns the Set of the keys that have changed.
+  function become(next) {
+    const before = chosen;
+    chosen = next;
+    return new Set([...before.keys(), ...next.keys()].filter((key) => before.get(key) !== next.get(key)));
   }
 
   function tell(changed) {
@@ -36,19 +45,19 @@ const state = (() => {
     return chosen.get(key) ?? null;
   }
 
-  // Changes some keys together; null takes one away. Listeners are told which have changed, if any has.
-  // With `entry` the reader's way back leads to what was before.
-  function set(changes, entry = false) {
-    const changed = new Set();
+  // Changes some keys together; null takes one away. `soon`: many changes follow one another, as in a drag, and the
+  // address is written once they have settled.
+  function set(changes, { entry = false, soon = false } = {}) {
+    const next = new Map(chosen);
     for (const [key, value] of Object.entries(changes)) {
-      const text = value === null || value === undefined ? null : String(value);
-      if (text === get(key)) continue;
-      changed.add(key);
-      if (text === null) chosen.delete(key);
-      else chosen.set(key, text);
+      if (value === null || value === undefined) next.delete(key);
+      else next.set(key, String(value));
     }
+    const changed = become(next);
     if (changed.size === 0) return;
-    toAddress(entry);
+    clearTimeout(writing);
+    if (soon) writing = setTimeout(write, SETTLED, false);
+    else write(entry);
     tell(changed);
   }
 
@@ -69,15 +78,13 @@ const state = (() => {
 
   // To a place in the page, keeping what is chosen.
   function go(name, changes = {}) {
-    set({ ...changes, at: name }, true);
+    set({ ...changes, at: name }, { entry: true });
     goTo(name, true);
   }
 
   addEventListener("hashchange", () => {
-    const before = chosen;
-    chosen = fromAddress();
-    const keys = [...before.keys(), ...chosen.keys()];
-    const changed = new Set(keys.filter((key) => before.get(key) !== chosen.get(key)));
+    clearTimeout(writing);
+    const changed = become(fromAddress());
     if (changed.size > 0) tell(changed);
     if (changed.has("at")) goTo(get("at"));
   });
@@ -87,7 +94,6 @@ const state = (() => {
     event.preventDefault();
     go(decoded(link.getAttribute("href").slice(1)));
   });
-  chosen = fromAddress();
   addEventListener("DOMContentLoaded", () => goTo(get("at")));
   return { get, set, on, go };
 })();
