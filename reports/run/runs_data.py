@@ -10,7 +10,7 @@ from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
 from reports.page.shell import flat
 
-RUN_SCRIPTS = ("histogram.js", "density.js")
+RUN_SCRIPTS = ("density.js",)
 """The further scripts that the page of a run needs."""
 SCORES = ("psnr_train", "psnr_ceiling", "psnr_floor")
 CURVES = ("step", "seconds", *ALONG_TRAINING, "alpha", "beta")
@@ -40,7 +40,7 @@ def runs_data(records: Records) -> dict[str, Any]:
 
 def _targets(records: Records) -> dict[str, Any]:
     """Return how soon each run reached the target: scene → method → seed → steps or seconds → time and what is known of
-    it; and the horizon of comparisons: scene → method → against → steps or seconds → horizon, if any pair is compared.
+    it.
     """
     record = records.targets
     if record is None or record.target is None:
@@ -49,12 +49,7 @@ def _targets(records: Records) -> dict[str, Any]:
     for one in record.reaches:
         by_seed = reached.setdefault(one.scene, {}).setdefault(one.method, {})
         by_seed.setdefault(str(one.seed), {})[one.axis] = [rounded([one.time])[0], one.known]
-    horizons: dict[str, Any] = {}
-    for pair in record.comparisons:
-        if pair.scene != "all" and pair.horizon > 0:
-            by_rival = horizons.setdefault(pair.scene, {}).setdefault(pair.method, {})
-            by_rival.setdefault(pair.against, {})[pair.axis] = rounded([pair.horizon])[0]
-    return {"target": record.target, "reached": reached, "horizons": horizons}
+    return {"target": record.target, "reached": reached}
 
 
 def _cell(cell: CellRecord, differing: dict[str, set[str]]) -> dict[str, Any]:

@@ -60,9 +60,8 @@ def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
         assert numbers == [effect.difference, *effect.interval, *effect.simultaneous]
     tree = ET.fromstring(saved(view, tools, "SVG"))
     assert tree.find(f"{SVG}title").text == "What does each part do? – PSNR at equal steps (dB)"
-    zero = next(one.get("d") for one in tree.iter(f"{SVG}path") if one.get("d").count("V"))
-    middle = float(zero[1 : zero.index(" ")])
-    dots = [float(one.get("cx")) - middle for one in tree.iter(f"{SVG}circle")][: len(rows)]
-    places = [row.dot - forests(study.effects, INTEREST)[0].zero for row in rows]
-    assert dots == [pytest.approx(3 * place, abs=0.01) for place in places], "300 units for all of the axis"
+    dots = [float(one.get("cx")) for one in tree.iter(f"{SVG}circle")][: len(rows)]
+    width = view.evaluate("document.querySelector('.forest .track').getBoundingClientRect().width")
+    places = [(row.dot - rows[0].dot) * width / 100 for row in rows]
+    assert [dot - dots[0] for dot in dots] == pytest.approx(places, abs=0.05)
     assert "var(" not in ET.tostring(tree, encoding="unicode")

@@ -49,6 +49,6 @@ def test_a_drawing_of_camera_paths_is_saved_with_the_rows_in_sight_alone(browser
             left,
         )
         drawing = saved(view, tools, "SVG")
-        assert [name for name in names if f">{name}</text>" in drawing] == names[:left]
+        assert [name for name in names if f">{name[:8]}" in drawing] == names[:left]
         assert len(rows_of(saved(view, tools, "CSV"))) == left
     assert [one for one in noise if not one.startswith("blob:")] == []

@@ -1,4 +1,4 @@
-// A chart's axes as its data says: from values to places in the drawing and what is near a place.
+// A chart's axes as its data says: from values to places in the drawing, what is near a place, and drawing the axes.
 const chartScale = (() => {
   // Matplotlib's scales; symlog is linear below its threshold, with a decade as long as on the outside.
   function forward(axis) {
@@ -47,5 +47,50 @@ const chartScale = (() => {
   function xs(chart, trace) {
     return typeof trace.x === "number" ? chart.traces[trace.x].x : trace.x;
   }
-  return { of, along, points, xs, heightOf };
+
+  // At most six or so: round numbers on a linear axis, powers of ten on another one.
+  function ticks(axis) {
+    const evenly = (from, to, step) => Array.from({ length: Math.floor((to - from) / step + 1e-9) + 1 }, (_, place) => from + place * step);
+    if (axis.scale === "linear") {
+      const step = 10 ** Math.floor(Math.log10(axis.high - axis.low)) / 2;
+      return evenly(axis.low, axis.high, step * Math.ceil((axis.high - axis.low) / step / 5 - 1e-9));
+    }
+    const lowest = axis.scale === "symlog" ? axis.linear_below : axis.low;
+    const [from, to] = [Math.ceil(Math.log10(lowest) - 1e-9), Math.floor(Math.log10(axis.high) + 1e-9)];
+    const step = Math.ceil((to - from) / 5) || 1;
+    const powers = evenly(from + ((to - from) % step), to, step).map((power) => 10 ** power);
+    return axis.scale === "symlog" ? [0, ...powers.filter((value) => value > lowest)] : powers;
+  }
+
+  function label(value) {
+    const power = Math.log10(value);
+    if (value === 0 || Math.abs(power - Math.round(power)) > 1e-6 || (value >= 0.01 && value < 999)) return numbers.brief(value);
+    return `10${[...String(Math.round(power))].map((sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign])).join("")}`;
+  }
+
+  // The nodes of the axes of a chart.
+  function frame(chart) {
+    const to = of(chart);
+    const [left, top, width, height] = chart.box;
+    const [right, bottom] = [left + width, top + height];
+    const line = (x1, y1, x2, y2, colour) => element.svg("line", { x1, y1, x2, y2, stroke: `var(${colour})`, "stroke-width": 0.8 });
+    const text = (x, y, words, further = {}) =>
+      element.svg("text", { x, y, fill: "var(--muted)", "font-size": 9, "text-anchor": "middle", ...further }, words);
+    return [
+      ...ticks(chart.x).flatMap((at) => [line(to.x(at), top, to.x(at), bottom, "--rule"), text(to.x(at), bottom + 12, label(at))]),
+      ...ticks(chart.y).flatMap((at) => [line(left, to.y(at), right, to.y(at), "--rule"), text(left - 4, to.y(at) + 3, label(at), { "text-anchor": "end" })]),
+      line(left, top, left, bottom, "--muted"), line(left, bottom, right, bottom, "--muted"),
+      text(left + width / 2, bottom + 27, chart.x.label),
+      text(10, top + height / 2, chart.y.label, { transform: `rotate(-90 10 ${top + height / 2})` }),
+    ];
+  }
+
+  // The outline of bins.
+  function outline(chart, trace) {
+    const to = of(chart);
+    const steps = trace.y.map((share, place) => `V${heightOf(chart, to, share).toFixed(1)}H${to.x(trace.x_high[place]).toFixed(1)}`);
+    const start = `M${to.x(xs(chart, trace)[0]).toFixed(1)} ${heightOf(chart, to, trace.y[0]).toFixed(1)}`;
+    return element.svg("path", { d: `${start}${steps.join("")}`, fill: "none", stroke: `var(${trace.colour})`, "stroke-width": 1.6 });
+  }
+  return { of, points, xs, frame, outline };
 })();

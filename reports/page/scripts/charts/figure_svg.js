@@ -2,7 +2,7 @@
 const figureSvg = (() => {
   const FONT = "system-ui, 'Segoe UI', Roboto, Arial, sans-serif";
   const HEAD = 34;
-  const KEYS = new Set(["line", "outline", "bins", "dots", "range", "mark", "floor"]);
+  const KEYS = ["line", "outline", "bins", "dots", "range", "mark", "floor"];
 
   function resolved(node, style) {
     for (const { name, value } of [...node.attributes])
@@ -10,26 +10,24 @@ const figureSvg = (() => {
     for (const child of node.children) resolved(child, style);
   }
 
-  // Name → colour, of what a reader must tell apart.
+  // [name, colour] of what a reader must tell apart.
   function legend(chart) {
-    const found = new Map();
-    for (const trace of chart.traces)
-      if (KEYS.has(trace.kind)) {
-        const name = trace.label.replace(/ (mean|points)$|: points$/, "");
-        if (!found.has(name)) found.set(name, trace.colour);
-      }
-    return found.size <= 8 ? [...found] : [];
+    const keys = new Map();
+    for (const { kind, label, colour } of chart.traces) {
+      const name = label.replace(/ (mean|points)$|: points$/, "");
+      if (KEYS.includes(kind) && !keys.has(name)) keys.set(name, colour);
+    }
+    return keys.size <= 8 ? [...keys] : [];
   }
 
-  // An <svg> of nobody else's as text, 72 units an inch, on the page's ground; `box` is [left, top, width, height].
-  function file(svg, box, title, description) {
+  // An <svg> of nobody else's as text on the page's ground; `box` is [left, top, width, height], `unit` of them an inch.
+  function file(svg, box, title, description, unit = 72) {
     const [left, top, width, height] = box;
-    svg.setAttribute("xmlns", "http://www.w3.org/2000/svg");
-    svg.setAttribute("viewBox", box.join(" "));
-    svg.setAttribute("width", `${(width / 72).toFixed(2)}in`);
-    svg.setAttribute("height", `${(height / 72).toFixed(2)}in`);
-    svg.setAttribute("font-family", FONT);
-    svg.setAttribute("role", "img");
+    const attributes = {
+      xmlns: "http://www.w3.org/2000/svg", viewBox: box.join(" "), role: "img", "font-family": FONT,
+      width: `${(width / unit).toFixed(2)}in`, height: `${(height / unit).toFixed(2)}in`,
+    };
+    for (const [name, value] of Object.entries(attributes)) svg.setAttribute(name, value);
     const ground = element.svg("rect", { x: left, y: top, width, height, fill: "var(--paper)" });
     svg.prepend(element.svg("title", {}, title), element.svg("desc", {}, description), ground);
     resolved(svg, getComputedStyle(document.documentElement));
@@ -47,5 +45,5 @@ const figureSvg = (() => {
     copy.prepend(words, key);
     return file(copy, [left, top - HEAD, width, height + HEAD], chart.title, svg.getAttribute("aria-label") ?? "");
   }
-  return { FONT, file, standalone };
+  return { file, standalone };
 })();

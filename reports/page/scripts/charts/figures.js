@@ -7,13 +7,11 @@ const figures = (() => {
   let shown = null;
   document.body.append(tip);
 
-  function dataOf(figure) {
-    const node = figure.querySelector("script.drawn");
-    return node ? JSON.parse(node.textContent) : null;
-  }
+  const svgOf = (figure) => figure.querySelector("svg.plot");
 
   function chartOf(figure) {
-    if (!figure.chart) give(figure, dataOf(figure));
+    const node = figure.querySelector("script.drawn");
+    if (!figure.chart && node) give(figure, JSON.parse(node.textContent));
     return figure.chart;
   }
 
@@ -25,21 +23,20 @@ const figures = (() => {
 
   function runsOf(chart, trace, index) {
     if (!trace.runs) return null;
-    const one = { ...chart.runs[trace.runs.length === 1 ? trace.runs[0] : trace.runs[index]] };
-    return trace.steps ? { ...one, step: trace.steps[index] } : one;
+    const run = chart.runs[trace.runs.length === 1 ? trace.runs[0] : trace.runs[index]];
+    return trace.steps ? { ...run, step: trace.steps[index] } : run;
   }
 
   // Of a point, or of another one of its row: the printed number of a scene stands beside what was measured there.
-  function behind(figure, { trace, index }) {
-    const own = runsOf(figure.chart, trace, index);
-    if (own || !figure.chart.y.rows) return own;
-    const beside = figure.points.find((point) => point.trace.runs && point.trace.y[point.index] === trace.y[index]);
-    return beside ? runsOf(figure.chart, beside.trace, beside.index) : null;
+  function behind({ chart, points }, { trace, index }) {
+    const own = runsOf(chart, trace, index);
+    if (own || !chart.y.rows) return own;
+    const beside = points.find((point) => point.trace.runs && point.trace.y[point.index] === trace.y[index]);
+    return beside ? runsOf(chart, beside.trace, beside.index) : null;
   }
 
   function nearest(figure, event) {
-    const svg = figure.querySelector("svg.plot");
-    const matrix = svg.getScreenCTM();
+    const matrix = svgOf(figure).getScreenCTM();
     if (!matrix) return null;
     const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse());
     let best = null;
@@ -56,21 +53,19 @@ const figures = (() => {
   }
 
   function lines(chart, { trace, index }) {
-    const value = (axis, number) => (axis.rows ? axis.rows[Math.round(number)] : numbers.brief(number));
-    const x = numbers.brief(chartScale.xs(chart, trace)[index]);
-    const to = trace.x_high ? ` to ${numbers.brief(trace.x_high[index])}` : "";
-    const up = trace.y_high ? ` to ${numbers.brief(trace.y_high[index])}` : "";
+    const upTo = (high) => (high ? ` to ${numbers.brief(high[index])}` : "");
+    const x = `${numbers.brief(chartScale.xs(chart, trace)[index])}${upTo(trace.x_high)}`;
     const step = trace.steps && !/step/.test(chart.x.label) ? [`step ${numbers.grouped(trace.steps[index])}`] : [];
-    const y = `${value(chart.y, trace.y[index])}${up}`;
-    return [chart.y.rows ? `${y}: ${trace.label}` : trace.label, chart.y.rows ? `${x}${to}` : `${chart.y.label}: ${y}`, ...(chart.y.rows ? [] : [`${chart.x.label}: ${x}${to}`]), ...step];
+    if (chart.y.rows) return [`${chart.y.rows[Math.round(trace.y[index])]}${upTo(trace.y_high)}: ${trace.label}`, x, ...step];
+    return [trace.label, `${chart.y.label}: ${numbers.brief(trace.y[index])}${upTo(trace.y_high)}`, `${chart.x.label}: ${x}`, ...step];
   }
 
   function show(figure, point) {
-    if (shown && shown.figure === figure && shown.point === point) return;
+    if (shown?.figure === figure && shown.point === point) return;
     hide();
     if (!point) return;
     shown = { figure, point };
-    const svg = figure.querySelector("svg.plot");
+    const svg = svgOf(figure);
     const [x, y] = point.at;
     ring.setAttribute("cx", x);
     ring.setAttribute("cy", y);
@@ -83,131 +78,111 @@ const figures = (() => {
     tip.replaceChildren(element("b", {}, first), ...rest.map((line) => element("span", {}, line)), opens ? element("i", {}, `click: ${whose}`) : "");
     tip.hidden = false;
     const at = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM());
-    const room = document.documentElement.clientWidth;
-    const left = Math.min(Math.max(8, at.x + 12), room - tip.offsetWidth - 8);
-    const top = at.y - tip.offsetHeight - 12 < 0 ? at.y + 14 : at.y - tip.offsetHeight - 12;
-    tip.style.left = `${left + scrollX}px`;
-    tip.style.top = `${top + scrollY}px`;
+    const room = document.documentElement.clientWidth - tip.offsetWidth - 8;
+    const above = at.y - tip.offsetHeight - 12;
+    tip.style.left = `${Math.min(Math.max(8, at.x + 12), room) + scrollX}px`;
+    tip.style.top = `${(above < 0 ? at.y + 14 : above) + scrollY}px`;
   }
 
   function hide() {
     if (!shown) return;
-    shown.figure.querySelector("svg.plot").classList.remove("open");
+    svgOf(shown.figure).classList.remove("open");
     ring.remove();
     tip.hidden = true;
     shown = null;
   }
 
   function select(figure, point) {
-    const found = point && behind(figure, point);
-    if (found) runs.open(found, figure.querySelector("svg.plot"));
+    const selection = point && behind(figure, point);
+    if (selection) runs.open(selection, svgOf(figure));
   }
 
   // Left and right along a line, up and down from line to line.
   function move(figure, key) {
-    chartOf(figure);
     const traces = [...new Set(figure.points.map(({ trace }) => trace))];
-    if (traces.length === 0) return false;
-    const now = shown?.figure === figure ? shown.point : null;
+    if (traces.length === 0) return;
     const of = (trace) => figure.points.filter((point) => point.trace === trace);
-    if (!now) {
-      const first = traces.find((trace) => trace.kind === "line") ?? traces[0];
-      show(figure, of(first)[0]);
-      return true;
-    }
+    if (shown?.figure !== figure) return show(figure, of(traces.find(({ kind }) => kind === "line") ?? traces[0])[0]);
+    const now = shown.point;
     const own = of(now.trace);
     const place = own.indexOf(now);
-    const line = traces.indexOf(now.trace);
-    const steps = { ArrowRight: 1, ArrowLeft: -1, Home: -place, End: own.length - 1 - place };
-    if (key in steps) show(figure, own[Math.min(Math.max(place + steps[key], 0), own.length - 1)]);
-    else {
-      const next = of(traces[(line + (key === "ArrowDown" ? 1 : -1) + traces.length) % traces.length]);
-      show(figure, next.reduce((best, one) => (Math.abs(one.at[0] - now.at[0]) < Math.abs(best.at[0] - now.at[0]) ? one : best)));
-    }
-    return true;
+    const to = { ArrowRight: place + 1, ArrowLeft: place - 1, Home: 0, End: own.length - 1 }[key];
+    if (to !== undefined) return show(figure, own[Math.min(Math.max(to, 0), own.length - 1)]);
+    const line = traces.indexOf(now.trace) + (key === "ArrowDown" ? 1 : -1);
+    const far = (point) => Math.abs(point.at[0] - now.at[0]);
+    return show(figure, of(traces.at(line % traces.length)).reduce((best, point) => (far(point) < far(best) ? point : best)));
   }
 
   // A row a point or bin: its line, numbers, and the run that it is of, where it is of one.
   function csv(chart) {
-    const runKeys = ["scene", "method", "against", "seed"].filter((key) => (chart.runs ?? []).some((one) => key in one));
     const has = (name) => chart.traces.some((trace) => trace[name]);
-    const bins = chart.traces.some((trace) => trace.kind === "bins");
-    const wide = ["x_high", "y_high"].filter((name) => has(name) && !(bins && name === "x_high"));
+    const bins = chart.traces.some(({ kind }) => kind === "bins");
     const y = chart.y.rows ? "row" : chart.y.label;
-    const head = ["series", ...(bins ? ["from", "to"] : [chart.x.label]), y, ...wide.map((name) => `${name === "x_high" ? chart.x.label : y} up to`),
-      ...(has("steps") ? ["step"] : []), ...runKeys];
-    const rows = chart.traces.flatMap((trace) => trace.y.map((value, index) => {
-      const one = runsOf(chart, trace, index) ?? {};
-      const row = chart.y.rows?.[Math.round(value)] ?? value;
-      return [trace.label, chartScale.xs(chart, trace)[index], ...(bins ? [trace.x_high?.[index] ?? ""] : []), row, ...wide.map((name) => trace[name]?.[index] ?? ""),
-        ...(has("steps") ? [trace.steps?.[index] ?? ""] : []), ...runKeys.map((key) => one[key] ?? "")];
-    }));
-    return download.csv([head, ...rows]);
+    const columns = [
+      ["series", (trace) => trace.label],
+      [bins ? "from" : chart.x.label, (trace, index) => chartScale.xs(chart, trace)[index]],
+      ...(bins ? [["to", (trace, index) => trace.x_high?.[index]]] : []),
+      [y, (trace, index) => chart.y.rows?.[Math.round(trace.y[index])] ?? trace.y[index]],
+      ...(has("x_high") && !bins ? [[`${chart.x.label} up to`, (trace, index) => trace.x_high?.[index]]] : []),
+      ...(has("y_high") ? [[`${y} up to`, (trace, index) => trace.y_high?.[index]]] : []),
+      ...(has("steps") ? [["step", (trace, index) => trace.steps?.[index]]] : []),
+      ...["scene", "method", "against", "seed"].filter((key) => chart.runs?.some((run) => key in run))
+        .map((key) => [key, (trace, index) => runsOf(chart, trace, index)?.[key]]),
+    ];
+    const rows = chart.traces.flatMap((trace) => trace.y.map((_, index) => columns.map(([, of]) => of(trace, index))));
+    return download.csv([columns.map(([name]) => name), ...rows]);
   }
 
-  const sectionOf = (figure) => figure.closest("section")?.querySelector("h2")?.textContent ?? "";
-
-  // The last heading above it: the same scene is drawn under several.
-  function headingOf(figure) {
-    const above = (one) => one.compareDocumentPosition(figure) & Node.DOCUMENT_POSITION_FOLLOWING;
-    return [...(figure.closest("section")?.querySelectorAll("h3, h4") ?? [])].filter(above).pop()?.textContent ?? "";
+  // Its section, the last heading above it (the same scene is drawn under several) and its own words.
+  function titleOf(figure, own) {
+    const section = figure.closest("section");
+    const above = (node) => node.compareDocumentPosition(figure) & Node.DOCUMENT_POSITION_FOLLOWING;
+    const heading = [...(section?.querySelectorAll("h3, h4") ?? [])].filter(above).pop();
+    return [section?.querySelector("h2")?.textContent, heading?.textContent, own].filter(Boolean)
+      .map((text) => text.replace(/\s+/g, " ").trim()).join(": ");
   }
 
-  function titleOf(figure) {
-    const caption = figure.querySelector("figcaption")?.cloneNode(true);
-    caption?.querySelector(".save")?.remove();
-    return [sectionOf(figure), headingOf(figure), caption?.textContent].filter(Boolean).map((text) => text.replace(/\s+/g, " ").trim()).join(": ");
+  function addSave(figure, title, kind, forms) {
+    (figure.querySelector("figcaption") ?? figure).append(menu.button(`Save the ${kind}: ${title}`, () => forms));
   }
 
   function enhance(figure) {
-    const svg = figure.querySelector("svg.plot");
-    const title = titleOf(figure);
-    const save = menu.button(`Save the figure: ${title}`, () => [
+    const svg = svgOf(figure);
+    const title = titleOf(figure, figure.querySelector("figcaption")?.textContent);
+    addSave(figure, title, "figure", [
       ["SVG", () => download.save(title, "svg", figureSvg.standalone(svg, chartOf(figure)), "image/svg+xml")],
       ["CSV", () => download.save(title, "csv", csv(chartOf(figure)), "text/csv")],
     ]);
-    (figure.querySelector("figcaption") ?? figure).append(save);
     svg.tabIndex = 0;
-    svg.addEventListener("pointermove", (event) => {
-      chartOf(figure);
-      show(figure, nearest(figure, event));
-    });
+    svg.addEventListener("pointermove", (event) => chartOf(figure) && show(figure, nearest(figure, event)));
     svg.addEventListener("pointerleave", hide);
     svg.addEventListener("blur", hide);
-    svg.addEventListener("click", (event) => {
-      chartOf(figure);
-      select(figure, nearest(figure, event));
-    });
+    svg.addEventListener("click", (event) => chartOf(figure) && select(figure, nearest(figure, event)));
     svg.addEventListener("keydown", (event) => {
-      if (/^(Arrow|Home|End)/.test(event.key) && move(figure, event.key)) event.preventDefault();
-      else if (event.key === "Enter" && shown?.figure === figure) select(figure, shown.point);
-      else if (event.key === "Escape" && shown) {
-        event.preventDefault();
-        hide();
-      }
+      const moves = /^(Arrow|Home|End)/.test(event.key) && chartOf(figure);
+      if (event.key === "Enter" && shown?.figure === figure) select(figure, shown.point);
+      if (moves) move(figure, event.key);
+      if (moves || (event.key === "Escape" && shown)) event.preventDefault();
+      if (event.key === "Escape") hide();
     });
   }
 
-  // A picture is saved as it lies in the page.
-  function enhancePicture(figure) {
-    const image = figure.querySelector("img");
-    const title = [sectionOf(figure), image.alt].filter(Boolean).join(": ");
-    const save = menu.button(`Save the picture: ${title}`, () => [["PNG", () => download.saveFrom(title, "png", image.src)]]);
-    (figure.querySelector("figcaption") ?? figure).append(save);
-  }
-
-  // The scenes and methods of a figure, if all of it is of one.
+  // The scene and the method of a figure, if all of it is of one.
   function about(figure) {
     const every = chartOf(figure)?.runs ?? [];
-    const only = (name) => (every.length > 0 && every.every((one) => one[name] && one[name] === every[0][name]) ? every[0][name] : null);
+    const only = (name) => (every.every((run) => run[name] === every[0][name]) ? every[0]?.[name] : null);
     return { scene: only("scene"), method: only("method") };
   }
 
-  const all = () => [...document.querySelectorAll("figure")].filter((one) => one.querySelector("script.drawn"));
+  const all = () => [...document.querySelectorAll("figure:has(script.drawn)")];
 
   function start() {
     all().forEach(enhance);
-    document.querySelectorAll("figure:has(> img[src^='data:image/png'])").forEach(enhancePicture);
+    // a picture is saved as it lies in the page
+    for (const image of document.querySelectorAll("figure > img[src^='data:image/png']")) {
+      const title = titleOf(image.parentElement, image.alt);
+      addSave(image.parentElement, title, "picture", [["PNG", () => download.saveFrom(title, "png", image.src)]]);
+    }
   }
   return { start, all, about, enhance, give };
 })();

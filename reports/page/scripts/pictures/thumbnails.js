@@ -1,39 +1,34 @@
 // Small pictures of a run beside the truth, where the run itself is told of; drawn once they come into sight.
 const thumbnails = (() => {
-  // The run's picture at `step`, or its last, of the first view of which there is one, and the truth of that view.
-  function chosen(cell, step) {
-    const data = compareData.read();
-    const scene = data?.scenes.find((one) => one.name === cell.scene);
-    const own = scene?.renders.filter((one) => one.method === cell.method && one.seed === cell.seed) ?? [];
-    if (!own.length) return [];
-    const steps = own.map((one) => one.step);
-    const at = steps.includes(step) ? step : Math.max(...steps);
-    const { view } = own.find((one) => one.step === at);
-    const [truth, ...rest] = compareData.images(data, scene, view, cell.seed, at);
-    return [{ ...truth, said: "ground truth" }, { ...rest.find((one) => one.method === cell.method), said: `step ${at}` }];
-  }
-
-  async function draw(canvas, image) {
-    const picture = await compareData.load(image);
-    const bytes = compareData.exposed(picture, 0);
-    canvas.getContext("2d").putImageData(new ImageData(bytes, picture.width, picture.height), 0, 0);
-    canvas.dataset.drawn = "";
-  }
-
-  function thumbnail(image) {
-    const { width, height } = image.view;
-    const canvas = element("canvas", { width, height, role: "img", "aria-label": `${image.name}, view ${image.view.name}` });
-    const said = element("small", {}, image.said);
-    const near = new IntersectionObserver((seen) => {
-      if (!seen.some((one) => one.isIntersecting)) return;
+  function thumbnail(image, words) {
+    const { width, height, name } = image.view;
+    const canvas = element("canvas", { width, height, role: "img", "aria-label": `${image.name}, view ${name}` });
+    const near = new IntersectionObserver(async (seen) => {
+      if (!seen.some(({ isIntersecting }) => isIntersecting)) return;
       near.disconnect();
-      draw(canvas, image).catch((error) => canvas.replaceWith(error.message));
+      try {
+        const bytes = compareData.exposed(await compareData.load(image), 0);
+        canvas.getContext("2d").putImageData(new ImageData(bytes, width, height), 0, 0);
+        canvas.dataset.drawn = "";
+      } catch (error) {
+        canvas.replaceWith(error.message);
+      }
     });
     near.observe(canvas);
-    return element("span", { class: "thumbnail" }, canvas, said);
+    return element("span", { class: "thumbnail" }, canvas, element("small", {}, words));
   }
 
-  // None where no picture of the run is in the page.
-  const of = (cell, step) => chosen(cell, step).map(thumbnail);
+  // The truth and the run's picture at `step`, or its last, of the first view of which there is one; none where no
+  // picture of the run is in the page.
+  function of(cell, step) {
+    const data = compareData.read();
+    const scene = data?.scenes.find(({ name }) => name === cell.scene);
+    const own = scene?.renders.filter(({ method, seed }) => method === cell.method && seed === cell.seed) ?? [];
+    if (own.length === 0) return [];
+    const latest = Math.max(...own.map((one) => one.step));
+    const { view, step: at } = own.find((one) => one.step === step) ?? own.find((one) => one.step === latest);
+    const [truth, ...rest] = compareData.images(data, scene, view, cell.seed, at);
+    return [thumbnail(truth, "ground truth"), thumbnail(rest.find(({ method }) => method === cell.method), `step ${at}`)];
+  }
   return { of };
 })();
