@@ -1,4 +1,4 @@
-"""What a run leaves behind: one JSON file a cell, one for the run, one for its comparisons."""
+"""The records of a run: one JSON file per cell, one for the run, one for its comparisons."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -20,27 +20,28 @@ from harness.records.metric_table import ALONG_TRAINING, METRICS
 
 
 class Estimate(Record, frozen=True):
-    """What is known of a difference in one of two senses: `on_these_scenes`, or on scenes like these."""
+    """An estimate of a difference in one of two senses: on these scenes, or on scenes like these."""
 
     interval: tuple[float, float] | None
-    """95 %, two-sided, of this comparison alone; None where too few values say nothing of their own spread."""
+    """The two-sided 95 % interval of this comparison alone; None if there are too few values to know their spread."""
     simultaneous: tuple[float, float] | None
-    """The interval that the verdict is taken from: of the `family`'s, all hold the truth together in 95 %."""
+    """The interval that the verdict is taken from: all those of the `family` hold the truth together in 95 %."""
     family: int
-    """As many comparisons are looked at together (`harness.verdicts.comparisons.family_of`)."""
+    """The number of comparisons that are looked at together (`harness.verdicts.comparisons.family_of`)."""
     verdict: Literal["better", "worse", "equivalent", "inconclusive"]
     smallest_detectable: float | None
     """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
     effect: float | None
-    """Standardised: the difference in standard deviations of the paired differences within a scene, or of the scenes'
-    means."""
+    """The standardised effect: the difference in standard deviations of the paired differences within a scene, or of
+    the scenes' means.
+    """
 
 
 class Comparison(Record, frozen=True):
     """A paired difference `method` − `against` with its interval.
 
-    Over all scenes it is estimated in both senses. What stands beside the difference itself is that of scenes like
-    these where several were tried, and of these scenes where it is a single one.
+    Over all scenes it is estimated in both senses. The fields beside the difference are those of scenes like these if
+    several were tried, and of these scenes for a single one.
     """
 
     scene: str
@@ -51,22 +52,22 @@ class Comparison(Record, frozen=True):
     budget: Literal["steps", "seconds"]
     difference: float | None
     interval: tuple[float, float] | None
-    """As all that has the name of a part of `Estimate`: from the one of the two that speaks for the row."""
+    """Taken, as every field that `Estimate` has too, from the estimate that speaks for the row."""
     verdict: Literal["better", "worse", "equivalent", "inconclusive"]
     smallest_detectable: float | None
     pairs: int
     unpaired: int
-    """Pairs that cannot be judged because one of the two diverged, collapsed, failed or is missing."""
+    """The pairs that cannot be judged because one of the two diverged, collapsed, failed or is missing."""
     simultaneous: tuple[float, float] | None
     family: int
     on_these_scenes: Estimate | None
-    """Error from seeds alone; None without any pair."""
+    """The estimate with the error of seeds alone; None without any pair."""
     scenes_like_these: Estimate | None
-    """Scenes are drawn, too: Student's t over their means. None for a single scene."""
+    """The estimate for which scenes are drawn too: Student's t over their means. None for a single scene."""
 
 
 class Comparisons(Record, frozen=True):
-    """Those of a run."""
+    """All comparisons of a run."""
 
     rows: list[Comparison]
 
@@ -75,7 +76,7 @@ SCHEMA = 1
 
 
 class PaperTables(TypedDict, total=False):
-    """What of `RunRecord.paper` a report reads."""
+    """The part of `RunRecord.paper` that a report reads."""
 
     table1: dict[str, float] | None
     table2: dict[str, dict[str, float]] | None
@@ -105,9 +106,9 @@ class Checkpoint(ScoresAlong):
 
     step: int
     seconds: float
-    """Training seconds of this method so far; scoring, warm-up and I/O are not in it."""
+    """The training seconds of this method so far, without scoring, warm-up and I/O."""
     network_evaluations: int
-    """Points at which the network was evaluated for training so far."""
+    """The number of points at which the network was evaluated for training so far."""
     density: dict[str, list[int | float]] | None = None
     """`edges` [bins + 1], `before` [bins], `after` [bins]: shares of points (sum 1, clipped into the outer bins)
     over the scene's box, of the density entering the amplifier and of the density that is rendered.
@@ -128,39 +129,41 @@ class ViewScore(ViewScores):
 
 
 class LeftOut(Record, frozen=True):
-    """Something that a scene does not need and that was therefore not done."""
+    """A part that a scene does not need and that was therefore left out."""
 
     what: str
     reason: str
     seconds_saved: float | None
-    """None where it was not measured (`--verify-omissions`), as below."""
+    """None, as below, unless it was measured (`--verify-omissions`)."""
     difference: float | None
-    """dB: test PSNR with it left out less with it done, so that less than 0 is a loss. colour: what changed at most."""
+    """The test PSNR without the part less that with it, in dB, so that a loss is negative; or the largest change of
+    display colour.
+    """
     interval: tuple[float, float] | None
-    """95 %."""
+    """The 95 % interval."""
     name: str = ""
-    """Of the need in `scenes.modelling.needs`."""
+    """The name of the need in `scenes.modelling.needs`."""
     concerns: str = ""
-    """model, sampling, rendering or metrics."""
+    """One of model, sampling, rendering and metrics."""
     bound: float | None = None
-    """How much worse the result may get."""
+    """The loss that is allowed."""
     unit: str = ""
-    """Of `difference` and `bound`: dB, or colour for a display colour 0 … 1."""
+    """The unit of `difference` and `bound`: dB, or colour for a display colour 0 … 1."""
     clock: str = ""
-    """What `seconds_saved` are seconds of."""
+    """The work that `seconds_saved` are seconds of."""
     verdict: str = ""
-    """within its bound, costs more or inconclusive."""
+    """One of "within its bound", "costs more" and "inconclusive"."""
 
 
 class CellRecord(Record, frozen=True):
-    """scene × method × seed: everything needed to reproduce it and to plot it."""
+    """One cell, scene × method × seed: everything that is needed to reproduce and to plot it."""
 
     scene: str
     method: str
     seed: int
     status: Status
     reason: str | None
-    """Why the status is not `done`: for `diverged` the step and the tensor."""
+    """The reason if the status is not `done`: for `diverged` the step and the tensor."""
     steps: int
     train_seconds: float
     scores: dict[str, float | None]
@@ -169,10 +172,10 @@ class CellRecord(Record, frozen=True):
     curve: list[Checkpoint]
     views: list[ViewScore]
     trace: dict[str, list[float | None]]
-    """Equally long lists over training: step, loss, gradient_norm (before clipping), clipped_norm (of what the
-    optimiser got; runs recorded before it was noted have none), alpha, beta, samples_per_ray."""
+    """Lists of equal length over training: step, loss, gradient_norm (before clipping), clipped_norm (what the
+    optimiser got; absent from older runs), alpha, beta, samples_per_ray."""
     parameters: dict[str, int]
-    """Weights by component: density_net, density_head, colour_net, amplifier, total."""
+    """The number of weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, int | float | str | None]
     """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
@@ -182,15 +185,14 @@ class CellRecord(Record, frozen=True):
     settings: dict[str, Any]
     provenance: dict[str, Any]
     pictures: str | None = None
-    """The renders that were kept (`harness.records.pictures`), a path relative to `OUT/records`; None where there are
-    none, or the run was recorded before they were kept like this."""
+    """The file of its saved renders (`harness.records.pictures`) relative to `OUT/records`; None if there is none."""
     files: dict[str, str] = field(default_factory=dict)
-    """Every further file of the cell, a path relative to OUT → its SHA-256 (`with_files`)."""
+    """Map every further file of the cell, relative to OUT → its SHA-256 (`with_files`)."""
     schema: int = SCHEMA
 
 
 class SceneRecord(Record, frozen=True):
-    """What a view set was, as far as a reader needs it."""
+    """The facts of a view set that a reader needs."""
 
     name: str
     title: str
@@ -198,17 +200,17 @@ class SceneRecord(Record, frozen=True):
     width: int
     height: int
     views: dict[str, int]
-    """Number of views by split: train, val, test."""
+    """The number of views by split: train, val, test."""
     near: float
     far: float
     bounds: list[list[float]]
     """[[x, y, z], [x, y, z]]: lower and upper corner of the scene's box."""
     psnr_ceiling: float | None
-    """PSNR between the ground truth and a noiseless one, from its own variance."""
+    """The PSNR between the ground truth and a noiseless one, from its own variance."""
     psnr_floor: float | None
-    """PSNR of copying the nearest training view."""
+    """The PSNR of copying the nearest training view."""
     rendered: dict[str, Any]
-    """How: variant, spp, seconds, integrator, versions; empty for a view set from elsewhere."""
+    """How it was rendered: variant, spp, seconds, integrator, versions; empty for a view set from elsewhere."""
     left_out: list[LeftOut]
 
 
@@ -219,25 +221,26 @@ class RunRecord(Record, frozen=True):
     command: str
     scenes: list[SceneRecord]
     methods: dict[str, str]
-    """Method name → what it is, in one line, in table order; others stand against `nerf`, else the first."""
+    """Map method → its title, in the order of tables; others are compared with `nerf`, else with the first."""
     deviations: list[str]
-    """Where what was run departs from the paper's printed text, and why; one sentence each."""
+    """Where the run departs from the paper's printed text, and why; one sentence each."""
     paper: dict[str, Any]
-    """Printed numbers: table2 {scene: {nerf, qnerf}}, table3, table4, table1 {component: weights}."""
+    """The paper's printed numbers: table2 {scene: {nerf, qnerf}}, table3, table4, table1 {component: weights}."""
     seeds: list[int]
     settings: dict[str, Any]
     provenance: dict[str, Any]
     phases: dict[str, float]
-    """Wall seconds by phase: render, train, verify, serve, total; of a run that was gone on with the sums, without what
-    a process that was killed had not yet written."""
+    """The wall seconds by phase: render, train, verify, serve, total. Those of a resumed run are sums, without what a
+    killed process had not yet written.
+    """
     finished: bool
     not_tested: list[str]
-    """What a reader might expect and this run did not do; one sentence each."""
+    """What a reader might expect and this run did not test; one sentence each."""
     schema: int = SCHEMA
 
     @property
     def main_methods(self) -> list[str]:
-        """Methods that were planned on every scene; the others explain a result on one of them."""
+        """Return the methods that were planned on every scene; the others explain a result on one of them."""
         planned = self.settings.get("methods")
         return [name for name in self.methods if not isinstance(planned, list) or name in planned]
 
@@ -255,12 +258,12 @@ def write_cell(out: Path, cell: CellRecord) -> None:
 
 
 def checkpoint_name(scene: str, method: str, seed: int) -> str:
-    """The file of a cell's weights, relative to OUT."""
+    """Return the file of a cell's weights, relative to OUT."""
     return f"checkpoints/{scene}.{method}.{seed}.safetensors"
 
 
 def with_files(out: Path, cell: CellRecord) -> CellRecord:
-    """The record with the digests of what else its cell left: weights and pictures. Raises `OSError`."""
+    """Return the record with the digests of its other files: weights and pictures. Raises `OSError`."""
     names = [checkpoint_name(cell.scene, cell.method, cell.seed)] if cell.status == "done" else []
     names += [f"records/{cell.pictures}"] if cell.pictures else []
     return replace(cell, files={name: file_digest(out / name) for name in names if (out / name).is_file()})
@@ -279,17 +282,17 @@ def read_cell(path: Path) -> CellRecord:
 
 
 def read_cells(out: Path) -> Iterator[CellRecord]:
-    """Every finished cell, in the order of file names."""
+    """Yield every finished cell, in the order of file names."""
     yield from map(read_cell, cell_files(out))
 
 
 def read_cells_of(out: Path, keys: Iterable[tuple[str, str, int]]) -> Iterator[CellRecord]:
-    """Those of `keys` (scene, method, seed) that are finished, whatever else lies beside them."""
+    """Yield the finished cells of `keys` (scene, method, seed)."""
     return (read_cell(path) for key in keys if (path := cell_path(out, *key)).exists())
 
 
 def cell_files(out: Path) -> list[Path]:
-    """Sorted; without hidden ones, which the system of a disk's other users may leave beside each file."""
+    """Return the files of cells, sorted; without hidden ones, which other systems leave on a shared disk."""
     found = (records_folder(out) / "cells").glob("*.json")
     return sorted(path for path in found if not path.name.startswith("."))
 
@@ -313,7 +316,7 @@ def read_comparisons(out: Path) -> list[Comparison]:
 
 
 def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:
-    """A record without a step, a score or a weight, that says why."""
+    """Return a record without a step, a score or a weight that gives the reason."""
     return CellRecord(
         scene=scene,
         method=method,

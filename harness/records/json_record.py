@@ -1,4 +1,4 @@
-"""JSON files that outlive the process: written whole or not at all, read strictly, held to their types."""
+"""JSON files that outlive the process: written atomically, read strictly, held to their types."""
 
 import hashlib
 import json
@@ -15,16 +15,16 @@ from scenes.files.errors import DamagedRecord
 DIGEST = "digest"
 """The last key of a record."""
 LARGEST_FILE = 256 << 20
-"""Bytes of a record that is read."""
+"""The bytes above which no record is read."""
 REMEDY = "delete it and run again with --resume"
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a file of JSON holds, or a part of it: read with exactly these keys and types, or not at all."""
+    """A file of JSON or a part of one: only exactly these keys and types are read."""
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """`value` as a JSON number, or None where it is missing, NaN or infinite."""
+    """Return `value` as a JSON number; None if it is missing, NaN or infinite."""
     if value is None:
         return None
     number = float(value)
@@ -32,7 +32,7 @@ def finite_or_none(value: float | None) -> float | None:
 
 
 def write_record(path: Path, record: Any) -> None:
-    """Writes a `Record` or plain data as `write_json` does, with the digest of everything else as the last key."""
+    """Write a `Record` or plain data as `write_json` does, with the digest of everything else as the last key."""
     data = plain(record)
     if DIGEST in data:
         raise ValueError(f"{path}: {DIGEST!r} is a key of the file itself")
@@ -40,8 +40,9 @@ def write_record(path: Path, record: Any) -> None:
 
 
 def load_record(path: Path) -> dict[str, Any]:
-    """What `write_record` was given, as JSON holds it. Raises `OSError`, and `ValueError` where the file is not an
-    object of JSON or its digest is not that of its content; the message does not name the file."""
+    """Return what `write_record` was given, as plain data. Raises `OSError`, and `ValueError`, which does not name the
+    file, if it is no object of JSON or its digest does not match.
+    """
     data = load_json(path)
     if not isinstance(data, dict):
         raise ValueError(f"holds a {type(data).__name__}, not an object")
@@ -52,7 +53,7 @@ def load_record(path: Path) -> dict[str, Any]:
 
 
 def load_json(path: Path) -> Any:
-    """Strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which does not name the file, for anything
+    """Read strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which does not name the file, for anything
     else, however deeply it is nested and however large it is."""
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):  # a pipe would keep us waiting for ever
@@ -66,14 +67,15 @@ def load_json(path: Path) -> Any:
 
 
 def shown(value: Any) -> str:
-    """A value in a message, which it must not make endless."""
+    """Return a value for a message, cut to a readable length."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
 def digest_of(data: Any) -> str:
-    """SHA-256, hexadecimal, of the keys and values in their order, however they are spaced; raises `ValueError` on NaN
-    or Infinity."""
+    """Return the SHA-256 of keys and values in their order, whatever the spacing; raises `ValueError` on NaN or
+    Infinity.
+    """
     try:
         text = json.dumps(data, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
     except RecursionError as error:
@@ -82,13 +84,13 @@ def digest_of(data: Any) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256, hexadecimal, of a file's bytes; raises `OSError`."""
+    """Return the SHA-256 of a file's bytes; raises `OSError`."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Whole or not at all, also under `kill -9`; raises `ValueError` on NaN or Infinity."""
+    """Write atomically, also under `kill -9`; raises `ValueError` on NaN or Infinity."""
     write_atomically(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))
 
 
@@ -98,7 +100,7 @@ One = TypeVar("One")
 def read_record(
     path: Path, kind: type[One], schema: int | None, formerly: tuple[str, ...] = (), remedy: str = REMEDY
 ) -> One:
-    """The record of a file; keys that were there `formerly` are left out. Raises `DamagedRecord` for anything else."""
+    """Read a record; keys that were there `formerly` are dropped. Raises `DamagedRecord` for anything else."""
     try:
         data = load_record(path)
         if (found := data.get("schema")) != schema:
@@ -110,17 +112,17 @@ def read_record(
 
 
 def plain(record: Any) -> Any:
-    """What `record` holds, in the types of JSON."""
+    """Return the content of `record` in the types of JSON."""
     return msgspec.to_builtins(record, enc_hook=_plain_scalar)
 
 
 def _plain_scalar(value: Any) -> float | str:
-    """Numbers and names of numpy are subclasses of Python's."""
+    """Return a number or name of numpy, which is a subclass of Python's, as Python's own."""
     return float(value) if isinstance(value, float) else str.__str__(value)
 
 
 def as_promised(data: Any, kind: Any) -> Any:
-    """Plain data as what its type says; raises `ValueError` with the first place where it is not."""
+    """Return plain data as `kind`; raises `ValueError` with the first place that is not of its type."""
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
@@ -129,6 +131,6 @@ def as_promised(data: Any, kind: Any) -> Any:
 
 
 def sound(value: One, hint: Any) -> One:
-    """`value`, if it is what `hint` promises; raises `ValueError` with the first place where it is not."""
+    """Return `value` if it is what `hint` promises; raises `ValueError` with the first place that is not."""
     as_promised(plain(value), hint)
     return value

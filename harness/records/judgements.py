@@ -1,4 +1,4 @@
-"""What `python -m harness judge` leaves behind: `judgement.json`.
+"""The record of `python -m harness judge`: `judgement.json`.
 
 This module imports modules of records alone, as reports read it.
 """
@@ -16,16 +16,16 @@ REMEDY = "run `python -m harness judge` again"
 
 
 class Pair(Record, frozen=True):
-    """`method` less `against`, over the scenes that both have."""
+    """The difference `method` − `against` over the scenes that both have."""
 
     method: str
     against: str
     scenes: int
     difference: float | None
     scenes_like_these: Estimate | None
-    """The verdict is this one's; None with fewer than two shared scenes."""
+    """The estimate that the verdict is taken from; None with fewer than two shared scenes."""
     on_these_scenes: Estimate | None
-    """None without seeds."""
+    """The estimate with the error of seeds alone; None without seeds."""
 
     @property
     def verdict(self) -> Literal["better", "worse", "equivalent", "inconclusive"]:
@@ -41,32 +41,32 @@ class Place(Record, frozen=True):
 
     method: str
     mean: float
-    """Over scenes of means over seeds; adjusted for the scenes that it lacks."""
+    """The mean over scenes of means over seeds, adjusted for the scenes that it lacks."""
     scenes: int
     seconds: float | None
     steps: float | None
     groups: list[int]
-    """Numbers of the groups that it is in, from 1; empty against a baseline."""
+    """The numbers of its groups, from 1; empty against a baseline."""
 
 
 class Ranking(Record, frozen=True):
-    """Methods from best to worst, every pair that is judged (the better-placed method first), and what follows."""
+    """The methods from best to worst, and every pair that is judged, the better-placed method first."""
 
     places: list[Place]
     pairs: list[Pair]
     family: int
-    """How many comparisons are looked at together."""
+    """The number of comparisons that are looked at together."""
 
     @property
     def neighbours(self) -> list[Pair]:
-        """The pairs of methods that are next to each other in the order."""
+        """Return the pairs of methods that are next to each other in the order."""
         names = [one.method for one in self.places]
         wanted = {frozenset(two) for two in pairwise(names)}
         return [pair for pair in self.pairs if frozenset((pair.method, pair.against)) in wanted]
 
 
 class Suspect(Record, frozen=True):
-    """A result far from what its method and its scene let one expect."""
+    """A result far from what its method and its scene suggest."""
 
     method: str
     scene: str
@@ -74,37 +74,37 @@ class Suspect(Record, frozen=True):
     value: float
     expected: float
     deviation: float
-    """The residual of a fit by medians in robust standard deviations of its method, scene or table, the largest."""
+    """The largest residual of a fit by medians, in robust standard deviations of its method, scene or table."""
 
 
 class JudgementRecord(Record, frozen=True):
-    """A table of results, judged."""
+    """The judgement of a table of results."""
 
     source: str
     metric: str
     unit: str
     higher_is_better: bool
     margin: float
-    """Smallest effect of interest."""
+    """The smallest effect of interest."""
     baseline: str | None
     scenes: list[str]
     seeds: int
-    """1 where the table has none."""
+    """The number of seeds; 1 if the table has none."""
     results: int
     missing: list[str]
-    """`method, scene` of cells without any result."""
+    """The `method, scene` of cells without any result."""
     notes: list[str]
     suspects: list[Suspect]
     given: Ranking
     without_suspects: Ranking | None
-    """None where nothing is suspect."""
+    """The verdicts without the suspect results; None if nothing is suspect."""
     digests: dict[str, str]
-    """SHA-256 of each file of the table."""
+    """The SHA-256 of each file of the table."""
     schema: int = JUDGEMENT_SCHEMA
 
 
 def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
-    """Pairs of which the verdict is another without the suspect results, and that verdict."""
+    """The pairs whose verdict differs without the suspect results, and that verdict."""
     if record.without_suspects is None:
         return []
     turned = {"better": "worse", "worse": "better"}
@@ -121,7 +121,7 @@ def write_judgement(path: Path, record: JudgementRecord) -> None:
 
 
 def read_judgement(path: Path) -> JudgementRecord:
-    """Raises `DamagedRecord` where the file is not what this version writes."""
+    """Read the record; raises `DamagedRecord` if the file is not what this version writes."""
     record = read_record(path, JudgementRecord, JUDGEMENT_SCHEMA, remedy=REMEDY)
     if not record.given.places:
         raise DamagedRecord(f"{path}: it has no method; {REMEDY}")

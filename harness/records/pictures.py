@@ -1,6 +1,6 @@
-"""The test views that a run keeps: what each cell rendered along its training, and the truth of the same views.
+"""The test views that a run saves: the renders of each cell along its training, and their truth.
 
-A file of them is tensors and a listing of what they are, sealed by a digest of all of it.
+A file holds tensors and a listing of them, sealed by a digest of both.
 """
 
 import errno
@@ -25,15 +25,16 @@ Tensors = dict[str, NDArray[Any]]
 
 
 def sealed(key: str, listing: dict[str, Any], tensors: Tensors) -> bytes:
-    """The file's bytes; `key` is the one of the metadata (several would be written in any order). Raises `ValueError`
-    where `listing` holds NaN or Infinity."""
+    """Return the file's bytes; `key` is the only one of the metadata, as several would be written in any order. Raises
+    `ValueError` if `listing` holds NaN or Infinity.
+    """
     text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
     # safetensors writes memory as it lies there, whatever the strides
     return save({name: np.asarray(one, order="C") for name, one in tensors.items()}, {key: text})
 
 
 def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
-    """What `sealed` was given; raises `ValueError` for anything else."""
+    """Return what `sealed` was given; raises `ValueError` for anything else."""
     try:
         tensors = load(data)  # checks the header's bounds
         header = msgspec.json.decode(data[8 : 8 + int.from_bytes(data[:8], "little")])
@@ -47,7 +48,7 @@ def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
 
 
 def digest_of(listing: dict[str, Any], tensors: Tensors) -> str:
-    """64 hexadecimal digits."""
+    """Return 64 hexadecimal digits of listing and tensors."""
     found = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
     for name, tensor in sorted(tensors.items()):
         found.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
@@ -61,9 +62,9 @@ SCHEMA = 1
 LARGEST_BYTES = 512 * 1024 * 1024
 """A larger file is neither written nor read."""
 HEADER_BYTES = 1024 * 1024
-"""Of those are kept for the header."""
+"""The part of them that is reserved for the header."""
 LARGEST_HALF = 65504.0
-"""Of float16: what is brighter is clipped to it."""
+"""The largest float16, to which brighter values are clipped."""
 LISTING = "pictures"
 """The key of the listing in the header's metadata."""
 REMEDY = "run again with --resume"
@@ -73,7 +74,7 @@ Half = NDArray[np.float16]
 
 @dataclass(frozen=True)
 class Truth:
-    """A kept view of the ground truth."""
+    """A saved view of the ground truth."""
 
     view: str
     display: Half
@@ -88,7 +89,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Render:
-    """A kept view as a cell rendered it at a checkpoint."""
+    """A saved view as a cell rendered it at a checkpoint."""
 
     view: str
     step: int
@@ -102,7 +103,7 @@ class Render:
 
 TRUTH = {"display": 3, "opacity": None, "linear": 3, "depth": None}
 RENDER = {"colour": 3, "opacity": None, "depth": None}
-"""Tensor → its channels, None where it is [h, w]."""
+"""Map tensor → its channels; None stands for [h, w]."""
 
 
 class ListedPicture(Record, frozen=True, kw_only=True):
@@ -114,7 +115,7 @@ class ListedPicture(Record, frozen=True, kw_only=True):
 
 
 class PicturesListing(Record, frozen=True):
-    """What a file of pictures says of its tensors."""
+    """The listing of the tensors of a file."""
 
     schema: int
     kind: str
@@ -122,49 +123,50 @@ class PicturesListing(Record, frozen=True):
 
 
 def half(values: np.ndarray) -> Half:
-    """As float16, clipped to what that holds. Raises `ValueError` where a value is NaN."""
+    """Return values as float16, clipped to its range. Raises `ValueError` if one is NaN."""
     if np.isnan(values).any():
         raise ValueError("a picture holds NaN")
     return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
 
 
 def cell_pictures(scene: str, method: str, seed: int) -> str:
-    """Path relative to `OUT/records`, which is also what the cell's record holds."""
+    """Return the path relative to `OUT/records`, as the cell's record holds it."""
     return f"pictures/{scene}.{method}.{seed}.safetensors"
 
 
 def truth_pictures(scene: str) -> str:
-    """Path relative to `OUT/records`."""
+    """Return the path relative to `OUT/records`."""
     return f"pictures/{scene}.safetensors"
 
 
 def write_truth(path: Path, views: list[Truth]) -> None:
-    """Nothing is written where the file holds just that already. Raises `OSError` naming the file."""
+    """Write the truth, unless the file holds just that already. Raises `OSError` naming the file."""
     parts = [[name for name in TRUTH if getattr(one, name) is not None] for one in views]
     rows = [ListedPicture(view=one.view, parts=names) for one, names in zip(views, parts, strict=True)]
     _write(path, "truth", rows, views)
 
 
 def write_renders(path: Path, renders: list[Render]) -> None:
-    """As `write_truth`."""
+    """Write renders as `write_truth` does."""
     rows = [ListedPicture(view=one.view, step=one.step, parts=list(RENDER)) for one in renders]
     _write(path, "renders", rows, renders)
 
 
 def read_truth(path: Path) -> list[Truth]:
-    """Raises `DamagedRecord`, naming the file, the reason and the remedy, for anything that `write_truth` does not
-    write."""
+    """Read the truth; raises `DamagedRecord`, naming file, reason and remedy, for anything that `write_truth` does not
+    write.
+    """
     return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
 
 
 def read_renders(path: Path) -> list[Render]:
-    """In the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
+    """Read renders in the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
     rows = _read(path, "renders", RENDER, set(RENDER))
     return [Render(row.view, row.step, **parts) for row, parts in rows if row.step is not UNSET]
 
 
 def last_of(renders: list[Render]) -> list[Render]:
-    """The renders of the last checkpoint."""
+    """Return the renders of the last checkpoint."""
     step = max((one.step for one in renders), default=0)
     return [one for one in renders if one.step == step]
 
@@ -211,7 +213,7 @@ def _read(
 def _parts(
     place: int, row: ListedPicture, tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
 ) -> dict[str, Half]:
-    """The tensors of one picture, all of one size."""
+    """Return the tensors of one picture, all of one size."""
     if (row.step is UNSET) is (channels is RENDER):
         raise ValueError("a checkpoint without a step, or a truth with one")
     if not needed <= set(row.parts) <= set(channels):

@@ -1,4 +1,4 @@
-"""A cell in the middle of its training, as a file: OUT/unfinished/<scene>.<method>.<seed>.safetensors."""
+"""The snapshot of a cell in the middle of its training: OUT/unfinished/<scene>.<method>.<seed>.safetensors."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from harness.records.pictures import Tensors, sealed, unsealed
 from scenes.files.atomic import write_atomically
 
 FOLDER = "unfinished"
-"""Under OUT."""
+"""The folder of snapshots in OUT."""
 ENDED = ("done", "diverged")
-"""Of such a cell nothing is kept here; one with an error is tried again from where it was."""
+"""The states without a snapshot; a cell with an error resumes from its own."""
 SCHEMA = 1
 LISTING = "unfinished"
 LARGEST_BYTES = 4 << 30
@@ -22,13 +22,13 @@ LARGEST_BYTES = 4 << 30
 
 @dataclass(frozen=True)
 class Unfinished:
-    """Where a cell stood."""
+    """The state of a cell."""
 
     listing: dict[str, Any]
     tensors: Tensors
 
     def under(self, prefix: str) -> Tensors:
-        """The tensors whose names begin with `prefix` and a dot, without these."""
+        """Return the tensors whose names begin with `prefix` and a dot, without these."""
         return {
             name.removeprefix(f"{prefix}."): one for name, one in self.tensors.items() if name.startswith(f"{prefix}.")
         }
@@ -39,12 +39,12 @@ def unfinished_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 
 def write_unfinished(path: Path, cell: Unfinished) -> None:
-    """Whole or not at all. Raises `OSError`, naming the file."""
+    """Write atomically. Raises `OSError`, naming the file."""
     write_atomically(path, sealed(LISTING, {"schema": SCHEMA, **cell.listing}, cell.tensors))
 
 
 def read_unfinished(path: Path) -> Unfinished:
-    """Raises `DamagedRecord` for anything that `write_unfinished` does not write."""
+    """Read a snapshot; raises `DamagedRecord` for anything that `write_unfinished` does not write."""
     try:
         if not path.is_file():
             raise ValueError("is no file")
@@ -60,12 +60,12 @@ def read_unfinished(path: Path) -> Unfinished:
 
 
 def drop_ended(out: Path, cell: CellRecord) -> None:
-    """What is kept of a cell whose record is written."""
+    """Remove the snapshot of a cell whose record is written."""
     if cell.status in ENDED:
         unfinished_path(out, cell.scene, cell.method, cell.seed).unlink(missing_ok=True)
 
 
 def drop_folder(out: Path) -> None:
-    """Once nothing is kept any more."""
+    """Remove the folder if it is empty."""
     with suppress(OSError):
         (out / FOLDER).rmdir()

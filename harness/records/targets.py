@@ -14,39 +14,39 @@ TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
 
 Axis = Literal["steps", "seconds"]
-"""Training steps done, or training seconds of the run's own clock."""
+"""The axis of time: training steps, or training seconds of the run's own clock."""
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 
 class Reach(Record, frozen=True):
-    """When one run first reached the target, as far as that is known. Every run has one for each axis."""
+    """The time at which one run first reached the target, as far as it is known; one for each axis."""
 
     scene: str
     method: str
     seed: int
     axis: Axis
     time: float
-    """Of the first reaching. `never`: how long the run was watched. `earlier`: its first checkpoint."""
+    """The time of reaching; for `never` that of the last look, for `earlier` that of the first checkpoint."""
     known: Literal["reached", "never", "earlier"]
     """never     not reached until the run's end, or the run diverged or failed: censored, the true time is longer
     earlier   reached by the first checkpoint already: the true time is `time` or less"""
     why: str = ""
-    """Of `never`: ended below the target, diverged, or failed."""
+    """The reason of `never`: ended below the target, diverged, or failed."""
 
 
 class ReachCurve(Record, frozen=True):
-    """Kaplan–Meier: the share of a method's runs that have reached the target by a time. A step function."""
+    """The Kaplan–Meier step function: the share of a method's runs that have reached the target by a time."""
 
     method: str
     scene: str
     """A scene's name, or `all`."""
     axis: Axis
     time: list[float]
-    """Rising; the share holds from here to the next one. Before the first it is 0; the last is where the curve ends."""
+    """Rising times: a share holds until the next one. Before the first it is 0; the last ends the curve."""
     share: list[float]
-    """0 … 1, equally long."""
+    """The shares, 0 … 1, one for each time."""
     at_risk: list[int]
-    """Runs that were watched and below the target just before each time, equally long."""
+    """The number of runs that were watched and below the target just before each time."""
 
 
 class TargetComparison(Record, frozen=True):
@@ -62,49 +62,52 @@ class TargetComparison(Record, frozen=True):
     against: str
     axis: Axis
     horizon: float
-    """The common end of watching: the shortest that a finished run of the two methods was watched on the scene. Of
-    `all` the shortest of the scenes', which each keep their own."""
+    """The common end of watching: the shortest time that a finished run of the two methods was watched on the scene;
+    for `all` the shortest of the scenes', which each keep their own.
+    """
     saving: float | None
-    """Per cent of `against`'s restricted time, from the mean of the logarithms of the ratios; below 0 where `method`
-    needs more. None where no pair tells anything."""
+    """The saving in per cent of `against`'s restricted time, from the mean of the logarithms of the ratios; negative if
+    `method` needs more, None if no pair is informative.
+    """
     interval: tuple[float, float] | None
     """95 %, of this comparison alone, in per cent; None where times agree so that it would have no width. As all that
     has the name of a part of `Estimate`: of scenes like these where several were tried."""
     simultaneous: tuple[float, float] | None
-    """The one that the verdict is taken from: as many are looked at together as `family` says."""
+    """The interval that the verdict is taken from, for `family` comparisons together."""
     family: int
     verdict: Verdict
-    """better: sooner."""
+    """The verdict; better means sooner."""
     smallest_detectable: float | None
     """The true saving in per cent that such a sample would find in 80 % of repetitions."""
     difference: float | None
-    """Of the mean restricted times, `method` − `against`, in steps or seconds."""
+    """The difference of the mean restricted times, `method` − `against`, in steps or seconds."""
     difference_interval: tuple[float, float] | None
-    """95 %, of this comparison alone."""
+    """The 95 % interval of this comparison alone."""
     pairs: int
     never: tuple[int, int]
-    """Runs among the pairs that had not reached it by the horizon: of `method`, of `against`."""
+    """The paired runs of `method` and of `against` that had not reached it by the horizon."""
     earlier: tuple[int, int]
-    """Runs among the pairs that had reached it by their first checkpoint: of `method`, of `against`."""
+    """The paired runs of `method` and of `against` that had reached it by their first checkpoint."""
     unpaired: int
-    """Pairs of which a run does not exist, or failed for reasons that are not its method's."""
+    """The pairs of which a run does not exist, or failed for reasons that are not its method's."""
     at_least: float | None
-    """Per cent that `method` saves of the time to the target itself, or more, with 97.5 % confidence. None where a time
-    of the two that was not seen whole may have made it less."""
+    """The least per cent of the time to the target that `method` saves, with 97.5 % confidence; None if a censored time
+    of the two may have made it less.
+    """
     at_most: float | None
     on_these_scenes: Estimate | None
-    """In per cent, with error from seeds alone."""
+    """The saving in per cent, with the error of seeds alone."""
     scenes_like_these: Estimate | None
-    """None for a single scene."""
+    """The saving for which scenes are drawn too; None for a single scene."""
 
 
 class TargetsRecord(Record, frozen=True):
-    """The target, when everybody reached it, and who was sooner."""
+    """The target, the times at which every run reached it, and their comparisons."""
 
     target: float | None
-    """dB of mean test PSNR; None where no run of the baseline finished."""
+    """The target in dB of mean test PSNR; None if no run of the baseline finished."""
     printed: bool
-    """Whether it is the paper's."""
+    """Whether the target is the paper's."""
     baseline: str
     """The method from whose runs alone the target was chosen."""
     declared: str
@@ -121,11 +124,13 @@ class TargetsRecord(Record, frozen=True):
 
 
 def write_targets(out: Path, record: TargetsRecord) -> None:
-    """Raises `ValueError` where a figure is not finite."""
+    """Write the record; raises `ValueError` if a figure is not finite."""
     write_record(records_folder(out) / TARGETS_FILE, record)
 
 
 def read_targets(out: Path) -> TargetsRecord | None:
-    """None for a run recorded before there was one. Raises `DamagedRecord` for what this version does not write."""
+    """Read the record; None for an older run without one. Raises `DamagedRecord` for anything that this version does not
+    write.
+    """
     path = records_folder(out) / TARGETS_FILE
     return read_record(path, TargetsRecord, TARGETS_SCHEMA) if path.exists() else None
