@@ -53,8 +53,9 @@ def load_record(path: Path) -> dict[str, Any]:
 
 
 def load_json(path: Path) -> Any:
-    """Read strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which does not name the file, for anything
-    else, however deeply it is nested and however large it is."""
+    """Read strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which names no file, for anything
+    else, however deeply it is nested and however large it is.
+    """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):  # a pipe would keep us waiting for ever
         raise ValueError("is no file")

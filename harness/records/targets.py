@@ -129,8 +129,6 @@ def write_targets(out: Path, record: TargetsRecord) -> None:
 
 
 def read_targets(out: Path) -> TargetsRecord | None:
-    """Read the record; None for an older run without one. Raises `DamagedRecord` for anything that this version does not
-    write.
-    """
+    """Read the record; None for an older run. Raises `DamagedRecord` for anything that this version does not write."""
     path = records_folder(out) / TARGETS_FILE
     return read_record(path, TargetsRecord, TARGETS_SCHEMA) if path.exists() else None
