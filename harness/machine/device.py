@@ -88,7 +88,16 @@ def multiplies_bfloat16(device: torch.device) -> bool:
 
 def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
     """Return whether the processor multiplies bfloat16 matrices in tiles."""
-    return cpuinfo.exists() and "amx_bf16" in cpuinfo.read_text(encoding="utf-8")
+    return "amx_bf16" in processor_flags(cpuinfo)
+
+
+def processor_flags(cpuinfo: Path = Path("/proc/cpuinfo")) -> set[str]:
+    """Return the instruction sets of the processor by the names of the system; an empty set if it lists none."""
+    try:
+        lines = cpuinfo.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return set()
+    return {flag for line in lines if line.startswith(("flags", "Features")) for flag in line.split(":", 1)[1].split()}
 
 
 NVIDIA = ("CUDA_VISIBLE_DEVICES",)
@@ -114,9 +123,5 @@ def gpu_masks(workers: int, device: str) -> list[dict[str, str]]:
     """Return the result of `only_gpu` for each worker; asks torch if cells run on a GPU."""
     if device != "cuda":
         return [{}] * workers
-    import os
-
-    import torch
-
     count = torch.cuda.device_count()
     return [only_gpu(number, count, bool(torch.version.hip), os.environ) for number in range(workers)]

@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
+from harness.machine.cores import quota_cores
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
 Verdict = Literal["ok", "limited", "missing"]
@@ -48,11 +49,10 @@ def core_findings() -> list[Finding]:
     """Report the smallest of the machine's cores, those the process may run on, and those its container pays for."""
     machine = os.cpu_count() or 1
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else machine
-    quota = cpu_quota()
-    said = f"{allowed} of {machine} allowed" + (f", a quota of {quota:g}" if quota is not None else "")
+    quota = quota_cores()
+    said = f"{allowed} of {machine} allowed" + (f", a quota of {quota}" if quota is not None else "")
     if quota is not None and quota < allowed:
-        workers = max(1, math.floor(quota))
-        return [Finding("cores", said, "limited", f"workers would wait for each other: --workers {workers}")]
+        return [Finding("cores", said, "limited", f"workers would wait for each other: --workers {quota}")]
     if allowed < 2:
         return [Finding("cores", said, "limited", "one cell at a time; a default run takes twice as long as with 2")]
     return [Finding("cores", said)]
@@ -83,21 +83,6 @@ def disk_findings(out: Path = Path("out")) -> list[Finding]:
     if free < ROOMY_GB:
         return [Finding("disk at out/", said, "limited", "enough for a default run; make room for larger pictures")]
     return [Finding("disk at out/", said)]
-
-
-def cpu_quota(root: Path = CGROUP) -> float | None:
-    """Return the cores that the container pays for; None without such a limit."""
-    try:
-        allowed, period = (root / "cpu.max").read_text(encoding="utf-8").split()[:2]
-        return None if allowed == "max" else int(allowed) / int(period)
-    except (OSError, ValueError, ZeroDivisionError):
-        pass
-    try:
-        microseconds = int((root / "cpu" / "cpu.cfs_quota_us").read_text(encoding="utf-8"))
-        period_1 = int((root / "cpu" / "cpu.cfs_period_us").read_text(encoding="utf-8"))
-        return microseconds / period_1 if microseconds > 0 else None
-    except (OSError, ValueError, ZeroDivisionError):
-        return None
 
 
 def memory_bytes(root: Path = CGROUP, meminfo: Path = Path("/proc/meminfo")) -> int | None:
@@ -232,7 +217,7 @@ def product_findings() -> list[Finding]:
     """Report AMX, AVX-512 and what torch makes of them."""
     import torch
 
-    from harness.machine.device import multiplies_bfloat16
+    from harness.machine.device import multiplies_bfloat16, processor_flags
 
     flags = processor_flags()
     here = " ".join(name for name in FLAGS if name in flags) or "none of " + " ".join(FLAGS)
@@ -241,14 +226,6 @@ def product_findings() -> list[Finding]:
         return [Finding("processor's products", f"{said}; bfloat16")]
     to_do = "nothing: --precision auto takes float32; with AMX a run is faster"
     return [Finding("processor's products", f"{said}; no matrix units for bfloat16", "limited", to_do)]
-
-
-def processor_flags(cpuinfo: Path = Path("/proc/cpuinfo")) -> set[str]:
-    try:
-        lines = cpuinfo.read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return set()
-    return {flag for line in lines if line.startswith(("flags", "Features")) for flag in line.split(":", 1)[1].split()}
 
 
 INSTALL_LLVM = f"install the shared library of LLVM {OLDEST_LLVM} or newer (Debian: apt install libllvm19), or name it "
