@@ -22,10 +22,8 @@ from harness.studies.stability.rays.reference_cases import (
     closed_form,
     differentiating_variant,
     errors,
-    field_of,
     layered,
     random_grids,
-    rays_of,
     rendered,
     z_scores,
 )
@@ -44,8 +42,7 @@ def llvm() -> Variant:
 
 def ours(tau: float, denser: float = 1.0, lighter: float = 1.0) -> np.ndarray:
     sigma, colour = random_grids(tau)
-    field = field_of(denser * sigma, lighter * colour)
-    return rendered(field, rays_of(ORIGIN[None], DIRECTION[None]), 4096).colour[0].numpy()
+    return rendered(denser * sigma, lighter * colour, 4096).colour[0].numpy()
 
 
 @pytest.mark.parametrize("tau", [0.03, 5.0])
@@ -127,8 +124,8 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_cases, "llvm_libraries", list)
-    situation = StabilityContext(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
-    outcomes = [one for one in reference_cases.independent(situation) if isinstance(one, Check)]
+    context = StabilityContext(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
+    outcomes = [one for one in reference_cases.independent(context) if isinstance(one, Check)]
     missing = [one for one in outcomes if one.status == "not_available"]
     assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}
     assert {one.subject for one in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}

@@ -1,28 +1,25 @@
 """The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from harness.execution.progress import Progress
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.provenance import provenance
-from harness.plan.profiles import Machine, Plan, planned
-from harness.records.study import PICTURES_FOLDER, Check, Owner, Picture, Series, Table
+from harness.plan.profiles import Plan, planned
+from harness.records.study import PICTURES_FOLDER, Check, Owner, Status
 from harness.studies import framework
 from harness.studies.stability.cases import SHELF
-
-Finding = Check | Series | Table | Picture
-
-Measure = Callable[["StabilityContext"], Iterator[Finding]]
 
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
 
 PRINTED = ("listing2", "equation4")
 """The amplifiers as the paper has them; others are ours, and must pass."""
+
+Rows = list[list[str | float | None]]
+"""The rows of a table."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +52,6 @@ class StabilityContext:
         views = replace(plan.views, resolution=16, train=6, val=0, test=2, spp_train=4, spp_test=4)
         return replace(plan, budget=replace(plan.budget, steps=4), views=views)
 
-    def trained(self, plan: Plan, folder: Path) -> Path:
-        """Return `folder` with the records of that plan; cells that are there already are not trained again."""
-        from harness.execution import run as execution
-
-        execution.run(plan, folder, self.view_sets, Machine("cpu", self.workers, 1), "nox -s stability", self.show)
-        return folder
-
 
 def whose(method: str) -> Owner:
     """Return the owner: a method with a part that is taken from the paper's listings as printed is the paper's."""
@@ -70,6 +60,10 @@ def whose(method: str) -> Owner:
     parts = CATALOG[method].parts
     printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
     return "paper" if printed else "ours"
+
+
+def not_judged(subject: str, why: str, status: Status = "not_applicable", owner: Owner = "ours") -> Check:
+    return Check("", None, why=why, subject=subject, owner=owner, status=status)
 
 
 def run(
@@ -83,7 +77,7 @@ def run(
     workers = available_cores()
     use_threads(workers)
     keep_freed_memory()
-    settings: dict[str, Any] = {"methods": list(methods), "quick": quick, "precision": "float32"}
+    settings = {"methods": list(methods), "quick": quick, "precision": "float32"}
 
     def context(scratch: Path, missing: tuple[str, ...]) -> StabilityContext:
         return StabilityContext(methods, out, view_sets, scratch, workers, quick, show, missing)

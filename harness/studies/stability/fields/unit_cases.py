@@ -1,10 +1,9 @@
 """A2, C2, S8: does a pixel depend on the others of its chunk, or on the unit of length?"""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -16,16 +15,17 @@ from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Picture, Series, Table, check
+from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import (
     CPU,
     PROBES,
     new_trainer,
-    not_made_of_parts,
     setup,
     train,
     trained,
+    with_parts,
 )
-from harness.studies.stability.stability_context import Finding, StabilityContext, whose
+from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from harness.training import evaluate, metrics
 from harness.training.batches import Batches, Cameras
 from harness.training.evaluate import cameras_of, quick_scores, render_split
@@ -39,77 +39,71 @@ BAR = 2e-6
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
 PICTURED = {"nerf": "no amplifier", "qnerf": "Listing 2", "qnerf_theorem": "Eq. 4"}
-MAGNIFIED = 4
-
-
-def chunks(situation: StabilityContext) -> Iterator[Finding]:
-    """A2: every method of this run, trained, then evaluated on the same view in many ways."""
-    rows: list[list[str | float | None]] = []
-    for method in situation.methods:
-        if reason := not_made_of_parts(method):
-            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
-            continue
-        trainer = trained(situation, method).trainer
-        found = differences(situation, trainer)
-        rows.append([method, *found.values()])
-        yield _outcome(method, whose(method), found)
-        if not trainer.field.pointwise:
-            cured = differences(situation, with_mean_held(trainer), with_reload=False)
-            rows.append([f"{method}, mean held", *cured.values(), None])
-            yield _outcome(f"{method}, mean held", "ours", cured)
-    yield Table(
-        "calls", 4, f"The same pixels in other company: largest difference of a colour ({OTHER_POINTS}: of an opacity)",
-        ["subject", *WAYS], rows,
-    )  # fmt: skip
-    for method, reading in PICTURED.items():
-        if method in situation.methods:
-            yield _picture(situation, method, reading)
-
-
-def _outcome(subject: str, theirs: Owner, found: dict[str, float]) -> Check:
-    worst = max(found, key=lambda way: found[way] if math.isfinite(found[way]) else math.inf)
-    what = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
-    return check(
-        f"largest difference of {what} in other company",
-        found[worst],
-        high=BAR,
-        why=f"worst: {worst}",
-        subject=subject,
-        owner=theirs,
-    )
-
-
 OTHER_POINTS = "other points"
 """The only way in which an opacity is compared, and no colour."""
 WAYS = ("calls of 1", "calls of 16", "calls of 256", "shuffled", "padded", OTHER_POINTS, "training mode", "reloaded")
 
 
-def differences(situation: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
+def chunks(context: StabilityContext) -> Iterator[Found]:
+    """A2: every method of this run, trained, then evaluated on the same view in many ways."""
+    rows: Rows = []
+    methods, others = with_parts(context)
+    for method in methods:
+        trainer = trained(context, method).trainer
+        apart = differences(context, trainer)
+        rows.append([method, *apart.values()])
+        yield _outcome(method, whose(method), apart)
+        if not trainer.field.pointwise:
+            subject = f"{method}, mean held"
+            cured = differences(context, with_mean_held(trainer), with_reload=False)
+            rows.append([subject, *cured.values(), None])
+            yield _outcome(subject, "ours", cured)
+    yield from others
+    title = f"The same pixels in other company: largest difference of a colour ({OTHER_POINTS}: of an opacity)"
+    yield Table("calls", 4, title, ["subject", *WAYS], rows)
+    for method, reading in PICTURED.items():
+        if method in context.methods:
+            yield _picture(context, method, reading)
+
+
+def _largest(apart: dict[str, float]) -> str:
+    return max(apart, key=lambda name: apart[name] if math.isfinite(apart[name]) else math.inf)
+
+
+def _outcome(subject: str, owner: Owner, apart: dict[str, float]) -> Check:
+    worst = _largest(apart)
+    of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
+    what = f"largest difference of {of} in other company"
+    return check(what, apart[worst], high=BAR, why=f"worst: {worst}", subject=subject, owner=owner)
+
+
+def _apart(a: Tensor, b: Tensor) -> float:
+    return float((a - b).abs().max())
+
+
+def differences(context: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
     """Return way → largest difference of a colour to the complete view in one chunk, of an opacity at `OTHER_POINTS`;
     in the order of `WAYS`.
     """
-    rays = setup(situation).test.all_rays(0)
+    rays = setup(context).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
-    few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if situation.quick else 256))
-
-    def apart(colour: Tensor, reference: Tensor) -> float:
-        return float((colour - reference).abs().max())
-
+    few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if context.quick else 256))
+    some = rays.part(few.start, few.stop)
     order = torch.randperm(len(rays), generator=generator_for("stability", "order"))
-    origins, directions = (torch.cat([one[few], one.flip(0)[:300]]) for one in (rays.origins, rays.directions))
+    origins, directions = (torch.cat([values[few], values.flip(0)[:300]]) for values in (rays.origins, rays.directions))
     padded = Rays(origins, directions, rays.near, rays.far)
-    found = {
-        "calls of 1": apart(trainer.render(rays.part(few.start, few.stop), 1).colour, whole[few]),
-        "calls of 16": apart(trainer.render(rays, 16).colour, whole),
-        "calls of 256": apart(trainer.render(rays, 256).colour, whole),
-        "shuffled": apart(trainer.render(rays.chosen(order), 256).colour, whole[order]),
-        "padded": apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
+    apart = {
+        "calls of 1": _apart(trainer.render(some, 1).colour, whole[few]),
+        "calls of 16": _apart(trainer.render(rays, 16).colour, whole),
+        "calls of 256": _apart(trainer.render(rays, 256).colour, whole),
+        "shuffled": _apart(trainer.render(rays.chosen(order), 256).colour, whole[order]),
+        "padded": _apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
         OTHER_POINTS: opacity_in_other_company(trainer),
-        "training mode": recorded_or_not(trainer, rays.part(few.start, few.stop)),
+        "training mode": recorded_or_not(trainer, some),
     }
     if with_reload:
-        found["reloaded"] = apart(reloaded(situation, trainer).render(rays, EVERYTHING).colour, whole)
-    return found
+        apart["reloaded"] = _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole)
+    return apart
 
 
 @torch.no_grad()
@@ -122,7 +116,7 @@ def opacity_in_other_company(trainer: Trainer) -> float:
     densest = torch.topk(sigma, len(x) // 8).indices
     bin_length = float((trainer.box.upper - trainer.box.lower).max()) / trainer.settings.bins
     alone = trainer.field.density(x[densest])
-    return float((torch.exp(-alone * bin_length) - torch.exp(-sigma[densest] * bin_length)).abs().max())
+    return _apart(torch.exp(-alone * bin_length), torch.exp(-sigma[densest] * bin_length))
 
 
 def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
@@ -130,24 +124,24 @@ def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
     sampling = Sampling(trainer.settings.bins, quadrature=trainer.quadrature, clip_to_box=not trainer.whole_rays)
 
     def colour() -> Tensor:
-        return render_rays(
-            trainer.coarse, trainer.fine, rays, trainer.box, sampling, trainer.grid, trainer.background, None
-        ).colour.detach()
+        fields = (trainer.coarse, trainer.fine)
+        rendering = render_rays(*fields, rays, trainer.box, sampling, trainer.grid, trainer.background, None)
+        return rendering.colour.detach()
 
     recorded = colour()
     with torch.no_grad():
-        return float((recorded - colour()).abs().max())
+        return _apart(recorded, colour())
 
 
-def reloaded(situation: StabilityContext, trainer: Trainer) -> Trainer:
+def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
     """Return a new trainer with what a checkpoint keeps: weights and the mask of empty space."""
-    file: Path = situation.scratch / f"reload-{trainer.method}.safetensors"
+    file = context.scratch / f"reload-{trainer.method}.safetensors"
     kept = {name: value.contiguous() for name, value in trainer.fields.state_dict().items()}
     if trainer.grid is not None:
         kept["occupied"] = trainer.grid.occupied
     save_file(kept, file)
     read = load_file(file)
-    fresh = new_trainer(situation, trainer.method, trainer.settings)
+    fresh = new_trainer(context, trainer.method, trainer.settings)
     fresh.step = trainer.step
     if fresh.grid is not None:
         fresh.grid.occupied = read.pop("occupied")
@@ -179,72 +173,54 @@ class MeanHeld(Amplifier):
 def with_mean_held(trainer: Trainer) -> Trainer:
     """Return a copy whose amplifier keeps the mean that evenly spread points of the box have."""
     copy = deepcopy(trainer)
-    for one in copy.fields.children():
-        source = one.amplifier
-        assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the call has none to hold"
-        one.amplifier = MeanHeld(source, source.quantity(one.raw_in_box()).mean())  # type: ignore
+    for field in copy.fields.children():
+        source = field.amplifier
+        assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the chunk has none to hold"
+        field.amplifier = MeanHeld(source, source.quantity(field.raw_in_box()).mean())  # type: ignore
     return copy
 
 
-def _picture(situation: StabilityContext, method: str, reading: str) -> Picture:
-    """Return the test view in one chunk, row by row, and their difference."""
-    trainer, test = trained(situation, method).trainer, setup(situation).test
+def _picture(context: StabilityContext, method: str, reading: str) -> Picture:
+    """Return the test view in one chunk, row by row, and their difference, four times as large."""
+    trainer, test = trained(context, method).trainer, setup(context).test
     rays = test.all_rays(0)
     views = [trainer.render(rays, chunk).colour.reshape(test.height, test.width, 3).numpy()
              for chunk in (EVERYTHING, test.width)]  # fmt: skip
     difference = np.abs(views[0] - views[1])
     largest, rms = float(difference.max()), float(np.sqrt(np.mean(difference**2)))
     factor = 10 ** min(6, max(0, math.floor(-math.log10(max(largest, 1e-12)))))
+    gap = np.ones((test.height, 2, 3), dtype=difference.dtype)
+    joined = np.concatenate([views[0], gap, views[1], gap, difference * factor], axis=1)
     file = f"calls-{method}.png"
-    write_png(situation.picture_file(file), side_by_side([*views, difference * factor], MAGNIFIED))
+    write_png(context.picture_file(file), joined.repeat(4, axis=0).repeat(4, axis=1))
     psnr = metrics.psnr_from_mse(rms**2)
     between = "identical" if math.isinf(psnr) else f"{psnr:.1f} dB between two pictures of the same model"
-    return Picture(
-        4, f"{method}: {reading}",
-        f"One call for the view; one call a row; their difference × {factor}. Largest {largest:.2g}, {between}.",
-        f"stability/{file}",
-    )  # fmt: skip
-
-
-def side_by_side(images: list[np.ndarray], magnified: int, gap: int = 2) -> np.ndarray:
-    """Join pictures of [height, width, 3] each into one with white gaps, each pixel `magnified` times as large."""
-    white = np.ones((images[0].shape[0], gap, 3), dtype=images[0].dtype)
-    parts = [part for image in images for part in (image, white)][:-1]
-    return np.concatenate(parts, axis=1).repeat(magnified, axis=0).repeat(magnified, axis=1)
+    caption = f"One call for the view; one call a row; their difference × {factor}. Largest {largest:.2g}, {between}."
+    return Picture(4, f"{method}: {reading}", caption, f"stability/{file}")
 
 
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
 """Pairs (width, height)."""
 
 
-def odd_sizes(situation: StabilityContext) -> Iterator[Finding]:
+def odd_sizes(context: StabilityContext) -> Iterator[Found]:
     """C2: pictures of odd sizes through the renderer of every run against a loop over rays, and their scores."""
-    for method in situation.methods:
-        if reason := not_made_of_parts(method):
-            yield Check("", None, why=reason, subject=method, owner=whose(method), status="not_applicable")
-            continue
-        found = {f"{width} × {height}": _odd(situation, trained(situation, method).trainer, width, height)
-                 for width, height in (SIZES[:3] if situation.quick else SIZES)}  # fmt: skip
-        worst = max(found, key=lambda size: found[size] if math.isfinite(found[size]) else math.inf)
-        yield check(
-            "largest difference of a colour to a loop over rays",
-            found[worst],
-            high=BAR,
-            why=f"worst at {worst}",
-            subject=method,
-            owner=whose(method),
-        )
-    yield check(
-        "scores of small pictures that are not finite (PSNR, SSIM, linear error)",
-        sum(1 for size in SIZES for score in scores_of(*size) if not math.isfinite(score)),
-        high=0,
-        subject="metrics",
-    )
+    methods, others = with_parts(context)
+    for method in methods:
+        trainer = trained(context, method).trainer
+        sizes = SIZES[:3] if context.quick else SIZES
+        apart = {f"{width} × {height}": _odd(context, trainer, width, height) for width, height in sizes}
+        what, worst = "largest difference of a colour to a loop over rays", _largest(apart)
+        yield check(what, apart[worst], high=BAR, why=f"worst at {worst}", subject=method, owner=whose(method))
+    yield from others
+    what = "scores of small pictures that are not finite (PSNR, SSIM, linear error)"
+    count = sum(not math.isfinite(score) for size in SIZES for score in scores_of(*size))
+    yield check(what, count, high=0, subject="metrics")
 
 
-def _odd(situation: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
+def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
     """Return the difference in chunks of 4 rays, which leave a last, partial one for most of these sizes."""
-    test = setup(situation).test
+    test = setup(context).test
     cameras = Cameras(test.camera_to_world[:1], width, height, 1.6 * max(width, height), test.near, test.far)
     rendered = evaluate.render_view(trainer, cameras, 0, 4).colour
     rays = cameras.all_rays(0)
@@ -258,8 +234,9 @@ def scores_of(width: int, height: int) -> list[float]:
     """
     generator = np.random.default_rng(width * 100 + height)
     first, second = generator.uniform(size=(2, height, width, 3)).astype(np.float32)
-    both: tuple[Callable[[np.ndarray, np.ndarray], float], ...] = (metrics.ssim, metrics.rmse_linear)
-    return [score(a, b) for score in both for a, b in ((first, second), (first, first))] + [metrics.psnr(first, second)]
+    pairs = [(first, second), (first, first)]
+    scores = [score(*pair) for score in (metrics.ssim, metrics.rmse_linear) for pair in pairs]
+    return [*scores, metrics.psnr(first, second)]
 
 
 UNITS = (0.1, 10.0, 25.0)
@@ -279,61 +256,36 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
         poses[:, :3, 3] *= k
         return replace(split, camera_to_world=poses, depth=None)
 
-    return replace(
-        views,
-        near=k * views.near,
-        far=k * views.far,
-        bounds=k * views.bounds,
-        train=moved(views.train),
-        val=moved(views.val),
-        test=moved(views.test),
-    )
+    train, val, test = map(moved, (views.train, views.val, views.test))
+    lengths = {"near": k * views.near, "far": k * views.far, "bounds": k * views.bounds}
+    return replace(views, train=train, val=val, test=test, **lengths)  # type: ignore[arg-type]
 
 
-def psnr_in_unit(situation: StabilityContext, method: str, k: float) -> float:
+def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
     """Return the test PSNR after the usual small training, on views that are rescaled after every other normalisation;
     NaN if a view has none.
     """
-    here = setup(situation)
-    views = rescaled(here.views, k)
-    trainer = new_trainer(situation, method, box=box_of(views, CPU))
-    train(situation, trainer, batches=Batches(cameras_of(views, views.train, CPU), views.train.rgba))
+    views = rescaled(setup(context).views, k)
+    trainer = new_trainer(context, method, box=box_of(views, CPU))
+    train(context, trainer, batches=Batches(cameras_of(views, views.train, CPU), views.train.rgba))
     psnr = quick_scores(render_split(trainer, cameras_of(views, views.test, CPU), 4096), views.test)["psnr"]
     return math.nan if psnr is None else psnr
 
 
-def units_of_length(situation: StabilityContext) -> Iterator[Finding]:
+def units_of_length(context: StabilityContext) -> Iterator[Found]:
     """S8: every method, trained on the same images in five units of length."""
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for method in METHODS:
-        if reason := not_made_of_parts(method):
-            yield Check("", None, why=reason, subject=method, status="not_applicable")
-            continue
-        scores = {k: psnr_in_unit(situation, method, k) for k in (1.0, EXACT, *UNITS)}
-        rows.append([method, *scores.values()])
-        whose: Owner = "paper" if method == "qnerf_printed" else "ours"
-        change = max(abs(scores[k] - scores[1.0]) for k in UNITS)
+        psnr = {k: psnr_in_unit(context, method, k) for k in (1.0, EXACT, *UNITS)}
+        rows.append([method, *psnr.values()])
+        owner: Owner = "paper" if method == "qnerf_printed" else "ours"
         units = ", ".join(f"{k:g}" for k in UNITS)
-        yield check(
-            f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}",
-            change,
-            high=LARGEST_CHANGE_DB,
-            unit="dB",
-            subject=method,
-            owner=whose,
-        )
-        yield check(
-            f"change of test PSNR for k = {EXACT:g}, which rounds nothing",
-            abs(scores[EXACT] - scores[1.0]),
-            high=0.0,
-            unit="dB",
-            subject=method,
-            owner=whose,
-        )
-        ordered = sorted(scores)
-        yield Series(
-            "Test PSNR against the unit of length of the poses", 10, method, "k", "dB",
-            ordered, [scores[k] for k in ordered], log_y=False,
-        )  # fmt: skip
+        what = f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}"
+        change = max(abs(psnr[k] - psnr[1.0]) for k in UNITS)
+        yield check(what, change, high=LARGEST_CHANGE_DB, unit="dB", subject=method, owner=owner)
+        what = f"change of test PSNR for k = {EXACT:g}, which rounds nothing"
+        yield check(what, abs(psnr[EXACT] - psnr[1.0]), high=0.0, unit="dB", subject=method, owner=owner)
+        panel, x = "Test PSNR against the unit of length of the poses", sorted(psnr)
+        yield Series(panel, 10, method, "k", "dB", x, [psnr[k] for k in x], log_y=False)
     columns = ["method", *(f"k = {k:g}" for k in (1.0, EXACT, *UNITS))]
     yield Table("s8-units", 10, "Test PSNR, dB, with every length multiplied by k", columns, rows)

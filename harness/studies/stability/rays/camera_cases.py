@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from torch import Tensor
 
 from baselines.contract import Rays
 from baselines.numerics.bounds import ray_box
-from harness.records.study import check
-from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.records.study import Check, Owner, check
+from harness.studies.framework import Found
+from harness.studies.stability.stability_context import StabilityContext
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
@@ -30,7 +32,15 @@ from scenes.view_sets.viewpoints import (
 
 SIZE = 4
 """The pixels of the pictures that stand for a foreign view set."""
-BACKGROUND_PIXELS = 8
+FOCAL = 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS)
+WAYS_TO_LOOK = {
+    "origin on target": ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1.0]),
+    "up along the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+    "up against the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, -2.0]),
+    "up of no length": ([4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+    "NaN origin": ([math.nan, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+}
+"""The defect → origin, target, up."""
 
 
 def _damaged() -> dict[str, np.ndarray]:
@@ -50,64 +60,54 @@ def _damaged() -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def _ways_to_look() -> dict[str, tuple[list[float], list[float], list[float]]]:
-    """Return the defect → origin, target, up."""
-    return {
-        "origin on target": ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1.0]),
-        "up along the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
-        "up against the view": ([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, -2.0]),
-        "up of no length": ([4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
-        "NaN origin": ([math.nan, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
-    }
-
-
-def _accepted(attempts: dict[str, Callable[[], object]], errors: tuple[type[Exception], ...]) -> list[str]:
-    """Return the names of those that raise none of `errors`."""
+def _accepted(attempts: dict[str, Callable[[], object]], error: type[Exception]) -> list[str]:
+    """Return the names of those that do not raise `error`."""
     through = []
     for what, attempt in attempts.items():
         try:
             attempt()
             through.append(what)
-        except errors:
+        except error:
             pass
     return through
 
 
-def cameras(situation: StabilityContext) -> Iterator[Finding]:
-    """C1: invalid cameras and rays are refused."""
-    yield _refused(situation.scratch)
+def _none_of(what: str, names: list[str], subject: str = "harness", owner: Owner = "ours") -> Check:
+    return check(what, len(names), high=0, why="; ".join(names), subject=subject, owner=owner)
+
+
+def cameras(context: StabilityContext) -> Iterator[Found]:
+    """C1: invalid cameras and rays are refused, and the same view twice is allowed, and reported."""
+    yield _refused(context.scratch)
     yield _rendered_by_mitsuba_alone()
     yield from _slabs()
     yield from _directions()
-    yield _repeated(situation.scratch)
+    poses = all_poses("test")[[0, 50, 0, 100]]
+    views = read_view_set(_foreign(context.scratch / "twice", poses), splits=("train",), scratch=context.scratch)
+    named = ["r_2.png has the camera of train: r_0.png" in line for line in views.repeated_views] == [True]
+    why = "; ".join(views.repeated_views)
+    yield check("the one view that is there twice is reported", float(named), low=1, why=why, subject="harness")
 
 
-def _refused(scratch: Path) -> Finding:
+def _refused(scratch: Path) -> Check:
     """Try every invalid camera in every way in: our own poses, a foreign file, look_at, angles, distances."""
+
+    def read(poses: np.ndarray, fov: float = FOV_X_RADIANS) -> object:
+        return read_transforms(_foreign(scratch, poses, fov), "train")
+
     attempts: dict[str, Callable[[], object]] = {}
     for what, pose in _damaged().items():
-        attempts[f"pose: {what}"] = lambda pose=pose: check_poses(pose[None], ["view"])  # type: ignore[misc]
-        attempts[f"file: {what}"] = lambda pose=pose: _read(scratch, pose[None])  # type: ignore[misc]
-    for what, vectors in _ways_to_look().items():
-        attempts[f"look_at: {what}"] = lambda v=vectors: look_at(*(np.array(x) for x in v))  # type: ignore[misc]
+        attempts[f"pose: {what}"] = partial(check_poses, pose[None], ["view"])
+        attempts[f"file: {what}"] = partial(read, pose[None])
+    for what, vectors in WAYS_TO_LOOK.items():
+        attempts[f"look_at: {what}"] = partial(look_at, *map(np.array, vectors))
     for degrees in (-10.0, 0.0, 180.0, 360.0, math.nan):
         fov = math.radians(degrees)
-        attempts[f"field of view {degrees:g}°"] = lambda fov=fov: check_field_of_view(fov, "the camera")  # type: ignore[misc]
-        attempts[f"file: field of view {degrees:g}°"] = lambda fov=fov: _read(scratch, all_poses("test")[:1], fov)  # type: ignore[misc]
+        attempts[f"field of view {degrees:g}°"] = partial(check_field_of_view, fov, "the camera")
+        attempts[f"file: field of view {degrees:g}°"] = partial(read, all_poses("test")[:1], fov)
     for near, far in ((2.0, 2.0), (6.0, 2.0), (0.0, 6.0), (-1.0, 6.0), (2.0, math.inf), (math.nan, 6.0)):
-        attempts[f"near {near:g}, far {far:g}"] = lambda near=near, far=far: Scene("s", "t", dict, near=near, far=far)  # type: ignore[misc]
-    through = _accepted(attempts, (InputError,))
-    return check(
-        f"cameras of {len(attempts)} that are none and not refused",
-        len(through),
-        high=0,
-        why="; ".join(through),
-        subject="harness",
-    )
-
-
-def _read(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> object:
-    return read_transforms(_foreign(scratch, poses, fov), "train")
+        attempts[f"near {near:g}, far {far:g}"] = partial(Scene, "s", "t", dict, near=near, far=far)
+    return _none_of(f"cameras of {len(attempts)} that are none and not refused", _accepted(attempts, InputError))
 
 
 def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
@@ -119,32 +119,29 @@ def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Pa
         file = folder / f"{name}.png"
         if not file.exists():
             write_png(file, np.full((SIZE, SIZE, 4), 0.5, np.float32))
-    # written by hand where JSON has no word for the number, as other programs do
-    write_transforms(folder / "transforms_train.json", FOV_X_RADIANS if math.isnan(fov) else fov, names, poses)
-    if math.isnan(fov):
-        text = json.loads((folder / "transforms_train.json").read_text(encoding="utf-8"))
-        (folder / "transforms_train.json").write_text(
-            json.dumps({**text, "camera_angle_x": math.nan}), encoding="utf-8"
-        )
+    cameras_file = folder / "transforms_train.json"
+    write_transforms(cameras_file, FOV_X_RADIANS if math.isnan(fov) else fov, names, poses)
+    if math.isnan(fov):  # written by hand where JSON has no word for the number, as other programs do
+        content = {**json.loads(cameras_file.read_text(encoding="utf-8")), "camera_angle_x": math.nan}
+        cameras_file.write_text(json.dumps(content), encoding="utf-8")
     return folder
 
 
-def _rendered_by_mitsuba_alone() -> Finding:
+def _rendered_by_mitsuba_alone() -> Check:
     """Show what happens to the same cameras if nobody checks them first: Mitsuba's own look_at and its renderer."""
     from scenes.rendering.render import use
     from scenes.rendering.variant import Variant
 
     mi = use(Variant("scalar_rgb", None, "nothing but eight pixels"))
     scene = mi.load_dict({"type": "scene", "sky": {"type": "constant"}, "ball": {"type": "sphere", "radius": 1.0}})
+    film = {"type": "hdrfilm", "width": 8, "height": 8, "pixel_format": "rgba"}
     silent = []
     tries: dict[str, Callable[[], object]] = {
-        what: lambda v=vectors: mi.ScalarTransform4f().look_at(*v)  # type: ignore[misc]
-        for what, vectors in _ways_to_look().items()
+        what: partial(mi.ScalarTransform4f().look_at, *vectors) for what, vectors in WAYS_TO_LOOK.items()
     }
-    tries["NaN"] = lambda: mi.ScalarTransform4f(_damaged()["NaN"])
+    tries["NaN"] = partial(mi.ScalarTransform4f, _damaged()["NaN"])
     for what, to_world in tries.items():
         try:
-            film = {"type": "hdrfilm", "width": BACKGROUND_PIXELS, "height": BACKGROUND_PIXELS, "pixel_format": "rgba"}
             sensor = mi.load_dict({"type": "perspective", "to_world": to_world(), "film": film})
             integrator = mi.load_dict({"type": "path", "max_depth": 3, "hide_emitters": True})
             image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=4))
@@ -152,14 +149,8 @@ def _rendered_by_mitsuba_alone() -> Finding:
             continue
         if np.isfinite(image).all() and not image.any():
             silent.append(what)
-    return check(
-        f"cameras of {len(tries)} that are none and give a clean background, without a word",
-        len(silent),
-        high=0,
-        why="; ".join(silent),
-        subject="Mitsuba alone",
-        owner="usual",
-    )
+    what = f"cameras of {len(tries)} that are none and give a clean background, without a word"
+    return _none_of(what, silent, "Mitsuba alone", "usual")
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:
@@ -171,10 +162,8 @@ def _axis_parallel() -> tuple[Tensor, Tensor]:
     for axis in range(3):
         for sign in (1.0, -1.0):
             for zero in (0.0, -0.0):
-                d = torch.full((3,), zero)
-                d[axis] = sign
-                directions.append(d)
-    d = torch.stack(directions)
+                directions.append([sign if i == axis else zero for i in range(3)])
+    d = torch.tensor(directions)
     return places.repeat_interleave(len(d), 0), d.repeat(len(places), 1)
 
 
@@ -201,96 +190,58 @@ def naive_slab(
     return entry, leave, leave > entry
 
 
-def _slabs() -> Iterator[Finding]:
+def _slabs() -> Iterator[Check]:
     o, d = _axis_parallel()
     box, near, far = torch.ones(3), 0.5, 6.0
-    expected = [_exact(one, other, near, far) for one, other in zip(o, d, strict=True)]
-    for subject, whose, slab in (("harness", "ours", ray_box), ("slab test", "usual", naive_slab)):
+    expected = [_exact(*ray, near, far) for ray in zip(o, d, strict=True)]
+    owners: dict[str, Owner] = {"harness": "ours", "slab test": "usual"}
+    for (subject, owner), slab in zip(owners.items(), (ray_box, naive_slab), strict=True):
         entry, leave, hit = slab(o, d, -box, box, near, far)
         wrong = 0
         for truth, a, b, met in zip(expected, entry.tolist(), leave.tolist(), hit.tolist(), strict=True):
             wrong += met != (truth is not None) or (truth is not None and (a, b) != truth)
-        yield check(
-            f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them",
-            wrong,
-            high=0,
-            subject=subject,
-            owner=whose,  # type: ignore[arg-type]
-        )
+        what = f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them"
+        yield check(what, wrong, high=0, subject=subject, owner=owner)
 
 
-def _directions() -> Iterator[Finding]:
+def _directions() -> Iterator[Check]:
     """Yield that directions of cameras are unit even if the camera's matrix is not quite, and that others are
     refused.
     """
     poses = all_poses("train")[:8].copy()
     poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
     check_poses(poses, [str(number) for number in range(len(poses))])
-    focal = 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS)
-    camera = Cameras.of(poses, SIZE, SIZE, focal, 2.0, 6.0)
+    camera = Cameras.of(poses, SIZE, SIZE, FOCAL, 2.0, 6.0)
     off = max(float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera)))
     yield check("largest deviation of a direction's length from 1", off, high=5e-7, subject="harness")
-    d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
     attempts: dict[str, Callable[[], object]] = {}
     for length in (0.0, 0.5, 0.99, 1.01, 2.0, math.nan, math.inf):
-        bent = d.clone()
-        bent[1] *= length
-        attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), bent, 2.0, 6.0).require_finite
-    through = _accepted(attempts, (ValueError,))
-    yield check(
-        "rays whose direction is not unit and that are not refused",
-        len(through),
-        high=0,
-        why="; ".join(through),
-        subject="harness",
-    )
-    tolerated = _spread([_through_a_cube(*_middle_ray(scale)) for scale in (0.9996, 1.0, 1.0004)])
-    yield check(
-        "change of a ray's opacity with the scale of its camera's matrix, as far as that is let through",
-        tolerated,
-        high=1e-6,
-        subject="harness",
-    )
-    along = torch.tensor([[-4.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]])
-    unchecked = _spread([_through_a_cube(along[0], length * along[1]) for length in (0.5, 1.0, 2.0)])
-    yield check(
-        "change of a ray's opacity with the length of its direction, 0.5 to 2",
-        unchecked,
-        high=1e-6,
-        subject="no check of d",
-        owner="usual",
-    )
+        d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
+        d[1] *= length
+        attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), d, 2.0, 6.0).require_finite
+    yield _none_of("rays whose direction is not unit and that are not refused", _accepted(attempts, ValueError))
+    tolerated = _spread_of_opacity(_middle_ray(scale) for scale in (0.9996, 1.0, 1.0004))
+    what = "change of a ray's opacity with the scale of its camera's matrix, as far as that is let through"
+    yield check(what, tolerated, high=1e-6, subject="harness")
+    o, d = torch.tensor([[-4.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]])
+    unchecked = _spread_of_opacity((o, length * d) for length in (0.5, 1.0, 2.0))
+    what = "change of a ray's opacity with the length of its direction, 0.5 to 2"
+    yield check(what, unchecked, high=1e-6, subject="no check of d", owner="usual")
 
 
 def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
     """Return origin and direction [1, 3] of a ray near the middle of a view whose camera matrix is scaled."""
     pose = all_poses("test")[:1].copy()
     pose[:, :3, :3] *= scale
-    rays = Cameras.of(pose, SIZE, SIZE, 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS), 2.0, 6.0).all_rays(0)
+    rays = Cameras.of(pose, SIZE, SIZE, FOCAL, 2.0, 6.0).all_rays(0)
     middle = SIZE * SIZE // 2 + SIZE // 2
     return rays.origins[middle : middle + 1], rays.directions[middle : middle + 1]
 
 
-def _through_a_cube(o: Tensor, d: Tensor) -> float:
-    """Return the opacity of a cube of density 0.5, ±1, along one ray, distances taken for scene units."""
-    entry, leave, _ = ray_box(o, d, -torch.ones(3), torch.ones(3), 0.0, 100.0)
-    return -math.expm1(-0.5 * float(leave - entry))
-
-
-def _spread(values: list[float]) -> float:
-    return max(values) - min(values)
-
-
-def _repeated(scratch: Path) -> Finding:
-    """Check that the same view twice is allowed, and reported."""
-    poses = all_poses("test")[[0, 50, 0, 100]]
-    views = read_view_set(_foreign(scratch / "twice", poses), splits=("train",), scratch=scratch)
-    said = [line for line in views.repeated_views if "r_2.png has the camera of train: r_0.png" in line]
-    found = float(len(said) == 1 and len(views.repeated_views) == 1)
-    return check(
-        "the one view that is there twice is reported",
-        found,
-        low=1,
-        why="; ".join(views.repeated_views),
-        subject="harness",
-    )
+def _spread_of_opacity(rays: Iterable[tuple[Tensor, Tensor]]) -> float:
+    """Return how far rays through a cube of density 0.5, ±1, differ, distances taken for scene units."""
+    opacities = []
+    for o, d in rays:
+        entry, leave, _ = ray_box(o, d, -torch.ones(3), torch.ones(3), 0.0, 100.0)
+        opacities.append(-math.expm1(-0.5 * float(leave - entry)))
+    return max(opacities) - min(opacities)

@@ -15,16 +15,18 @@ from torch import Tensor
 from baselines.numerics.encoding import PHI, REACH, checked_positions, encode, fourier_features, frequency_ladder
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
-from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.studies.framework import Found
+from harness.studies.stability.stability_context import Rows, StabilityContext
 
 DIGITS = 60
-BARS = {("2^k", 10): 1.2e-4, ("φ^k", 10): 2.5e-5, ("2^k", 14): 1.9e-3, ("φ^k", 14): 1.6e-4}
-"""(ladder, bands) → largest error in float32; measured 1.0e-4, 2.2e-5, 1.7e-3, 1.1e-4."""
+BARS = {("2^k", 10): 1.2e-4, ("2^k", 14): 1.9e-3, ("φ^k", 10): 2.5e-5, ("φ^k", 14): 1.6e-4}
+"""(ladder, bands) → largest error in float32; measured 1.0e-4, 1.7e-3, 2.2e-5, 1.1e-4."""
 SINE_BARS = {**BARS, ("φ^k", 10): 1.2e-5}
 """The bars of a sine of its own for each band. At ten bands of φ ours follow from those below (`encode`), which takes
 less time and doubles the error: 2.2e-5 against 1.1e-5, the worst of any float.
 """
 BASES = {"2^k": 2.0, "φ^k": PHI}
+OWNERS: dict[str, Owner] = {"2^k": "usual", "φ^k": "paper"}
 
 
 def true_waves(x: Tensor, base: float, band: int) -> Tensor:
@@ -35,104 +37,85 @@ def true_waves(x: Tensor, base: float, band: int) -> Tensor:
         return torch.tensor([[float(mpmath.sin(a)), float(mpmath.cos(a))] for a in angles], dtype=torch.float64)
 
 
+def _waves(angles: Tensor) -> Tensor:
+    return torch.stack([torch.sin(angles), torch.cos(angles)], dim=-1).double()
+
+
 def band_of(features: Tensor, band: int) -> Tensor:
     """Return the band [points, 2] of a one-dimensional encoding [points, 1 + 2 bands]."""
     return features[:, 1 + 2 * band : 3 + 2 * band].double()
 
 
-def top_frequency(situation: StabilityContext) -> Iterator[Finding]:
+def top_frequency(context: StabilityContext) -> Iterator[Found]:
     """E1: the top band at L = 10 and 14: as every field computes it, as Listing 1 does, and in reduced precision."""
     generator = generator_for("stability", "E1")
-    points = 2.0 * torch.rand(300 if situation.quick else 3000, generator=generator) - 1.0
+    points = 2.0 * torch.rand(300 if context.quick else 3000, generator=generator) - 1.0
     x = torch.cat([points, torch.tensor([1.0, -1.0, 0.0, 0.99999994, 0.9594049, 0.83292031])])
-    for ladder, base in BASES.items():
-        for bands in (10, 14):
-            truth = true_waves(x, base, bands - 1)
-            bar = BARS[ladder, bands]
-
-            def error(waves: Tensor, truth: Tensor = truth) -> float:
-                return float((waves - truth).abs().max())
-
-            what = f"largest error of band {bands - 1}"
-            name = f"{ladder}, L = {bands}"
-            frequency = frequency_ladder(base, bands)[-1]
-            sines = torch.stack([torch.sin(frequency * math.pi * x), torch.cos(frequency * math.pi * x)], dim=-1)
-            printed = error(sines.double())
-            traded = bar > SINE_BARS[ladder, bands]
-            why = f"traded for time: sines as printed are off by {printed:.2g}" if traded else ""
-            yield check(
-                what, error(band_of(encode(x.unsqueeze(-1), base, bands), bands - 1)), high=bar, why=why, subject=name
-            )
-            yield check(
-                what,
-                printed,
-                high=SINE_BARS[ladder, bands],
-                subject=f"{name}, as printed",
-                owner="paper" if base == PHI else "usual",
-            )
-            for dtype in (torch.bfloat16, torch.float16):
-                low = x.to(dtype) * (math.pi * frequency).to(dtype)
-                waves = torch.stack([torch.sin(low), torch.cos(low)], dim=-1)
-                yield check(
-                    what,
-                    error(waves.double()),
-                    high=bar,
-                    why="autocast around the encoding; ours refuses it",
-                    subject=f"{name}, {str(dtype).removeprefix('torch.')}",
-                    owner="usual",
-                )
+    for (ladder, bands), bar in BARS.items():
+        base = BASES[ladder]
+        truth = true_waves(x, base, bands - 1)
+        frequency = frequency_ladder(base, bands)[-1]
+        waves = {
+            "": band_of(encode(x.unsqueeze(-1), base, bands), bands - 1),
+            "as printed": _waves(frequency * math.pi * x),
+        }
+        for dtype in (torch.bfloat16, torch.float16):
+            low = x.to(dtype) * (math.pi * frequency).to(dtype)
+            waves[str(dtype).removeprefix("torch.")] = _waves(low)
+        errors = {name: float((wave - truth).abs().max()) for name, wave in waves.items()}
+        what, subject, sine_bar = (
+            f"largest error of band {bands - 1}",
+            f"{ladder}, L = {bands}",
+            SINE_BARS[ladder, bands],
+        )
+        why = f"traded for time: sines as printed are off by {errors['as printed']:.2g}" if bar > sine_bar else ""
+        yield check(what, errors.pop(""), high=bar, why=why, subject=subject)
+        error = errors.pop("as printed")
+        yield check(what, error, high=sine_bar, subject=f"{subject}, as printed", owner=OWNERS[ladder])
+        for name, error in errors.items():
+            why = "autocast around the encoding; ours refuses it"
+            yield check(what, error, high=bar, why=why, subject=f"{subject}, {name}", owner="usual")
 
 
 POSITIONS = (0.0, 1e-45, -1e-38, 1e-10, 1e-4, 1.0, 1.00009, 1e2, 1e4, 1e38, math.inf, math.nan)
 
 
-def positions(situation: StabilityContext) -> Iterator[Finding]:
+def positions(context: StabilityContext) -> Iterator[Found]:
     """E2: ten bands of base 2 at each position, behind the check and without it."""
-    del situation
-    rows: list[list[str | float | None]] = []
+    del context
+    rows: Rows = []
     worst_inside, wrong = 0.0, []
-    worst: dict[str, tuple[float, float]] = {"2^k": (0.0, 0.0), "φ^k": (0.0, 0.0)}
-    not_finite: dict[str, list[str]] = {"2^k": [], "φ^k": []}
+    worst: dict[str, tuple[float, float]] = dict.fromkeys(BASES, (0.0, 0.0))
+    not_finite: dict[str, list[str]] = {ladder: [] for ladder in BASES}
     for value in POSITIONS:
         x = torch.tensor([[value]])
-        inside = abs(value) <= REACH
+        inside, refused = abs(value) <= REACH, False
         try:
             checked_positions(x)
-            refused = False
         except ValueError:
             refused = True
         if refused == inside:
             wrong.append(f"{value:g}")
-        row: list[str | float | None] = [f"{value:g}", "refused" if refused else "encoded"]
+        rows.append([f"{value:g}", "refused" if refused else "encoded"])
         for ladder, base in BASES.items():
             error = largest_error(fourier_features(x, frequency_ladder(base, 10)), value, base)
-            row.append(error if math.isfinite(error) else "not finite")
             if math.isfinite(error):
                 worst[ladder] = max(worst[ladder], (error, value))
             else:
                 not_finite[ladder].append(f"{value:g}")
+            rows[-1].append(error if math.isfinite(error) else "not finite")
             if inside:
                 worst_inside = max(worst_inside, largest_error(encode(x, base, 10), value, base))
-        rows.append(row)
-    yield check(
-        f"positions refused within ±{REACH:g} or accepted beyond",
-        len(wrong),
-        high=0,
-        why=", ".join(wrong),
-        subject="checked",
-    )
-    yield check("largest error of any band", worst_inside, high=BARS["2^k", 10], subject="inside the box")
+    what = f"positions refused within ±{REACH:g} or accepted beyond"
+    yield check(what, len(wrong), high=0, why=", ".join(wrong), subject="checked")
+    bar = BARS["2^k", 10]
+    yield check("largest error of any band", worst_inside, high=bar, subject="inside the box")
     for ladder, (error, where) in worst.items():
-        yield check(
-            "largest error of any band, of the positions whose features are finite",
-            error,
-            high=BARS["2^k", 10],
-            why=f"at x = {where:g}; not finite at {', '.join(not_finite[ladder])}",
-            subject=f"{ladder}, unchecked",
-            owner="paper" if ladder == "φ^k" else "usual",
-        )
-    yield Table("positions", 8, "Error of an unchecked encoding at a position, L = 10",
-                ["position", "checked", "2^k", "φ^k"], rows)  # fmt: skip
+        what = "largest error of any band, of the positions whose features are finite"
+        why = f"at x = {where:g}; not finite at {', '.join(not_finite[ladder])}"
+        yield check(what, error, high=bar, why=why, subject=f"{ladder}, unchecked", owner=OWNERS[ladder])
+    columns = ["position", "checked", "2^k", "φ^k"]
+    yield Table("positions", 8, "Error of an unchecked encoding at a position, L = 10", columns, rows)
 
 
 def largest_error(features: Tensor, value: float, base: float) -> float:
@@ -151,6 +134,8 @@ DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
 """
 BURST = 0.05
 """The standard deviation of the burst's envelope."""
+GHOST_BAR = 0.1
+"""The largest share; measured: 0.05 for the control, and up to 0.07 at distances where a ladder has no lobe."""
 
 
 def kernel(base: float, bands: int, distance: Float[Tensor, " points"]) -> Float[Tensor, " points"]:
@@ -159,40 +144,35 @@ def kernel(base: float, bands: int, distance: Float[Tensor, " points"]) -> Float
     return torch.cos(math.pi * f * distance.double().unsqueeze(-1)).mean(dim=-1)
 
 
-def ghosts(situation: StabilityContext) -> Iterator[Finding]:
+def _straight(panel: str, name: str, x_label: str, y_label: str, x: Tensor, y: Tensor) -> Series:
+    return Series(panel, 8, name, x_label, y_label, x.tolist(), y.tolist(), log_x=False, log_y=False)
+
+
+def ghosts(context: StabilityContext) -> Iterator[Found]:
     """E3: the kernel of each ladder, what a trained network puts into a gap, and neutral gratings."""
     d = torch.linspace(0.0, 2.0, 801, dtype=torch.float64)
     for bands in (10, 14):
         for name, (base, _) in RATIOS.items():
-            yield Series(
-                f"Likeness of two points, L = {bands}", 8, f"ratio {name}", "distance", "mean of cos(π f d)",
-                d.tolist(), kernel(base, bands, d).tolist(), log_x=False, log_y=False,
-            )  # fmt: skip
-    rows: list[list[str | float | None]] = []
-    for name, (base, whose_it_is) in RATIOS.items():
-        gaps = [ghost(base, 14, distance, situation.quick) for distance in DISTANCES]
-        found = [gap.share for gap in gaps]
-        rows.append([f"ratio {name}", *found])
-        worst = max(found, key=abs)
-        yield check(
-            "share of the burst that appears in a gap never seen, the worst of three distances",
-            abs(worst),
-            high=GHOST_BAR,
-            why=f"at distance {DISTANCES[found.index(worst)]:.4g}",
-            subject=f"ratio {name}, L = 14",
-            owner=whose_it_is,
-        )
-        for distance, gap in zip(DISTANCES, gaps, strict=True):
-            yield _across(distance, f"ratio {name}", gap.offset, gap.predicted)
+            panel, label = f"Likeness of two points, L = {bands}", "mean of cos(π f d)"
+            yield _straight(panel, f"ratio {name}", "distance", label, d, kernel(base, bands, d))
+    rows: Rows = []
+    for name, (base, owner) in RATIOS.items():
+        gaps = {distance: ghost(base, 14, distance, context.quick) for distance in DISTANCES}
+        rows.append([f"ratio {name}", *(gap.share for gap in gaps.values())])
+        where = max(gaps, key=lambda distance: abs(gaps[distance].share))
+        what = "share of the burst that appears in a gap never seen, the worst of three distances"
+        share, why, subject = abs(gaps[where].share), f"at distance {where:.4g}", f"ratio {name}, L = 14"
+        yield check(what, share, high=GHOST_BAR, why=why, subject=subject, owner=owner)
+        for distance, gap in gaps.items():
+            panel = f"A gap never seen, {distance:.4g} from a burst, L = 14 (the truth is 0)"
+            lines = {f"ratio {name}": gap.predicted}
             if base == PHI:
-                yield _across(distance, "the burst, moved by that distance", gap.offset, gap.burst)
+                lines["the burst, moved by that distance"] = gap.burst
+            for line, values in lines.items():
+                yield _straight(panel, line, "distance from its middle", "prediction", gap.offset[::3], values[::3])
     columns = ["ladder, L = 14", *(f"at {distance:.4g}" for distance in DISTANCES)]
     yield Table("ghosts", 8, "Share of a burst that a trained network shows in a gap at a distance", columns, rows)
-    yield from _gratings(situation.quick)
-
-
-GHOST_BAR = 0.1
-"""The largest share; measured: 0.05 for the control, and up to 0.07 at distances where a ladder has no lobe."""
+    yield from _gratings(context.quick)
 
 
 def burst(x: Tensor, centre: float) -> Tensor:
@@ -217,13 +197,6 @@ class Gap:
     """The mean over networks; the truth is 0."""
     burst: Float[Tensor, " places"]
     """The prediction of a perfect ghost."""
-
-
-def _across(distance: float, name: str, offset: Tensor, values: Tensor) -> Series:
-    return Series(
-        f"A gap never seen, {distance:.4g} from a burst, L = 14 (the truth is 0)", 8, name, "distance from its middle",
-        "prediction", offset[::3].tolist(), values[::3].tolist(), log_x=False, log_y=False,
-    )  # fmt: skip
 
 
 def ghost(base: float, bands: int, distance: float, quick: bool) -> Gap:
@@ -303,35 +276,31 @@ def nearest_member(cycles: float) -> float:
     The frequency f_k π x has f_k cycles on [−1, 1].
     """
     ladders = [[0.0, *(base**k for k in range(20))] for base in {base for base, _ in LADDERS.values()}]
-    made = {abs(one + sign * two) for ladder in ladders for one in ladder for two in ladder for sign in (1.0, -1.0)}
+    made = {abs(a + sign * b) for ladder in ladders for a in ladder for b in ladder for sign in (1.0, -1.0)}
     return min(abs(cycles / frequency - 1.0) for frequency in made if frequency > 0.1)
 
 
-def _gratings(quick: bool) -> Iterator[Finding]:
+def _gratings(quick: bool) -> Iterator[Found]:
     closest = min(nearest_member(cycles) for cycles in GRATINGS)
-    yield check(
-        "relative distance of a grating to what a ladder or two of its members make",
-        closest,
-        low=0.01,
-        subject="gratings",
-    )
+    what = "relative distance of a grating to what a ladder or two of its members make"
+    yield check(what, closest, low=0.01, subject="gratings")
     generator = generator_for("stability", "gratings")
     seen = 2.0 * torch.rand(POINTS, generator=generator) - 1.0
     asked = 2.0 * torch.rand(2 * POINTS, generator=generator) - 1.0
     cycles = torch.tensor(GRATINGS).unsqueeze(-1)
-    rows: list[list[str | float | None]] = []
+    truth_asked, truth_seen = (torch.sin(math.pi * cycles * x + 0.7) for x in (asked, seen))
+    panel, label = "Neutral gratings: error at places not seen", "RMSE (the signal has 0.71)"
+    rows: Rows = []
     for name, (base, bands) in LADDERS.items():
-        truths = [torch.sin(math.pi * cycles * x + 0.7) for x in (asked, seen)]
-        found = fitted(base, bands, seen, truths[1], torch.cat([asked, seen]), 5 if quick else 600)
-        errors = [
+        learnt = fitted(base, bands, seen, truth_seen, torch.cat([asked, seen]), 5 if quick else 600)
+        test, train = (
             ((part - truth) ** 2).mean(dim=-1).sqrt().tolist()
-            for part, truth in zip(found.split([len(asked), len(seen)], dim=-1), truths, strict=True)
-        ]
-        rows.append([name, *(f"{test:.2g} / {train:.2g}" for test, train in zip(*errors, strict=True))])
-        yield Series(
-            "Neutral gratings: error at places not seen", 8, name, "cycles on [−1, 1]", "RMSE (the signal has 0.71)",
-            list(GRATINGS), errors[0], log_y=False,
-        )  # fmt: skip
+            for part, truth in zip(
+                learnt.split([len(asked), len(seen)], dim=-1), (truth_asked, truth_seen), strict=True
+            )
+        )
+        rows.append([name, *(f"{a:.2g} / {b:.2g}" for a, b in zip(test, train, strict=True))])
+        yield Series(panel, 8, name, "cycles on [−1, 1]", label, list(GRATINGS), test, log_y=False)
     columns = ["ladder", *(f"{cycles:g} cycles" for cycles in GRATINGS)]
-    yield Table("gratings", 8, f"RMSE test / train of a grating learnt from {POINTS} points (256 cycles: Nyquist)",
-                columns, rows)  # fmt: skip
+    title = f"RMSE test / train of a grating learnt from {POINTS} points (256 cycles: Nyquist)"
+    yield Table("gratings", 8, title, columns, rows)

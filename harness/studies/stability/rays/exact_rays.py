@@ -10,8 +10,34 @@ import torch
 from torch import Tensor
 
 from baselines.numerics.quadrature import QUADRATURES
+from harness.records.study import Owner
 
 DIGITS = 40
+OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
+MOST_SLOPE = 1.5
+"""The maximum of |c′| of `colour`."""
+
+
+def owner_of(rule: str) -> Owner:
+    return "paper" if QUADRATURES[rule].of_the_paper else "ours"
+
+
+@dataclass(frozen=True)
+class FunctionField:
+    """Two functions of points [points, 3] as a field (`baselines.contract.RadianceField`)."""
+
+    density: Callable[[Tensor], Tensor]
+    colour: Callable[[Tensor], Tensor]
+    pointwise: bool = True
+
+    def encode_directions(self, d: Tensor) -> Tensor:
+        return d[:, :0]
+
+    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density(x), self.density(x)
+
+    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        return self.density(x), self.colour(x)
 
 
 @dataclass(frozen=True)
@@ -28,10 +54,6 @@ class Profile:
 def colour(t: Tensor) -> Tensor:
     """Return the colour of all profiles: smooth, in [0, 1], |c′| ≤ 1.5, and steep where the ray begins."""
     return 0.5 + 0.5 * torch.cos(3.0 * t + 0.5)
-
-
-MOST_SLOPE = 1.5
-"""The maximum of |c′| of `colour`."""
 
 
 def homogeneous(tau: float) -> Profile:
@@ -74,14 +96,14 @@ def exact(profile: Profile) -> tuple[float, float]:
         def opacity(t: Any) -> Any:
             return -mpmath.expm1(-profile.depth(t))
 
+        def moved(t: Any) -> Any:
+            return mpmath.mpf(1.5) * mpmath.sin(3 * t + 0.5) * opacity(t)
+
         cuts = [mpmath.mpf(0), *(profile.layer * 4.0**k for k in range(-1, 12) if profile.layer * 4.0**k < 0.9)]
         cuts = sorted({*cuts, *(mpmath.mpf(k) / 6 for k in range(1, 7))})
-        moved = mpmath.quad(
-            lambda t: mpmath.mpf(1.5) * mpmath.sin(3 * t + 0.5) * opacity(t),
-            cuts, method="gauss-legendre", maxdegree=4,
-        )  # fmt: skip
         whole = opacity(mpmath.mpf(1))
-        return float(whole), float((1 + mpmath.cos(mpmath.mpf(3.5))) / 2 * whole + moved)
+        seen = (1 + mpmath.cos(mpmath.mpf(3.5))) / 2 * whole
+        return float(whole), float(seen + mpmath.quad(moved, cuts, method="gauss-legendre", maxdegree=4))
 
 
 def weights_in_digits(rule: str, sigma: Sequence[Any], lengths: Sequence[Any]) -> list[Any]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -13,72 +12,55 @@ from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf
 from baselines.rendering import Sampling, render_rays
-from harness.records.study import Check, Owner, check
+from harness.records.study import check
+from harness.studies.framework import Found
+from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
 from harness.studies.stability.rays.quadrature_rounding import running_product
-from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.studies.stability.stability_context import StabilityContext
 
-OURS = {name: rule for name, rule in QUADRATURES.items() if not rule.of_the_paper}
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
+ACROSS = (-0.5, -0.25, 0.0, 0.25, 0.5)
+"""Where five parallel rays through the box run."""
 
 
-@dataclass
-class Fog:
-    """A field of one colour and any density."""
-
-    density_at: Callable[[Tensor], Tensor]
-
-    pointwise = True
-
-    def encode_directions(self, d: Tensor) -> Tensor:
-        return d
-
-    def density(self, x: Tensor) -> Tensor:
-        return self.density_at(x)
-
-    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        return self.density_at(x), self.density_at(x)
-
-    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
-        return self.density_at(x), torch.full_like(x, 0.75)
+def everywhere(sigma: float) -> Callable[[Tensor], Tensor]:
+    return lambda x: torch.full_like(x[:, 0], sigma)
 
 
 def rendered(
-    density: Callable[[Tensor], Tensor], rule: str, near: float = NEAR, far: float = FAR, clip: bool = False
+    density: Callable[[Tensor], Tensor],
+    rule: str,
+    near: float = NEAR,
+    far: float = FAR,
+    clip: bool = False,
+    across: tuple[float, ...] = ACROSS,
 ) -> Rendering:
-    """Render five parallel rays through a box; cut to it with `clip`, else from near to far."""
-    origins = torch.stack([torch.linspace(-0.5, 0.5, 5), torch.zeros(5), torch.full((5,), 4.0)], dim=-1)
-    rays = Rays(origins, torch.tensor([0.0, 0.0, -1.0]).expand(5, 3), near, far)
-    box = Box(-torch.ones(3), torch.ones(3))
+    """Render parallel rays through the box ±1 or beside it; cut to it with `clip`, else from near to far."""
+    origins = torch.tensor([[x, 0.0, 4.0] for x in across])
+    rays = Rays(origins, torch.tensor([0.0, 0.0, -1.0]).expand(len(across), 3), near, far)
+    field = FunctionField(density, lambda x: torch.full_like(x, 0.75))
     sampling = Sampling(BINS, quadrature=rule, clip_to_box=clip)
-    return render_rays(Fog(density), None, rays, box, sampling, None, BACKGROUND, None)
-
-
-def _whose(rule: Rule) -> Owner:
-    return "paper" if rule.of_the_paper else "ours"
+    return render_rays(field, None, rays, Box(-torch.ones(3), torch.ones(3)), sampling, None, BACKGROUND, None)
 
 
 def posts(rays: int = 1, bins: int = BINS) -> Tensor:
     return torch.linspace(NEAR, FAR, bins + 1).expand(rays, -1).contiguous()
 
 
-def almost_nothing(situation: StabilityContext) -> Iterator[Finding]:
+def almost_nothing(context: StabilityContext) -> Iterator[Found]:
     """Q6: rays with almost nothing."""
-    del situation
+    del context
     exact = -math.expm1(-1e-8 * (FAR - NEAR))
     for name, rule in QUADRATURES.items():
-        opacity = float(rendered(lambda x: torch.full_like(x[:, 0], 1e-8), name).opacity[0])
-        spike = {sigma: _steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12)}
-        why = f"opacity {opacity:.3g}; ∂opacity/∂σ at most {max(spike.values()):.2g} for σ = 1e-8 to 1e-12"
+        opacity = float(rendered(everywhere(1e-8), name).opacity[0])
+        steepest = max(_steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12))
+        why = f"opacity {opacity:.3g}; ∂opacity/∂σ at most {steepest:.2g} for σ = 1e-8 to 1e-12"
         error = abs(opacity / exact - 1.0)
-        yield check("relative error of opacity", error, high=1e-6, why=why, subject=name, owner=_whose(rule))
+        yield check("relative error of opacity", error, high=1e-6, why=why, subject=name, owner=owner_of(name))
         if not rule.of_the_paper:
-            yield check(
-                "largest ∂opacity/∂σ of a sample, at most the length of a bin",
-                max(spike.values()),
-                high=1.001 * (FAR - NEAR) / BINS,
-                subject=name,
-            )
+            what = "largest ∂opacity/∂σ of a sample, at most the length of a bin"
+            yield check(what, steepest, high=1.001 * (FAR - NEAR) / BINS, subject=name)
     lengths = torch.diff(posts(), dim=-1)
     w, _ = running_product(torch.full_like(lengths, 1e-8), lengths)
     error = abs(float(w.sum()) / exact - 1.0)
@@ -92,94 +74,59 @@ def _steepest(rule: Rule, sigma: float) -> float:
     return float(gradient.abs().max())
 
 
-def nothing(situation: StabilityContext) -> Iterator[Finding]:
+def _badness(figure: float) -> float:
+    return figure if math.isfinite(figure) else math.inf
+
+
+def nothing(context: StabilityContext) -> Iterator[Found]:
     """Q7: rays with nothing."""
-    del situation
-
-    def solid(x: Tensor) -> Tensor:
-        return torch.full_like(x[:, 0], 50.0)
-
+    del context
+    solid = everywhere(50.0)
     for name, rule in QUADRATURES.items():
-        seen = {
+        renderings = {
             "near = far": (rendered(solid, name, 3.0, 3.0), 3.0),
-            "an empty ray": (rendered(_void, name), FAR),
-            "a box without depth": (_flat_box(solid, name), FAR),
+            "an empty ray": (rendered(everywhere(0.0), name), FAR),
+            "a box without depth": (rendered(solid, name, clip=True, across=(5.0,)), FAR),
         }
-        figures = {what: _from_nothing(one, far) for what, (one, far) in seen.items()}
-        figures["no bins"] = _without_bins(rule)
-        worst = max(figures.values(), key=lambda figure: figure if math.isfinite(figure) else math.inf)
+        figures = {}
+        for what, (seen, far) in renderings.items():
+            gaps = [seen.opacity.abs().max(), (seen.colour - BACKGROUND).abs().max(), (seen.depth - far).abs().max()]
+            figures[what] = max(map(float, gaps), key=_badness)
+        t, t_edges = rule.place(posts(3)[:, :1], None)
+        w, T_end = rule.weights(torch.full_like(t, 50.0), rule.lengths(t, t_edges))
+        figures["no bins"] = float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
         wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
-        yield check(
+        why = "; ".join(wrong) or f"exact in {len(figures)} situations"
+        what, worst = (
             "largest distance from opacity 0, colour = background, depth = far",
-            worst,
-            high=0.0,
-            why="; ".join(wrong) or f"exact in {len(figures)} situations",
-            subject=name,
-            owner=_whose(rule),
+            max(figures.values(), key=_badness),
         )
+        yield check(what, worst, high=0.0, why=why, subject=name, owner=owner_of(name))
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()
-    disparity = 1.0 / torch.maximum(torch.tensor(1e-10), depth)
-    yield check(
-        "disparity of an empty ray, whose depth is far",
-        float(disparity),
-        high=1.0 / FAR,
-        subject="disparity 1 / max(1e-10, Σwt/Σw)",
-        owner="usual",
-    )
+    disparity = float(1.0 / torch.maximum(torch.tensor(1e-10), depth))
+    what, subject = "disparity of an empty ray, whose depth is far", "disparity 1 / max(1e-10, Σwt/Σw)"
+    yield check(what, disparity, high=1.0 / FAR, subject=subject, owner="usual")
 
 
-def _void(x: Tensor) -> Tensor:
-    return torch.zeros_like(x[:, 0])
-
-
-def _flat_box(density: Callable[[Tensor], Tensor], rule: str) -> Rendering:
-    """Render rays that run beside the box: cut to it, nothing is left of them."""
-    rays = Rays(torch.tensor([[5.0, 0.0, 4.0]]), torch.tensor([[0.0, 0.0, -1.0]]), NEAR, FAR)
-    box = Box(-torch.ones(3), torch.ones(3))
-    return render_rays(Fog(density), None, rays, box, Sampling(BINS, quadrature=rule), None, BACKGROUND, None)
-
-
-def _from_nothing(one: Rendering, far: float) -> float:
-    gaps = [one.opacity.abs().max(), (one.colour - BACKGROUND).abs().max(), (one.depth - far).abs().max()]
-    return max((float(gap) for gap in gaps), key=lambda gap: gap if math.isfinite(gap) else math.inf)
-
-
-def _without_bins(rule: Rule) -> float:
-    t, t_edges = rule.place(posts(3)[:, :1], None)
-    w, T_end = rule.weights(torch.full_like(t, 50.0), rule.lengths(t, t_edges))
-    return float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
-
-
-def no_interval(situation: StabilityContext) -> Iterator[Finding]:
+def no_interval(context: StabilityContext) -> Iterator[Found]:
     """Q8: rays without an interval."""
-    del situation
+    del context
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
         accepted = [what for what, (near, far) in backwards.items() if not _refused(name, near, far)]
-        yield check(
-            "intervals that the renderer does not refuse",
-            float(len(accepted)),
-            high=0.0,
-            why=", ".join(accepted),
-            subject=name,
-        )
+        what, why = "intervals that the renderer does not refuse", ", ".join(accepted)
+        yield check(what, float(len(accepted)), high=0.0, why=why, subject=name)
         t, t_edges = rule.place(posts(8), None)
         mixed = t_edges.clone()
         mixed[5] = mixed[5].flip(-1)
         if rule.of_the_paper:
             lengths = rule.lengths(rule.place(mixed, None)[0], mixed)
-            w, _ = rule.weights(torch.ones_like(t), lengths)
-            finite = lengths.clamp(max=1.0)
-            without = float(rule.weights(torch.ones_like(t), finite)[0][5].sum())
-            yield check(
-                "opacity of a ray whose distances fall",
-                abs(float(w[5].sum())),
-                high=0.0,
-                why=f"accepted; {without:.3g} where its last interval is 1 instead of 1e10",
-                subject=name,
-                owner="paper",
-            )
+            opacity, without = (float(rule.weights(torch.ones_like(t), some)[0][5].sum())
+                                for some in (lengths, lengths.clamp(max=1.0)))  # fmt: skip
+            what = "opacity of a ray whose distances fall"
+            why = f"accepted; {without:.3g} where its last interval is 1 instead of 1e10"
+            yield check(what, abs(opacity), high=0.0, why=why, subject=name, owner="paper")
             continue
         try:
             rule(torch.ones_like(t), t, mixed)
@@ -188,36 +135,31 @@ def no_interval(situation: StabilityContext) -> Iterator[Finding]:
             named = "" if error.ray == 5 else f"names ray {error.ray}, not 5"
         yield check("unsorted rays accepted or misnamed", float(bool(named)), high=0.0, why=named, subject=name)
     falling = -torch.diff(posts(), dim=-1)
-    w, _ = running_product(torch.ones_like(falling), falling)
-    yield check(
-        "|opacity| of a ray whose distances fall",
-        abs(float(w.sum())),
-        high=0.0,
-        why=f"opacity {float(w.sum()):.3g}, nothing is said",
-        subject="running product",
-        owner="usual",
-    )
+    opacity = float(running_product(torch.ones_like(falling), falling)[0].sum())
+    what, why = "|opacity| of a ray whose distances fall", f"opacity {opacity:.3g}, nothing is said"
+    yield check(what, abs(opacity), high=0.0, why=why, subject="running product", owner="usual")
 
 
 def _refused(rule: str, near: float, far: float) -> bool:
     try:
-        rendered(_void, rule, near, far)
+        rendered(everywhere(0.0), rule, near, far)
     except BadInterval:
         return True
     return False
 
 
-def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
+def bad_sample(context: StabilityContext) -> Iterator[Found]:
     """Q9: samples that are not numbers."""
-    del situation
+    del context
     rays, ray, sample = 16, 11, 7
-    for name, rule in OURS.items():
+    for name in OURS:
+        rule = QUADRATURES[name]
         t, t_edges = rule.place(posts(rays), None)
-        sound = 2.0 * torch.rand(t.shape, generator=torch.Generator().manual_seed(9))
-        before = _pixels(rule, sound, t, t_edges)
+        valid = 2.0 * torch.rand(t.shape, generator=torch.Generator().manual_seed(9))
+        before = _pixels(rule, valid, t, t_edges)
         unnamed, changed = [], 0
         for wrong in (math.nan, math.inf, -1.0):
-            sigma = sound.clone()
+            sigma = valid.clone()
             sigma[ray, sample] = wrong
             try:
                 rule(sigma, t, t_edges)
@@ -229,11 +171,16 @@ def bad_sample(situation: StabilityContext) -> Iterator[Finding]:
             after = _pixels(rule, sigma, t, t_edges)
             others = torch.arange(rays) != ray
             changed += int((after[others] != before[others]).any(dim=-1).sum())
-        yield check(
-            "bad samples accepted or misnamed", float(len(unnamed)), high=0.0, why="; ".join(unnamed), subject=name
-        )
+        what, why = "bad samples accepted or misnamed", "; ".join(unnamed)
+        yield check(what, float(len(unnamed)), high=0.0, why=why, subject=name)
         yield check("other rays with a changed bit, where nobody asks (audit)", float(changed), high=0.0, subject=name)
-    yield _hidden()
+    # nan_to_num behind weights: the picture is finite, wrong, and nothing is reported
+    lengths = torch.diff(posts(2), dim=-1)
+    sigma = torch.ones_like(lengths)
+    sigma[1, 7] = math.nan
+    w = torch.nan_to_num(running_product(sigma, lengths)[0])
+    gap = float((w[1].sum() - w[0].sum()).abs())
+    yield check("error of opacity that nobody is told of", gap, high=0.0, subject="nan_to_num", owner="usual")
 
 
 def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
@@ -253,49 +200,40 @@ def _renderer_names(rule: str, wrong: float) -> bool:
     return False
 
 
-def _hidden() -> Check:
-    """Check nan_to_num, as it is found behind weights: the picture is finite, wrong, and nothing is reported."""
-    lengths = torch.diff(posts(2), dim=-1)
-    sigma = torch.ones_like(lengths)
-    sigma[1, 7] = math.nan
-    w = torch.nan_to_num(running_product(sigma, lengths)[0])
-    gap = float((w[1].sum() - w[0].sum()).abs())
-    return check("error of opacity that nobody is told of", gap, high=0.0, subject="nan_to_num", owner="usual")
-
-
 SAMPLED_BINS = 16
-SAMPLED_NEAR, SAMPLED_FAR = 2.0, 6.0
 U = torch.tensor([0.0, 0.0, 1e-45, 1e-30, 0.25, 0.5, 1.0 - 2.0**-24, 1.0, 1.0])
 """Random numbers, including those that no generator should give: 1 belongs to no bin."""
 
 
 def _weights() -> dict[str, tuple[Tensor, int, int]]:
     """Return the case → weights, and the first and the last bin in which a distance may lie."""
-    cases = {"all zero": (torch.zeros(SAMPLED_BINS), 0, SAMPLED_BINS - 1)}
-    for spike in (0, 7, SAMPLED_BINS - 1):
+    last = SAMPLED_BINS - 1
+    cases = {"all zero": (torch.zeros(SAMPLED_BINS), 0, last)}
+    for spike in (0, 7, last):
         for weight in (1e-45, 1e-38, 1e-10, 1.0, 1e10, 1e30, 3e38):
             w = torch.zeros(SAMPLED_BINS)
             w[spike] = weight
             cases[f"{weight:g} in bin {spike}"] = (w, spike, spike)
     for weight in (1e-45, 1e-10, 1.0, 1e30, 3e38):
-        cases[f"{weight:g} everywhere"] = (torch.full((SAMPLED_BINS,), weight), 0, SAMPLED_BINS - 1)
-    steep = 10.0 ** torch.linspace(-30, 30, SAMPLED_BINS)
-    cases["1e-30 to 1e30"] = (steep, 0, SAMPLED_BINS - 1)
+        cases[f"{weight:g} everywhere"] = (torch.full((SAMPLED_BINS,), weight), 0, last)
+    cases["1e-30 to 1e30"] = (10.0 ** torch.linspace(-30, 30, SAMPLED_BINS), 0, last)
     inner = torch.zeros(SAMPLED_BINS)
     inner[3:6] = torch.tensor([1e-10, 0.0, 1.0])
     cases["zero at both ends"] = (inner, 3, 5)
     return cases
 
 
-def _tried(draw: str) -> tuple[float, list[str]]:
-    """Return the largest distance by which `draw` leaves its bins or steps back, and what it did wrong."""
-    t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0)
+def _tried(draw: Callable[[Tensor, Tensor, Tensor], Tensor], anywhere: bool) -> tuple[float, list[str]]:
+    """Return the largest distance by which `draw` leaves its bins or steps back, and what it did wrong.
+
+    With `anywhere` it may look everywhere on the ray.
+    """
+    t_edges = posts(bins=SAMPLED_BINS)
     worst, wrong = 0.0, []
     for what, (w, first, last) in _weights().items():
-        drawn = {"ours": inverse_cdf, "usual": usual_inverse}[draw](t_edges, w.unsqueeze(0), U.unsqueeze(0))[0]
-        if draw == "usual":  # its floor of 1e-5 means to look everywhere
-            first, last = 0, SAMPLED_BINS - 1
-        out = max(float(t_edges[0, first] - drawn.min()), float(drawn.max() - t_edges[0, last + 1]), 0.0)
+        drawn = draw(t_edges, w.unsqueeze(0), U.unsqueeze(0))[0]
+        start, end = (0, SAMPLED_BINS - 1) if anywhere else (first, last)
+        out = max(float(t_edges[0, start] - drawn.min()), float(drawn.max() - t_edges[0, end + 1]), 0.0)
         back = max(float(-torch.diff(drawn).min()), 0.0)
         gap = max(out, back) if bool(torch.isfinite(drawn).all()) else math.inf
         if gap > 0.0:
@@ -316,46 +254,31 @@ def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
     return t_edges.gather(-1, below) + share * (t_edges.gather(-1, above) - t_edges.gather(-1, below))
 
 
-def inverse_cdf_extremes(situation: StabilityContext) -> Iterator[Finding]:
+def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
     """Q10: importance sampling at its edges."""
-    del situation
+    del context
+    worst, wrong = _tried(inverse_cdf, anywhere=False)
     what = "largest distance outside of the bins with weight, or backwards"
-    worst, wrong = _tried("ours")
     yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")
     accepted = []
     for bad, error in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
         w = torch.ones(3, SAMPLED_BINS)
         w[1, 4] = bad
         try:
-            inverse_cdf(torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).expand(3, -1), w, U.expand(3, -1))
+            inverse_cdf(posts(3, SAMPLED_BINS), w, U.expand(3, -1))
             accepted.append(f"{bad} accepted")
         except (FloatingPointError, ValueError) as raised:
             if not isinstance(raised, error) or "bin 4 on ray 1" not in str(raised):
                 accepted.append(f"{bad}: {raised}")
-    yield check(
-        "bad weights accepted or misnamed",
-        float(len(accepted)),
-        high=0.0,
-        why="; ".join(accepted),
-        subject="inverse_cdf",
-    )
-    yield check("gradients that are not finite", float(_bad_gradients()), high=0.0, subject="inverse_cdf")
-    worst, wrong = _tried("usual")
-    yield check(
-        "largest distance outside of the ray, or backwards",
-        worst,
-        high=0.0,
-        why=f"{len(wrong)} of {len(_weights())} distributions: {'; '.join(wrong[:3])}" if wrong else "",
-        subject="weights + 1e-5",
-        owner="usual",
-    )
-
-
-def _bad_gradients() -> int:
-    """Count the bad gradients of the distances by the fenceposts, the only inputs that they are differentiable by."""
+    what, why = "bad weights accepted or misnamed", "; ".join(accepted)
+    yield check(what, float(len(accepted)), high=0.0, why=why, subject="inverse_cdf")
     count = 0
-    for w, _, _ in _weights().values():
-        t_edges = torch.linspace(SAMPLED_NEAR, SAMPLED_FAR, SAMPLED_BINS + 1).unsqueeze(0).requires_grad_()
+    for w, _, _ in _weights().values():  # distances are differentiable by the fenceposts alone
+        t_edges = posts(bins=SAMPLED_BINS).requires_grad_()
         inverse_cdf(t_edges, w.unsqueeze(0).requires_grad_(), U.unsqueeze(0)).sum().backward()
         count += int((~torch.isfinite(t_edges.grad)).sum()) if t_edges.grad is not None else t_edges.numel()
-    return count
+    yield check("gradients that are not finite", float(count), high=0.0, subject="inverse_cdf")
+    worst, wrong = _tried(usual_inverse, anywhere=True)  # its floor of 1e-5 means to look everywhere
+    why = f"{len(wrong)} of {len(_weights())} distributions: {'; '.join(wrong[:3])}" if wrong else ""
+    what, subject = "largest distance outside of the ray, or backwards", "weights + 1e-5"
+    yield check(what, worst, high=0.0, why=why, subject=subject, owner="usual")

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from torch import Tensor
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from harness.records.study import Owner, Series, Table, check
+from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
     Profile,
@@ -21,9 +22,10 @@ from harness.studies.stability.rays.exact_rays import (
     exponential,
     gaussian,
     homogeneous,
+    owner_of,
     ramp,
 )
-from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.studies.stability.stability_context import Rows, StabilityContext
 
 SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
 """The profiles whose orders are fitted: some optical depths, none of them within one bin. On a steeper ramp the first
@@ -40,8 +42,7 @@ STEP, FINE = 1.0 / 510.0, 1e-4
 """Half an 8-bit step of a colour, and an invisible difference."""
 FLOOR = 1e-13
 """The error below which all is rounding: there is no order in it."""
-ORDER_BAR, STIFF_BAR, LINEAR_BAR = 0.15, 1.1, 1e-4
-SHELL_BAR = 1e-2
+ORDER_BAR, STIFF_BAR, LINEAR_BAR, SHELL_BAR = 0.15, 1.1, 1e-4, 1e-2
 SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
     "trapezoid": (0.06, "ours", "misses 0.01, and is held to a bar of its own: it counts the shell to the bins on both "
                   "sides of its point, and the one in front, which then looks opaque, gets nearly all samples"),
@@ -51,10 +52,10 @@ SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
 """Rules that miss `SHELL_BAR` by construction: their own threshold, whose property it is, and why. Of a shell of τ = 3
 an error of 0.95 is all there is: no bar short of that would hold for left ends.
 """
-
-
-def _whose(rule: Rule) -> Owner:
-    return "paper" if rule.of_the_paper else "ours"
+TIMED = "ms for 16 rays of a 3 × 64 network, float32"
+"""The time is that of a small network, not of the profile whose error it is plotted against: what its own density would
+cost is no property of a rule.
+"""
 
 
 @cache
@@ -80,136 +81,96 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
     return -float(np.polyfit(np.log([count for count, _ in seen]), np.log([error for _, error in seen]), 1)[0])
 
 
-def orders(situation: StabilityContext) -> Iterator[Finding]:
+def orders(context: StabilityContext) -> Iterator[Found]:
     """Q2: the order of each rule."""
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for name, rule in QUADRATURES.items():
-        gaps, said = [], []
+        declared = rule.orders
+        gaps, fits = [], []
         for profile in SMOOTH:
             errors = [_errors(name, profile, bins) for bins in FITTED]
             of_opacity, of_colour = (fitted_order([error[k] for error in errors], FITTED) for k in (0, 1))
-            rows.append([profile.name, name, of_colour, rule.orders.colour, of_opacity, rule.orders.opacity])
-            said.append(f"{profile.name.partition(',')[0]} {of_colour or math.nan:.2f}")
-            gaps += [abs(of_colour - rule.orders.colour)] if of_colour is not None else [math.inf]
-            gaps += [abs(of_opacity - rule.orders.opacity)] if of_opacity is not None else []
+            rows.append([profile.name, name, of_colour, declared.colour, of_opacity, declared.opacity])
+            fits.append((profile.name.partition(",")[0], of_colour or math.nan))
+            gaps += [abs(of_colour - declared.colour)] if of_colour is not None else [math.inf]
+            gaps += [abs(of_opacity - declared.opacity)] if of_opacity is not None else []
         if rule.of_the_paper:
-            yield check(
-                "smallest fitted order of colour",
-                min(float(row[2] or 0.0) for row in rows if row[1] == name),
-                low=1.0 - ORDER_BAR,
-                why=f"its last interval of 1e10 leaves an error of e^−τ that no sample removes: {', '.join(said)}",
-                subject=name,
-                owner="paper",
-            )
+            least = min(float(row[2] or 0.0) for row in rows if row[1] == name)
+            why = "its last interval of 1e10 leaves an error of e^−τ that no sample removes: "
+            why += ", ".join(f"{profile} {order:.2f}" for profile, order in fits)
+            what = "smallest fitted order of colour"
+            yield check(what, least, low=1.0 - ORDER_BAR, why=why, subject=name, owner="paper")
         else:
-            yield check(
-                "largest deviation from the declared order",
-                max(gaps),
-                high=ORDER_BAR,
-                why=f"declared {rule.orders.colour:g} (colour), {rule.orders.opacity:g} (opacity)",
-                subject=name,
-            )
+            why = f"declared {declared.colour:g} (colour), {declared.opacity:g} (opacity)"
+            yield check("largest deviation from the declared order", max(gaps), high=ORDER_BAR, why=why, subject=name)
     columns = ["profile", "rule", "order of colour", "declared", "order of opacity", "declared"]
     yield Table("orders", 2, "Fitted orders, 32 to 512 bins (none: exact up to rounding)", columns, rows)
-    yield _orders_of_charts(situation)
-    yield _needed(situation)
-    seconds = _seconds(situation)
-    for profile in SHOWN[: 1 if situation.quick else None]:
-        for name in QUADRATURES:
-            seen = [max(_errors(name, profile, bins)[1], 1e-16) for bins in _drawn(situation)]
-            points = [float(_points(name, bins)) for bins in _drawn(situation)]
-            for what, x in (("points of a ray", points), (TIMED, seconds[name])):
-                panel = f"Error against {'samples' if x is points else 'time'}: {profile.name}"
-                yield Series(panel, 2, name, what, "error of colour, float64", x, seen)
-
-
-TIMED = "ms for 16 rays of a 3 × 64 network, float32"
-"""The time is that of a small network, not of the profile whose error it is plotted against: what its own density would
-cost is no property of a rule.
-"""
-
-
-def _orders_of_charts(situation: StabilityContext) -> Table:
-    """Return the orders on the profiles that are drawn, over the finer half of their bins: a stiff one may not have
-    reached its order.
-    """
-    rows: list[list[str | float | None]] = []
-    counts = DRAWN[:3] if situation.quick else DRAWN[len(DRAWN) // 2 :]
-    for profile in SHOWN[: 1 if situation.quick else None]:
-        errors = {name: [_errors(name, profile, bins)[1] for bins in counts] for name in QUADRATURES}
-        rows.append([profile.name, *(fitted_order(errors[name], counts) for name in QUADRATURES)])
+    shown = SHOWN[: 1 if context.quick else None]
+    # over the finer half of the bins that are drawn: a stiff profile may not have reached its order before
+    counts = DRAWN[:3] if context.quick else DRAWN[len(DRAWN) // 2 :]
+    rows = []
+    for profile in shown:
+        by_rule = {name: [_errors(name, profile, bins)[1] for bins in counts] for name in QUADRATURES}
+        rows.append([profile.name, *(fitted_order(by_rule[name], counts) for name in QUADRATURES)])
     title = f"Fitted order of colour on the profiles of the charts, {counts[0]} to {counts[-1]} bins (none: exact)"
-    return Table("orders_drawn", 2, title, ["profile", *QUADRATURES], rows)
-
-
-def _drawn(situation: StabilityContext) -> tuple[int, ...]:
-    return DRAWN[:2] if situation.quick else DRAWN
-
-
-def _needed(situation: StabilityContext) -> Table:
-    """Return the fewest points from which on the error stays below both bars."""
-    searched = SEARCHED[:6] if situation.quick else SEARCHED
-    rows: list[list[str | float | None]] = []
-    for profile in TABLED[: 1 if situation.quick else None]:
-        row: list[str | float | None] = [profile.name]
+    yield Table("orders_drawn", 2, title, ["profile", *QUADRATURES], rows)
+    yield _needed(context)
+    drawn = DRAWN[:2] if context.quick else DRAWN
+    milliseconds = _milliseconds(drawn, 0.0 if context.quick else 0.03)
+    for profile in shown:
         for name in QUADRATURES:
-            errors = [_errors(name, profile, bins)[1] for bins in searched]
-            row.append(" / ".join(_first_below(name, errors, searched, bar) for bar in (STEP, FINE)))
-        rows.append(row)
+            seen = [max(_errors(name, profile, bins)[1], 1e-16) for bins in drawn]
+            points = [float(_points(name, bins)) for bins in drawn]
+            for against, label, x in (("samples", "points of a ray", points), ("time", TIMED, milliseconds[name])):
+                panel = f"Error against {against}: {profile.name}"
+                yield Series(panel, 2, name, label, "error of colour, float64", x, seen)
+
+
+def _needed(context: StabilityContext) -> Table:
+    """Return the fewest points from which on the error stays below both bars."""
+    searched = SEARCHED[:6] if context.quick else SEARCHED
+
+    def first_below(name: str, errors: list[float], bar: float) -> str:
+        above = [k for k, error in enumerate(errors) if not error < bar]
+        first = above[-1] + 1 if above else 0
+        return f"{_points(name, searched[first])}" if first < len(searched) else "never"
+
+    rows: Rows = []
+    for profile in TABLED[: 1 if context.quick else None]:
+        by_rule = {name: [_errors(name, profile, bins)[1] for bins in searched] for name in QUADRATURES}
+        cells = [" / ".join(first_below(name, errors, bar) for bar in (STEP, FINE)) for name, errors in by_rule.items()]
+        rows.append([profile.name, *cells])
     title = "Points of a ray until the error of colour stays below 1/510 and below 1e-4"
     return Table("points_needed", 2, title, ["profile", *QUADRATURES], rows)
 
 
-def _first_below(name: str, errors: list[float], searched: tuple[int, ...], bar: float) -> str:
-    above = [k for k, error in enumerate(errors) if not error < bar]
-    first = above[-1] + 1 if above else 0
-    return f"{_points(name, searched[first])}" if first < len(searched) else "never"
-
-
-class _Network(torch.nn.Module):
-    """A network that every point of a ray is evaluated with: 3 layers of 64, the same for all rules."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        generator = torch.Generator().manual_seed(1)
-        widths = (8, 64, 64, 4)
-        self.layers = [torch.randn(a, b, generator=generator) / a**0.5 for a, b in pairwise(widths)]
-
-    def forward(self, t: Tensor) -> tuple[Tensor, Tensor]:
-        h = torch.sin(t.unsqueeze(-1) * torch.arange(1.0, 9.0))
-        for layer in self.layers:
-            h = torch.relu(h @ layer)
-        return h[..., 0], h[..., 1:]
-
-
-def _seconds(situation: StabilityContext) -> dict[str, list[float]]:
-    """Return the milliseconds of placing points, evaluating a small network at each of them, weighing and summing, for
-    16 rays.
-
-    They are measured once per rule and number of bins, for all profiles.
+def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[float]]:
+    """Return how long it takes, per rule and number of bins, to place points, evaluate a network of 3 layers of 64 at
+    each of them, weigh and sum, for 16 rays.
     """
+    generator = torch.Generator().manual_seed(1)
+    layers = [torch.randn(a, b, generator=generator) / a**0.5 for a, b in pairwise((8, 64, 64, 4))]
+    entry = torch.zeros(16)
+
+    def render(rule: Rule, posts: Tensor) -> Tensor:
+        t, t_edges = rule.place(posts, None)
+        h = torch.sin(t.unsqueeze(-1) * torch.arange(1.0, 9.0))
+        for layer in layers:
+            h = torch.relu(h @ layer)
+        w, _ = rule.weights(h[..., 0], rule.lengths(t, t_edges))
+        return (w.unsqueeze(-1) * h[..., 1:]).sum(dim=1)
+
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # so little work gains nothing from two, and waits for the second where that is busy
     try:
-        return {name: _seconds_of(rule, situation) for name, rule in QUADRATURES.items()}
+        return {
+            name: [
+                1e3 * _best_time(partial(render, rule, uniform_edges(entry, entry + 1.0, n)), enough) for n in counts
+            ]
+            for name, rule in QUADRATURES.items()
+        }
     finally:
         torch.set_num_threads(threads)
-
-
-def _seconds_of(rule: Rule, situation: StabilityContext) -> list[float]:
-    network, entry = _Network(), torch.zeros(16)
-    found = []
-    for bins in _drawn(situation):
-        posts = uniform_edges(entry, entry + 1.0, bins)
-
-        def whole(posts: Tensor = posts) -> Tensor:
-            t, t_edges = rule.place(posts, None)
-            sigma, values = network(t)
-            w, _ = rule.weights(sigma, rule.lengths(t, t_edges))
-            return (w.unsqueeze(-1) * values).sum(dim=1)
-
-        found.append(1e3 * _best_time(whole, 0.0 if situation.quick else 0.03))
-    return found
 
 
 @torch.no_grad()
@@ -224,32 +185,30 @@ def _best_time(work: Callable[[], Tensor], enough: float) -> float:
     return min(seconds)
 
 
-def stiff(situation: StabilityContext) -> Iterator[Finding]:
+def stiff(context: StabilityContext) -> Iterator[Found]:
     """Q4: stiff profiles."""
-    counts, depths = ((64,), (15.0,)) if situation.quick else ((64, 256), (15.0, 100.0, 1000.0))
-    profiles = [
-        (make(depth * bins), bins) for make in (homogeneous, exponential) for depth in depths
-        for bins in counts
-    ]  # fmt: skip
-    for name, rule in QUADRATURES.items():
+    counts, depths = ((64,), (15.0,)) if context.quick else ((64, 256), (15.0, 100.0, 1000.0))
+    profiles = [(make(depth * bins), bins) for make in (homogeneous, exponential) for depth in depths
+                for bins in counts]  # fmt: skip
+    for name in QUADRATURES:
         errors = {(profile.name, bins): _errors(name, profile, bins)[1] for profile, bins in profiles}
         ratio = max(error / (0.5 / bins * MOST_SLOPE) for (_, bins), error in errors.items())
         where = max(errors, key=lambda key: errors[key])
         worst = f"largest error {errors[where]:.2g}: {where[0]}, {where[1]} bins"
         what = "error of colour over h/2 · max|c′|, τ of a bin 15 to 1000"
-        yield check(what, ratio, high=STIFF_BAR, why=worst, subject=name, owner=_whose(rule))
+        yield check(what, ratio, high=STIFF_BAR, why=worst, subject=name, owner=owner_of(name))
         if name == "linear":
             yield check("largest error of colour", max(errors.values()), high=LINEAR_BAR, subject=name)
-    shown = [10.0 ** float(k) for k in np.linspace(-2, 3, 2 if situation.quick else 21)]
+    shown = [10.0 ** float(k) for k in np.linspace(-2, 3, 2 if context.quick else 21)]
     for name in QUADRATURES:
         y = [max(_errors(name, homogeneous(depth * 64), 64)[1], 1e-16) for depth in shown]
         panel = "Stiffness: homogeneous ray, 64 bins"
         yield Series(panel, 2, name, "optical depth of a bin", "error of colour", shown, y)
 
 
-def shell(situation: StabilityContext) -> Iterator[Finding]:
+def shell(context: StabilityContext) -> Iterator[Found]:
     """Q5: a shell of a third of a bin, τ = 3, at a random place of a ray of 64 bins."""
-    rays, bins, fine = (200 if situation.quick else 4000), 64, 128
+    rays, bins, fine = (200 if context.quick else 4000), 64, 128
     width = 1.0 / bins / 3.0
     generator = torch.Generator().manual_seed(6)
     start = 0.1 + 0.8 * torch.rand(rays, 1, dtype=torch.float64, generator=generator)
@@ -265,23 +224,18 @@ def shell(situation: StabilityContext) -> Iterator[Finding]:
         w, _ = rule.weights(sigma, lengths)
         missed = w.sum(dim=-1) == 0
         expected = 1.0 - width * bins * rule.stride
-        noise = (expected * (1.0 - expected) / rays) ** 0.5
         share = float(missed.double().mean())
-        yield check(
-            "share of rays missed, against 1 − width/spacing",
-            abs(share - expected) / noise,
-            high=4.0,
-            unit="standard errors",
-            why=f"{share:.1%} of the rays miss it altogether, {expected:.1%} expected, with an error of {truth:.2f}",
-            subject=name,
-            owner=_whose(rule),
-        )
+        z = abs(share - expected) / (expected * (1.0 - expected) / rays) ** 0.5
+        what = "share of rays missed, against 1 − width/spacing"
+        why = f"{share:.1%} of the rays miss it altogether, {expected:.1%} expected, with an error of {truth:.2f}"
+        yield check(what, z, high=4.0, unit="standard errors", why=why, subject=name, owner=owner_of(name))
         drawn = inverse_cdf_edges(edges, rule.bin_weights(w, sigma, lengths), fine, None)
         t, edges = rule.place(torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1).values, None)
         again, _ = rule.weights(density(t), rule.lengths(t, edges))
         error = (again.sum(dim=-1) - truth).abs()
         what = "largest error of opacity with 128 importance samples, where the first pass saw the shell"
-        why = f"on the rays that missed it: median {float(error[missed].median()):.2g}"
-        bar, theirs, known = SHELL_KNOWN.get(name, (SHELL_BAR, _whose(rule), ""))
-        why = "; ".join(filter(None, (known, why)))
-        yield check(what, float(error[~missed].max()), high=bar, why=why, subject=name, owner=theirs)
+        bar, owner, known = SHELL_KNOWN.get(name, (SHELL_BAR, owner_of(name), ""))
+        why = "; ".join(
+            filter(None, (known, f"on the rays that missed it: median {float(error[missed].median()):.2g}"))
+        )
+        yield check(what, float(error[~missed].max()), high=bar, why=why, subject=name, owner=owner)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Box, Rays, Rendering
@@ -14,8 +14,10 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 from baselines.rendering import Sampling, render_rays
-from harness.records.study import Check, Owner, Table, check
-from harness.studies.stability.stability_context import Finding, StabilityContext
+from harness.records.study import Table, check
+from harness.studies.framework import Found
+from harness.studies.stability.rays.exact_rays import FunctionField, owner_of
+from harness.studies.stability.stability_context import Rows, StabilityContext, not_judged
 from scenes.rendering.medium_reference import Differentiated, Estimate, differentiated, tracked
 from scenes.rendering.variant import OLDEST_LLVM, Variant, llvm_libraries, probe
 
@@ -37,40 +39,12 @@ ORIGIN = np.array([-1.0, 0.3, 0.4])
 DIRECTION = np.array([1.8, 0.4, 0.2]) / np.linalg.norm([1.8, 0.4, 0.2])
 
 
-@dataclass(frozen=True)
-class GridField:
-    """A radiance field read from arrays over the unit cube (`baselines.contract.RadianceField`)."""
-
-    sigma: Float[Tensor, "z y x"]
-    colour: Float[Tensor, "z y x channels"]
-    pointwise: bool = True
-
-    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays 0"]:
-        return d[:, :0]
-
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
-        return _trilinear(self.sigma.unsqueeze(0), x)[:, 0]
-
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        sigma = self.density(x)
-        return sigma, sigma
-
-    def density_and_colour(
-        self, x: Float[Tensor, "points 3"], view: Float[Tensor, "rays 0"], ray: Int[Tensor, " points"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
-        del view, ray
-        return self.density(x), _trilinear(self.colour.permute(3, 0, 1, 2), x)
-
-
 def _trilinear(
     values: Float[Tensor, "channels z y x"], x: Float[Tensor, "points 3"]
 ) -> Float[Tensor, "points channels"]:
-    found = torch.nn.functional.grid_sample(
-        values.unsqueeze(0), (2.0 * x - 1.0).reshape(1, -1, 1, 1, 3), align_corners=False, padding_mode="border"
-    )
-    return found.reshape(len(values), -1).T
+    places = (2.0 * x - 1.0).reshape(1, -1, 1, 1, 3)
+    sampled = torch.nn.functional.grid_sample(values.unsqueeze(0), places, align_corners=False, padding_mode="border")
+    return sampled.reshape(len(values), -1).T
 
 
 def random_grids(tau_of_a_voxel: float) -> tuple[np.ndarray, np.ndarray]:
@@ -80,19 +54,26 @@ def random_grids(tau_of_a_voxel: float) -> tuple[np.ndarray, np.ndarray]:
     return pattern * CELLS * tau_of_a_voxel, colour
 
 
-def rendered(field: GridField, rays: Rays, bins: int, quadrature: str = "midpoint") -> Rendering:
-    """Render with our renderer, on black."""
+def field_of(sigma: Tensor, colour: Tensor) -> FunctionField:
+    """Return a field read from density [z, y, x] and colour [z, y, x, 3] over the unit cube."""
+    return FunctionField(
+        lambda x: _trilinear(sigma.unsqueeze(0), x)[:, 0], lambda x: _trilinear(colour.permute(3, 0, 1, 2), x)
+    )
+
+
+def rendered(
+    sigma: np.ndarray,
+    colour: np.ndarray,
+    bins: int,
+    quadrature: str = "midpoint",
+    origin: np.ndarray = ORIGIN,
+    direction: np.ndarray = DIRECTION,
+) -> Rendering:
+    """Render one ray through grids with our renderer, on black."""
     box = Box(torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
-    sampling = Sampling(bins=bins, quadrature=quadrature)
-    return render_rays(field, None, rays, box, sampling, None, torch.zeros(3, dtype=torch.float64), None)
-
-
-def field_of(sigma: np.ndarray, colour: np.ndarray) -> GridField:
-    return GridField(torch.as_tensor(sigma), torch.as_tensor(colour))
-
-
-def rays_of(origins: np.ndarray, directions: np.ndarray) -> Rays:
-    return Rays(torch.as_tensor(origins), torch.as_tensor(directions), 0.0, 10.0)
+    ray = Rays(torch.as_tensor(origin[None]), torch.as_tensor(direction[None]), 0.0, 10.0)
+    field, sampling = field_of(torch.as_tensor(sigma), torch.as_tensor(colour)), Sampling(bins, quadrature=quadrature)
+    return render_rays(field, None, ray, box, sampling, None, torch.zeros(3, dtype=torch.float64), None)
 
 
 # (1) Mitsuba's own path tracer
@@ -102,8 +83,8 @@ def z_scores(colour: np.ndarray, estimate: Estimate) -> np.ndarray:
     return (colour - estimate.mean) / estimate.standard_error
 
 
-def _against_tracking(variant: Variant, paths: int) -> Iterator[Finding]:
-    rows: list[list[str | float | None]] = []
+def _against_tracking(variant: Variant, paths: int) -> Iterator[Found]:
+    rows: Rows = []
     worst = dict.fromkeys(QUADRATURES, 0.0)
     largest_error = 0.0
     for tau in TAU_OF_A_VOXEL:
@@ -111,27 +92,20 @@ def _against_tracking(variant: Variant, paths: int) -> Iterator[Finding]:
         estimate = tracked(sigma, colour, ORIGIN, DIRECTION, paths, variant)
         largest_error = max(largest_error, float(estimate.standard_error.max()))
         for rule in worst:
-            ray = rays_of(ORIGIN[None], DIRECTION[None])
-            ours = rendered(field_of(sigma, colour), ray, FINE_BINS, rule).colour[0].numpy()
+            ours = rendered(sigma, colour, FINE_BINS, rule).colour[0].numpy()
             z = z_scores(ours, estimate)
             worst[rule] = max(worst[rule], float(np.abs(z).max()))
             for channel, name in enumerate(("red", "green", "blue")):
-                rows.append(
-                    [f"τ of a voxel ≤ {tau:g}, {name}", rule, float(ours[channel]), float(estimate.mean[channel]),
-                     float(estimate.standard_error[channel]), float(z[channel])]
-                )  # fmt: skip
+                figures = (ours, estimate.mean, estimate.standard_error, z)
+                rows.append([f"τ of a voxel ≤ {tau:g}, {name}", rule, *(float(figure[channel]) for figure in figures)])
     columns = ["ray", "rule", "our renderer", "volpath", "standard error", "z"]
     title = f"One ray through three random grids: {FINE_BINS} bins against {estimate.paths} paths, {variant.name}"
     yield Table(f"reference.tracking.{variant.name}", 12, title, columns, rows)
-    yield check(
-        "largest standard error of volpath's estimates",
-        largest_error,
-        high=LARGEST_ERROR,
-        subject=f"{variant.name}, noise",
-    )
+    what, subject = "largest standard error of volpath's estimates", f"{variant.name}, noise"
+    yield check(what, largest_error, high=LARGEST_ERROR, subject=subject)
     for rule, largest in worst.items():
         what = f"largest |z| against volpath, {variant.name}, three grids × three channels"
-        yield check(what, largest, high=LARGEST_Z, subject=f"{rule}, {variant.name}", owner=_whose(rule))
+        yield check(what, largest, high=LARGEST_Z, subject=f"{rule}, {variant.name}", owner=owner_of(rule))
 
 
 # (2) Dr.Jit on Mitsuba's volumes
@@ -150,9 +124,8 @@ class Bundle:
 def bundle(count: int = 16, bins: int = BINS) -> Bundle:
     """Return rays from all around into the cube, with points at the midpoints of equal bins, float64."""
     generator = torch.Generator().manual_seed(4)
-    origins = 0.5 + 1.5 * torch.nn.functional.normalize(
-        torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1
-    )
+    around = torch.randn(count, 3, generator=generator, dtype=torch.float64)
+    origins = 0.5 + 1.5 * torch.nn.functional.normalize(around, dim=-1)
     aims = 0.5 + 0.3 * (torch.rand(count, 3, generator=generator, dtype=torch.float64) - 0.5)
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     zero, one = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
@@ -166,17 +139,12 @@ def bundle(count: int = 16, bins: int = BINS) -> Bundle:
 
 def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str = "midpoint") -> Differentiated:
     """Differentiate our quadrature on torch's interpolation with torch, float64."""
-    field = field_of(sigma, colour)
-    field.sigma.requires_grad_()
-    field.colour.requires_grad_()
-    flat = some.points.reshape(-1, 3)
-    density, hue = field.density_and_colour(flat, flat[:, :0], torch.zeros(len(flat), dtype=torch.int64))
-    w, _ = QUADRATURES[rule](density.reshape(some.t.shape), some.t, some.edges)
-    seen = (w.unsqueeze(-1) * hue.reshape(*some.t.shape, 3)).sum(dim=1)
-    (seen * some.weights).sum().backward()
-    assert field.sigma.grad is not None
-    assert field.colour.grad is not None
-    return Differentiated(seen.detach().numpy(), field.sigma.grad.numpy(), field.colour.grad.numpy())
+    density, hue = (torch.as_tensor(values).requires_grad_() for values in (sigma, colour))
+    field, flat = field_of(density, hue), some.points.reshape(-1, 3)
+    w, _ = QUADRATURES[rule](field.density(flat).reshape(some.t.shape), some.t, some.edges)
+    seen = (w.unsqueeze(-1) * field.colour(flat).reshape(*some.t.shape, 3)).sum(dim=1)
+    d_sigma, d_colour = torch.autograd.grad((seen * some.weights).sum(), (density, hue))
+    return Differentiated(seen.detach().numpy(), d_sigma.numpy(), d_colour.numpy())
 
 
 def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, float]:
@@ -188,29 +156,29 @@ def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, 
     )
 
 
-def _against_gridvolume(variant: Variant) -> Iterator[Finding]:
+def _against_gridvolume(variant: Variant) -> Iterator[Found]:
     some = bundle()
-    rows: list[list[str | float | None]] = []
-    worst: dict[str, list[float]] = {"midpoint": [0.0] * 3, "listing4": [0.0] * 3}
+    delta = torch.diff(some.edges, dim=-1).numpy()
+    rows: Rows = []
+    worst = {"midpoint": [0.0] * 3, "listing4": [0.0] * 3}
     for tau in TAU_OF_A_VOXEL:
         sigma, colour = random_grids(tau)
-        delta = torch.diff(some.edges, dim=-1).numpy()
         theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), variant)
         for rule, so_far in worst.items():
-            found = errors(theirs, by_autograd(sigma, colour, some, rule))
-            worst[rule] = [max(pair) for pair in zip(so_far, found, strict=True)]
-            rows.append([f"τ of a voxel ≤ {tau:g}", rule, *found])
-    yield Table(
-        "reference.gridvolume", 12, f"Dr.Jit in float32 on Mitsuba's gridvolume against torch in float64, {BINS} bins",
-        ["grid", "rule", "error of colour", "error of ∂/∂σ", "error of ∂/∂c"], rows,
-    )  # fmt: skip
-    for rule, (value, d_sigma, d_colour) in worst.items():
-        for name, figure, bar, what in (
-            ("values", value, VALUE_BAR, "largest difference of a colour"),
-            ("∂σ", d_sigma, SIGMA_BAR, "relative difference of the gradient in σ"),
-            ("∂c", d_colour, COLOUR_BAR, "relative difference of the gradient in colour"),
-        ):
-            yield check(what, figure, high=bar, subject=f"{rule}, gridvolume {name}", owner=_whose(rule))
+            differences = errors(theirs, by_autograd(sigma, colour, some, rule))
+            worst[rule] = list(map(max, so_far, differences))
+            rows.append([f"τ of a voxel ≤ {tau:g}", rule, *differences])
+    title = f"Dr.Jit in float32 on Mitsuba's gridvolume against torch in float64, {BINS} bins"
+    columns = ["grid", "rule", "error of colour", "error of ∂/∂σ", "error of ∂/∂c"]
+    yield Table("reference.gridvolume", 12, title, columns, rows)
+    bars = (
+        ("values", VALUE_BAR, "largest difference of a colour"),
+        ("∂σ", SIGMA_BAR, "relative difference of the gradient in σ"),
+        ("∂c", COLOUR_BAR, "relative difference of the gradient in colour"),
+    )
+    for rule, figures in worst.items():
+        for figure, (name, bar, what) in zip(figures, bars, strict=True):
+            yield check(what, figure, high=bar, subject=f"{rule}, gridvolume {name}", owner=owner_of(rule))
 
 
 # (3) closed forms
@@ -244,31 +212,24 @@ def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
         return float(colour), float(-mpmath.expm1(-passed))
 
 
-def _against_closed_forms() -> Iterator[Finding]:
+def _against_closed_forms() -> Iterator[Found]:
     sigma, grey = layered()
     colour, opacity = closed_form(sigma, grey)
-    grids = (
-        np.broadcast_to(sigma, (CELLS,) * 3).copy(),
-        np.broadcast_to(grey[:, None], (*(CELLS,) * 3, 3)).copy(),
-    )
-    ray = rays_of(np.array([[-1.0, 0.37, 0.61]]), np.array([[1.0, 0.0, 0.0]]))
-    rows: list[list[str | float | None]] = []
-    for rule in QUADRATURES:
-        seen = rendered(field_of(*grids), ray, FINE_BINS, rule)
-        found = (abs(float(seen.colour[0, 0]) - colour), abs(float(seen.opacity[0]) - opacity))
-        rows.append([rule, *found])
+    shape = (CELLS,) * 3
+    grids = np.broadcast_to(sigma, shape).copy(), np.broadcast_to(grey[:, None], (*shape, 3)).copy()
+    rows: Rows = []
+    for rule, quadrature in QUADRATURES.items():
+        seen = rendered(*grids, FINE_BINS, rule, np.array([-1.0, 0.37, 0.61]), np.array([1.0, 0.0, 0.0]))
+        gaps = (abs(float(seen.colour[0, 0]) - colour), abs(float(seen.opacity[0]) - opacity))
+        rows.append([rule, *gaps])
         bar, why = CLOSED_FORM_BAR, ""
-        if QUADRATURES[rule].orders.colour == 1.0:
+        if quadrature.orders.colour == 1.0:
             bar = FIRST_ORDER_BAR
             why = f"misses the {CLOSED_FORM_BAR:g} of the others: of first order, it would need some 1e6 bins"
         what = "largest error of colour and opacity through layers, mpmath"
-        yield check(what, max(found), high=bar, why=why, subject=f"{rule}, closed form", owner=_whose(rule))
+        yield check(what, max(gaps), high=bar, why=why, subject=f"{rule}, closed form", owner=owner_of(rule))
     title = f"Layers of varying density and colour against their closed form, {FINE_BINS} bins"
     yield Table("reference.closed_form", 12, title, ["rule", "error of colour", "error of opacity"], rows)
-
-
-def _whose(rule: str) -> Owner:
-    return "paper" if QUADRATURES[rule].of_the_paper else "ours"
 
 
 def differentiating_variant() -> tuple[Variant | None, str]:
@@ -282,14 +243,14 @@ def differentiating_variant() -> tuple[Variant | None, str]:
     return None, "; ".join(failures) or f"no shared library of LLVM {OLDEST_LLVM} or newer was found"
 
 
-def independent(situation: StabilityContext) -> Iterator[Finding]:
+def independent(context: StabilityContext) -> Iterator[Found]:
     """R1: (1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
-    paths = 1600 if situation.quick else PATHS
+    paths = 1600 if context.quick else PATHS
     fast, missing = differentiating_variant()
     yield from _against_tracking(SCALAR, paths)
     if fast is None:
         for subject in ("midpoint, llvm_ad_rgb", "midpoint, gridvolume"):
-            yield Check("", None, why=missing, subject=subject, status="not_available")
+            yield not_judged(subject, missing, "not_available")
     else:
         yield from _against_tracking(fast, paths)
         yield from _against_gridvolume(fast)

@@ -5,20 +5,20 @@ method.
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from harness.execution.ground_truth import render_view_sets
+from harness.execution.ground_truth import read_views, render_view_sets
+from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import last_of, read_renders
-from harness.records.study import Check, Status, Table, check, limits
+from harness.records.study import Check, Status, Table, check
 from harness.run_folder.integrity import mend
-from harness.studies.stability.stability_context import Finding, StabilityContext, whose
+from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from scenes.catalog.entries import scene_named
 from scenes.modelling.truth import Truth, pixel_means
 from scenes.view_sets.images import read_channels
@@ -32,6 +32,10 @@ STRATA = (13, 16)
 """The closed form is averaged over a pixel twice, by one random ray in each of so many strata along either axis: this
 is free of bias, and what the two differ by is the noise of their mean. Even grids of the same sizes are off by their
 alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
+"""
+LARGEST_EXCESS = 1.5
+"""The largest quotient of the mean square difference of pixels from closed form and what noise explains; measured: 0.92
+to 1.35.
 """
 
 
@@ -62,24 +66,25 @@ class Views:
 
     def of(self, name: str) -> "Views":
         """Return the one view of that name."""
-        one = slice(index := self.names.index(name), index + 1)
-        return Views(
-            (name,), self.rendered[one], self.variance[one], self.truth[one], self.depth[one], self.true_depth[one]
-        )
+        part = slice(index := self.names.index(name), index + 1)
+        return Views(*(getattr(self, column.name)[part] for column in fields(self)))
 
 
-def read_views_and_truth(folder: Path, names: Iterable[str], poses: Iterable[np.ndarray], truth: Truth) -> Views:
-    """Read `names` inside a view set's folder, without suffix, and their cameras [4, 4]."""
-    names = tuple(names)
+def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
+    """Return the test views of a view set, or the first `count`, beside a closed form."""
+    frames = read_transforms(folder, "test")
+    names = [file.relative_to(folder.resolve()).with_suffix("").as_posix() for file in frames.files][:count]
     rows = []
-    for number, (name, pose) in enumerate(zip(names, poses, strict=True)):
+    for number, (name, pose) in enumerate(zip(names, frames.camera_to_world[:count], strict=True)):
         channels = read_channels(folder / f"{name}.exr")
-        rendered = np.stack([channels[one] for one in COLOURS], axis=-1).astype(np.float64)
-        noise = np.stack([channels[f"V.{one}"] for one in COLOURS], axis=-1).astype(np.float64)
+        rendered, noise = (
+            np.stack([channels[f"{kind}{colour}"] for colour in COLOURS], axis=-1).astype(np.float64)
+            for kind in ("", "V.")
+        )
         height, width = rendered.shape[:2]
         mean, apart, depth = closed_form(truth, pose, width, height, number)
         rows.append((rendered, noise + apart, mean, channels["Z"], depth))
-    return Views(names, *(np.stack(column).astype(np.float64) for column in zip(*rows, strict=True)))
+    return Views(tuple(names), *(np.stack(column).astype(np.float64) for column in zip(*rows, strict=True)))
 
 
 def closed_form(
@@ -106,14 +111,9 @@ def worst_z(views: Views, chosen: np.ndarray | None = None) -> float:
     """Return the largest |z| of the means of red, green, blue and opacity over the pixels `chosen` [n, h, w]."""
     picked = np.ones(views.depth.shape, bool) if chosen is None else chosen
     count = np.count_nonzero(picked)
+    rendered, truth, variance = (values[picked] for values in (views.rendered, views.truth, views.variance))
     return max(
-        abs(
-            z_score(
-                float(views.rendered[picked][:, i].mean()),
-                float(views.truth[picked][:, i].mean()),
-                float(views.variance[picked][:, i].sum()) / count**2,
-            )
-        )
+        abs(z_score(float(rendered[:, i].mean()), float(truth[:, i].mean()), float(variance[:, i].sum()) / count**2))
         for i in range(len(COLOURS))
     )
 
@@ -129,22 +129,10 @@ def unexplained(views: Views) -> float:
     return square / (noise + 1e-13) if square > 1e-13 else 0.0
 
 
-def depth_error(views: Views) -> float:
-    """Return the largest |rendered − true| distance over pixels that are completely covered, scene units; NaN if none
-    is.
-    """
-    if not views.covered.any():
-        return float("nan")
-    return float(np.abs(views.depth - views.true_depth)[views.covered].max())
-
-
-def explained_share(mse: float, variance: float) -> float:
-    """Return R² = 1 − mse / variance: 1 if everything is explained, 0 for what one flat colour would reach."""
-    return 1.0 - mse / variance
-
-
 def colour_variance(pixels: np.ndarray) -> float:
-    """Return the mean square distance of pixels [n, 3] from the one colour that is nearest to them all."""
+    """Return the mean square distance of pixels [n, 3] from the one colour that is nearest to them all: what an error
+    leaves of it is explained, all or, by that colour, nothing.
+    """
     values = pixels.astype(np.float64)
     return float(np.mean((values - values.mean(axis=0)) ** 2))
 
@@ -159,69 +147,42 @@ class SceneRun:
     cells: dict[tuple[str, str], list[CellRecord]]
     """(scene, method) → its cells, one per seed."""
 
-    @property
-    def methods(self) -> list[str]:
-        return list(self.run.methods)
-
     def of(self, scene: str) -> Iterator[CellRecord]:
         """Yield the cells of a scene, method by method in the order of the run."""
-        return (cell for method in self.methods for cell in self.cells.get((scene, method), []))
+        return (cell for method in self.run.methods for cell in self.cells.get((scene, method), []))
 
     def folder(self, scene: str) -> Path:
         """Return its view set."""
-        return self.view_sets / next(one.view_set for one in self.run.scenes if one.name == scene)
+        return self.view_sets / next(record.view_set for record in self.run.scenes if record.name == scene)
+
+    def view_set(self, context: StabilityContext, scene: str) -> ViewSet:
+        return read_views(self.folder(scene), context.plan(self.run.profile).views, context.scratch)
 
 
-def trained(situation: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
+def trained(context: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
     """Return `folder` with every cell of these scenes: those that it lacks are trained.
 
     The cells that an earlier case trained there stay in its record: the scenes of both are planned, and finished cells
     are kept. If nothing is missing, nothing is run, so that cases can request it one after another.
     """
-    before = _run_of(folder)
-    there = [scene.name for scene in before.scenes] if before else []
-    wanted = {*scenes, *there}
-    everything = situation.plan(profile)
-    plan = situation.plan(profile, [name for name in everything.scenes if name in wanted])
+    from harness.execution import run as execution
+
+    before = None
+    with suppress(DamagedRecord):
+        before = read_run(folder)
+    needed = {*scenes, *(scene.name for scene in (before.scenes if before else []))}
+    plan = context.plan(profile, [name for name in context.plan(profile).scenes if name in needed])
     if folder.exists():
-        mend(folder, plan, lambda line: situation.show.line(f"  {folder.name}: {line}"))
-    whole = all(cell_path(folder, *one).exists() for one in plan.cells())
-    if not (whole and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
+        mend(folder, plan, lambda line: context.show.line(f"  {folder.name}: {line}"))
+    complete = all(cell_path(folder, *cell).exists() for cell in plan.cells())
+    if not (complete and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
         folder.mkdir(parents=True, exist_ok=True)
-        situation.trained(plan, folder)
-    return read_trained(folder, situation.view_sets)
-
-
-def read_trained(folder: Path, view_sets: Path) -> SceneRun:
+        machine = Machine("cpu", context.workers, 1)
+        execution.run(plan, folder, context.view_sets, machine, "nox -s stability", context.show)
     cells: dict[tuple[str, str], list[CellRecord]] = {}
     for cell in read_cells(folder):
         cells.setdefault((cell.scene, cell.method), []).append(cell)
-    return SceneRun(folder, view_sets, read_run(folder), cells)
-
-
-def _run_of(folder: Path) -> RunRecord | None:
-    with suppress(DamagedRecord):
-        return read_run(folder)
-    return None
-
-
-def unscored(case: str, cell: CellRecord, what: str) -> Check | None:
-    """Return the check of a cell without scores: not available if the method is not, else failed; None for a complete
-    cell.
-
-    A cell that diverged or failed is a failure of whoever its method belongs to.
-    """
-    if cell.status == "done":
-        return None
-    status: Status = "not_available" if cell.status == "not_available" else "fail"
-    return Check(
-        what,
-        None,
-        why=f"{cell.scene}: {cell.status}, {cell.reason}",
-        subject=cell.method,
-        owner=whose(cell.method),
-        status=status,
-    )
+    return SceneRun(folder, context.view_sets, read_run(folder), cells)
 
 
 @dataclass(frozen=True)
@@ -235,13 +196,15 @@ class Shown:
     """The opacity [h, w]."""
 
 
-def shown(found: SceneRun, cell: CellRecord) -> list[Shown]:
+def shown(run: SceneRun, cell: CellRecord) -> list[Shown]:
     if cell.pictures is None:
         return []
-    return [
-        Shown(one.view, np.clip(one.colour.astype(np.float64), 0.0, 1.0), one.opacity.astype(np.float64).clip(0.0, 1.0))
-        for one in last_of(read_renders(records_folder(found.out) / cell.pictures))
-    ]
+    renders = last_of(read_renders(records_folder(run.out) / cell.pictures))
+
+    def kept(values: np.ndarray) -> np.ndarray:
+        return np.clip(values.astype(np.float64), 0.0, 1.0)
+
+    return [Shown(render.view, kept(render.colour), kept(render.opacity)) for render in renders]
 
 
 NOTHING_THERE = ("empty",)
@@ -250,7 +213,7 @@ LARGEST_TRACE = 0.05
 """The mean distance from white, at most, of a picture that shows nothing."""
 
 
-def learnt_nothing(found: SceneRun, cell: CellRecord) -> bool:
+def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
     """Whether a complete cell shows nothing at all of a scene in which there is something: empty collapse.
 
     Whether a training collapses within a few hundred steps depends on its random numbers, and says nothing of how well
@@ -260,27 +223,7 @@ def learnt_nothing(found: SceneRun, cell: CellRecord) -> bool:
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
     if cell.status != "done" or not collapsed or cell.scene in NOTHING_THERE:
         return False
-    return all((1.0 - one.render).mean() <= LARGEST_TRACE for one in shown(found, cell))
-
-
-SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
-
-
-def scores_table(case: str, title: str, trained: SceneRun, scenes: Iterable[str], item: int) -> Table:
-    """Return scene × method: training and test views always side by side."""
-    rows: list[list[str | float | None]] = [
-        [
-            scene,
-            cell.method,
-            *(cell.scores.get(name) for name in SCORES),
-            cell.status if cell.reason is None else f"{cell.status}: {cell.reason}",
-            "; ".join(["learnt nothing"] * learnt_nothing(trained, cell) + cell.warnings),
-        ]
-        for scene in scenes
-        for cell in trained.of(scene)
-    ]
-    columns = ["scene", "method", "test dB", "training dB", "floor dB", "ceiling dB", "status", "what to know"]
-    return Table(f"{case.lower()}-scores", item, title, columns, rows)
+    return all((1.0 - view.render).mean() <= LARGEST_TRACE for view in shown(run, cell))
 
 
 PROFILE = "stress"
@@ -295,115 +238,81 @@ SCENES: dict[str, tuple[str, ...]] = {
     "S7": ("tiny", "huge"),
 }
 """Case → the scenes that it examines."""
-LARGEST_EXCESS = 1.5
-"""The largest quotient of the mean square difference of pixels from closed form and what noise explains; measured: 0.92
-to 1.35.
-"""
 
 
-def stress(situation: StabilityContext, case: str) -> SceneRun:
+def stress(context: StabilityContext, case: str) -> SceneRun:
     """Return the scenes of all cases of this run, trained once."""
-    chosen = [name for name in SCENES if name in situation.cases] or list(SCENES)
-    wanted = [scene for name in {case, *chosen} for scene in SCENES[name]]
-    return trained(situation, PROFILE, wanted, situation.out)
+    chosen = [name for name in SCENES if name in context.cases] or list(SCENES)
+    return trained(context, PROFILE, [scene for name in {case, *chosen} for scene in SCENES[name]], context.out)
 
 
-def views_of(found: SceneRun, scene: str, count: int | None = None) -> Views:
+def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
     """Return the scene's test views beside their closed form."""
     truth = scene_named(scene).truth
-    if truth is None:
-        raise ValueError(f"scene {scene} has no closed form")
-    return views_beside(found.folder(scene), truth, count)
+    assert truth is not None, f"scene {scene} has no closed form"
+    return views_beside(run.folder(scene), truth, count)
 
 
-def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
-    """Return the test views of a view set, or the first `count`, beside a closed form."""
-    frames = read_transforms(folder, "test")
-    names = [file.relative_to(folder.resolve()).with_suffix("").as_posix() for file in frames.files]
-    return read_views_and_truth(folder, names[:count], frames.camera_to_world[:count], truth)
-
-
-def view_set_of(situation: StabilityContext, scene: str) -> Path:
+def view_set_of(context: StabilityContext, scene: str) -> Path:
     """Return a scene's view set as the stress scenes have theirs, rendered if the cache has none, and nothing
     trained.
     """
-    views = situation.plan(PROFILE).views
-    return next(event.path for event in render_view_sets((scene,), views, situation.view_sets) if event.path)
+    views = context.plan(PROFILE).views
+    return next(event.path for event in render_view_sets((scene,), views, context.view_sets) if event.path)
 
 
-def held_to_closed_form(case: str, scene: str, views: Views, why: str = "") -> Iterator[Check]:
+def held_to_closed_form(scene: str, views: Views) -> Iterator[Check]:
     """Check the rendered ground truth against closed form: the means of complete views, and pixel by pixel."""
-    yield check(
-        f"{scene}: largest |z| of red, green, blue and opacity against closed form",
-        worst_z(views),
-        high=LARGEST_Z,
-        why=why,
-        subject="ground truth",
-    )
-    yield check(
-        f"{scene}: mean square difference of pixels over what noise explains",
-        unexplained(views),
-        high=LARGEST_EXCESS,
-        subject="ground truth",
-    )
+    what = f"{scene}: largest |z| of red, green, blue and opacity against closed form"
+    yield check(what, worst_z(views), high=LARGEST_Z, subject="ground truth")
+    what = f"{scene}: mean square difference of pixels over what noise explains"
+    yield check(what, unexplained(views), high=LARGEST_EXCESS, subject="ground truth")
 
 
 def each_method(
-    case: str,
-    found: SceneRun,
+    run: SceneRun,
     scene: str,
-    figure: Callable[[CellRecord], float | None],
-    bar: float,
     what: str,
+    figure: Callable[[CellRecord], float | None],
+    low: float | None = None,
+    high: float | None = None,
     unit: str = "",
-    sense: Literal["at_most", "at_least"] = "at_most",
 ) -> Iterator[Check]:
-    """Check `figure` of every cell of the scene against `bar`; a cell whose figure is None is reported as such.
+    """Check `figure` of every cell of the scene against its limit.
 
-    A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at all comes close to many a
-    scene, and is no success on any.
+    A cell without scores fails whoever its method belongs to, unless the method is not available; one whose figure is
+    None is reported as such. A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at
+    all comes close to many a scene, and is no success on any.
     """
-    for cell in found.of(scene):
-        missing = unscored(case, cell, f"{scene}: {what}")
-        value = None if missing else figure(cell)
-        if missing:
-            yield missing
-        elif value is None:
-            yield Check(
-                f"{scene}: {what}",
-                None,
-                why="its record holds no such score",
-                subject=cell.method,
-                owner=whose(cell.method),
-                status="not_applicable",
-            )
-        elif learnt_nothing(found, cell):
-            yield Check(
-                f"{scene}: {what}",
-                value if isfinite(value) else None,
-                *limits(bar, sense),
-                unit=unit,
-                why=f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge",
-                subject=cell.method,
-                owner=whose(cell.method),
-                status="not_applicable",
-            )
+    for cell in run.of(scene):
+        name, method, owner = f"{scene}: {what}", cell.method, whose(cell.method)
+        if cell.status != "done":
+            status: Status = "not_available" if cell.status == "not_available" else "fail"
+            why = f"{scene}: {cell.status}, {cell.reason}"
+            yield Check(name, None, why=why, subject=method, owner=owner, status=status)
+        elif (value := figure(cell)) is None:
+            why = "its record holds no such score"
+            yield Check(name, None, why=why, subject=method, owner=owner, status="not_applicable")
+        elif learnt_nothing(run, cell):
+            why = f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge"
+            value = value if isfinite(value) else None
+            yield Check(name, value, low, high, unit, why, method, owner, "not_applicable")
         else:
-            why = "; ".join(cell.warnings)
-            yield check(
-                f"{scene}: {what}",
-                value,
-                *limits(bar, sense),
-                unit=unit,
-                why=why,
-                subject=cell.method,
-                owner=whose(cell.method),
-            )
+            yield check(name, value, low, high, unit, "; ".join(cell.warnings), subject=method, owner=owner)
 
 
-def scores(case: str, title: str, found: SceneRun) -> Finding:
-    """Return training and test views of the case's scenes side by side."""
-    return scores_table(case, title, found, SCENES[case], ITEM)
+SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
+
+
+def scores_table(case: str, title: str, run: SceneRun) -> Table:
+    """Return scene × method of a case: training and test views always side by side."""
+    rows: Rows = []
+    for cell in (cell for scene in SCENES[case] for cell in run.of(scene)):
+        status = cell.status if cell.reason is None else f"{cell.status}: {cell.reason}"
+        notes = "; ".join(["learnt nothing"] * learnt_nothing(run, cell) + cell.warnings)
+        rows.append([cell.scene, cell.method, *(cell.scores.get(name) for name in SCORES), status, notes])
+    columns = ["scene", "method", "test dB", "training dB", "floor dB", "ceiling dB", "status", "what to know"]
+    return Table(f"{case.lower()}-scores", ITEM, title, columns, rows)
 
 
 def mse_over_tests(cell: CellRecord) -> float | None:
@@ -412,28 +321,15 @@ def mse_over_tests(cell: CellRecord) -> float | None:
     return float(np.mean(errors)) if errors else None
 
 
-def share_of_looks(found: SceneRun, cell: CellRecord, views: ViewSet) -> float | None:
+def share_of_looks(run: SceneRun, cell: CellRecord, views: ViewSet) -> float | None:
     """Return the explained share over the pixels that are completely covered; display colours of 8 bits."""
     truth, render = [], []
-    for one in shown(found, cell):
-        rgba = views.test.rgba[views.test.names.index(one.view)]
+    for view in shown(run, cell):
+        rgba = views.test.rgba[views.test.names.index(view.view)]
         covered = rgba[..., 3] > 0.999
         truth.append(over_white(rgba)[covered])
-        render.append(one.render[covered])
-    if not truth or not np.concatenate(truth).size:
+        render.append(view.render[covered])
+    if not truth or not (true := np.concatenate(truth).astype(np.float64)).size:
         return None
-    true, seen = np.concatenate(truth).astype(np.float64), np.concatenate(render)
-    variance = colour_variance(true)
-    return explained_share(float(np.mean((seen - true) ** 2)), variance) if variance > 0.0 else None
-
-
-def textbook_scores(image: np.ndarray, truth: np.ndarray) -> dict[str, float]:
-    """Return PSNR of an error that may be 0, and SSIM of complete images [h, w, 3] without its two constants."""
-    x, y = image.astype(np.float64), truth.astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        psnr = -10.0 * np.log10(np.mean((x - y) ** 2))
-        mean_x, mean_y = x.mean(), y.mean()
-        covariance = ((x - mean_x) * (y - mean_y)).mean()
-        structure = 2 * mean_x * mean_y * 2 * covariance
-        ssim = structure / ((mean_x**2 + mean_y**2) * (x.var() + y.var()))
-    return {"psnr": float(psnr), "ssim": float(ssim)}
+    mse, variance = float(np.mean((np.concatenate(render) - true) ** 2)), colour_variance(true)
+    return 1.0 - mse / variance if variance > 0.0 else None

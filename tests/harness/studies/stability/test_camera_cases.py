@@ -5,39 +5,26 @@ from pathlib import Path
 import pytest
 import torch
 
-from harness.execution.progress import Quiet
-from harness.records.study import Check
 from harness.studies.stability.rays import camera_cases
-from harness.studies.stability.stability_context import StabilityContext
-
-
-def outcomes(scratch: Path) -> list[Check]:
-    situation = StabilityContext((), scratch, scratch, scratch, 1, True, Quiet())
-    found = list(camera_cases.cameras(situation))
-    assert all(isinstance(one, Check) for one in found)
-    return found  # type: ignore[return-value]
+from tests.harness.studies.stability.made_up import checks, context_in
 
 
 def test_ours_hold_and_the_dangers_are_real(tmp_path: Path) -> None:
-    found = outcomes(tmp_path)
-    assert [one.status for one in found if one.owner == "ours"] == ["pass"] * 6
-    assert [one.status for one in found if one.owner == "usual"] == ["fail"] * 3
-    mitsuba = next(one for one in found if one.subject == "Mitsuba alone")
+    made = checks("C1", context_in(tmp_path))
+    assert [check.status for check in made if check.owner == "ours"] == ["pass"] * 6
+    assert [check.status for check in made if check.owner == "usual"] == ["fail"] * 3
+    mitsuba = next(check for check in made if check.subject == "Mitsuba alone")
     assert "origin on target" in mitsuba.why
     assert "NaN" in mitsuba.why
 
 
-def test_a_check_that_is_gone_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_check_that_is_gone_and_a_careless_slab_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_cases, "check_poses", lambda poses, names: None)
-    broken = [one for one in outcomes(tmp_path) if one.is_broken]
-    assert len(broken) == 1
-    assert broken[0].value == 7
-    assert "pose: mirrored" in broken[0].why
-
-
-def test_a_careless_slab_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_cases, "ray_box", camera_cases.naive_slab)
-    assert next(one.what for one in outcomes(tmp_path) if one.is_broken).startswith("axis-parallel rays")
+    poses, slab = (check for check in checks("C1", context_in(tmp_path)) if check.is_broken)
+    assert poses.value == 7
+    assert "pose: mirrored" in poses.why
+    assert slab.what.startswith("axis-parallel rays")
 
 
 def test_the_exact_interval_is_by_cases() -> None:

@@ -9,9 +9,9 @@ import pytest
 from harness.__main__ import main
 from harness.records.study import CHAPTERS, check, read_studies
 from harness.run_folder.integrity import mend
-from harness.studies.framework import Shelf
+from harness.studies.framework import Found, Shelf
 from harness.studies.stability.cases import CASES
-from harness.studies.stability.stability_context import METHODS, Finding, StabilityContext, whose
+from harness.studies.stability.stability_context import METHODS, StabilityContext, whose
 from tests.harness import shell
 
 REQUIRED = (
@@ -55,7 +55,7 @@ def test_bad_options_are_said_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def trains_in_the_same_folder(context: StabilityContext) -> Iterator[Finding]:
+def trains_in_the_same_folder(context: StabilityContext) -> Iterator[Found]:
     mend(context.out, context.plan("smoke"), lambda line: None)
     assert context.scratch.is_dir()
     yield check("a figure", 0.5, high=1.0)

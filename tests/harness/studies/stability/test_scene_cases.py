@@ -8,8 +8,6 @@ import pytest
 
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.profiles import planned
-from harness.records.cells import CellRecord, RunRecord, records_folder
-from harness.records.pictures import Render, cell_pictures, half, write_renders
 from harness.studies.stability.whole_scenes import scene_truth
 from harness.studies.stability.whole_scenes.light_cases import (
     _fog_by_quadrature,
@@ -23,24 +21,19 @@ from harness.studies.stability.whole_scenes.scene_cases import (
     RAW,
     _silhouette,
     above_the_copy,
-    best_constant_depth,
+    depth_error,
     depth_rows,
-    psnr_apart,
     refused,
+    textbook_scores,
 )
 from harness.studies.stability.whole_scenes.scene_truth import (
     PROFILE,
     SCENES,
-    SceneRun,
     Views,
     closed_form,
     colour_variance,
-    depth_error,
     each_method,
-    explained_share,
-    mse_over_tests,
     scores_table,
-    textbook_scores,
     unexplained,
     worst_z,
     z_score,
@@ -51,11 +44,7 @@ from scenes.modelling.normalise import Similarity
 from scenes.modelling.truth import Seen, pixel_means
 from scenes.view_sets.viewpoints import FOV_X_RADIANS
 from tests.harness.cells import cell, checkpoint
-
-
-def left_behind(out: Path, *cells: CellRecord, methods: tuple[str, ...] = ("nerf",)) -> SceneRun:
-    run = RunRecord(PROFILE, "", [], dict.fromkeys(methods, ""), [], {}, [0], {}, {}, {}, True, [])
-    return SceneRun(out, out, run, {(one.scene, one.method): [one] for one in cells})
+from tests.harness.studies.stability.made_up import pictured, run_of
 
 
 def noisy_views(bias: float = 0.0, noise: float = 0.05, seed: int = 0) -> Views:
@@ -97,13 +86,9 @@ def test_depth_is_compared_where_a_pixel_is_covered() -> None:
     assert np.array_equal(views.of("b").truth[0], views.truth[1])
 
 
-def test_explained_share_is_one_minus_error_over_variance() -> None:
-    pixels = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    assert colour_variance(pixels) == 0.25
-    assert explained_share(0.0, 0.25) == 1.0
-    assert explained_share(0.25, 0.25) == 0.0, "one flat colour"
-    views = [cell("a", "nerf", 0, [checkpoint(1, 1.0, 20.0)])][0]
-    assert mse_over_tests(views) == pytest.approx(0.01)
+def test_the_variance_is_that_about_one_flat_colour() -> None:
+    assert colour_variance(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])) == 0.25
+    assert colour_variance(np.array([[0.2, 0.5, 0.8]] * 3)) == pytest.approx(0.0)
 
 
 def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
@@ -124,53 +109,43 @@ def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
     ],
 )
 def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], statuses: set[str], tmp_path: Path) -> None:
-    found = left_behind(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
-    (one,) = each_method("S4", found, scene, lambda _: 0.5, 0.9, "error")
-    assert {one.status} == statuses
-    assert one.value == 0.5, "recorded all the same"
-    assert ("learnt nothing in" in one.why) == (one.status == "not_applicable")
-    (row,) = scores_table("S4", "title", found, [scene], 10).rows
-    assert ("learnt nothing" in str(row[-1])) == (one.status == "not_applicable")
-
-
-def pictured(out: Path, grey: np.ndarray) -> str:
-    """A kept view of just that grey in colour, opacity and depth."""
-    flat = half(grey)
-    path = cell_pictures("any", "any", 0)
-    write_renders(records_folder(out) / path, [Render("test/r_0", 1, half(np.stack([grey] * 3, -1)), flat, flat)])
-    return path
+    run = run_of(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
+    (outcome,) = each_method(run, scene, "error", lambda _: 0.5, high=0.9)
+    assert {outcome.status} == statuses
+    assert outcome.value == 0.5, "recorded all the same"
+    assert ("learnt nothing in" in outcome.why) == (outcome.status == "not_applicable")
+    (row,) = scores_table("S4" if scene == "wires" else "S1", "title", run).rows
+    assert ("learnt nothing" in str(row[-1])) == (outcome.status == "not_applicable")
 
 
 def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
-    pictures = pictured(tmp_path, np.zeros((8, 8)))
-    one = cell("glass_air", "qnerf", 0, [], pictures=pictures, warnings=["empty collapse: x"])
-    found = left_behind(tmp_path, one, methods=("qnerf",))
-    (said,) = each_method("S5", found, "glass_air", lambda _: -70.0, 0.3, "share", sense="at_least")
-    assert said.status == "fail"
+    pictures = pictured(tmp_path, np.zeros((8, 8, 3)))
+    run = run_of(tmp_path, cell("glass_air", "qnerf", 0, [], pictures=pictures, warnings=["empty collapse: x"]))
+    (outcome,) = each_method(run, "glass_air", "share", lambda _: -70.0, low=0.3)
+    assert outcome.status == "fail"
 
 
 def test_a_figure_that_misses_its_bar_still_fails(tmp_path: Path) -> None:
-    found = left_behind(tmp_path, cell("wires", "nerf", 0, [checkpoint(1, 1.0, 20.0)]))
-    (one,) = each_method("S4", found, "wires", lambda _: 0.99, 0.9, "error")
-    assert one.is_broken
+    run = run_of(tmp_path, cell("wires", "nerf", 0, [checkpoint(1, 1.0, 20.0)]))
+    (outcome,) = each_method(run, "wires", "error", lambda _: 0.99, high=0.9)
+    assert outcome.is_broken
 
 
 def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
     ones = np.ones((1, 4, 4, 4))
     depth = np.repeat([[8.0, 9.0]], 8).reshape(1, 4, 4)
     views = Views(("a",), ones, ones, ones, depth, depth)
-    assert best_constant_depth(views) == pytest.approx(0.5)
-    found = left_behind(
+    run = run_of(
         tmp_path,
         cell("inside", "nerf", 0, [], scores={"depth_rmse": 2.4}),
         cell("inside", "qnerf", 0, [], scores={"depth_rmse": 0.4}),
         cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"]),
-        methods=("nerf", "qnerf", "voxels_drjit"),
     )
-    said = {row[1]: row[4] for row in depth_rows(found, "inside", views)}
-    assert said == {
-        "nerf": "worse than the constant", "qnerf": "better than the constant", "voxels_drjit": "learnt nothing",
-    }  # fmt: skip
+    assert [row[1:] for row in depth_rows(run, "inside", views)] == [
+        ["nerf", 2.4, pytest.approx(0.5), "worse than the constant"],
+        ["qnerf", 0.4, pytest.approx(0.5), "better than the constant"],
+        ["voxels_drjit", 2.4, pytest.approx(0.5), "learnt nothing"],
+    ]
 
 
 def test_above_the_copy() -> None:
@@ -184,8 +159,8 @@ def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
     truth[0, 4:] = 1.0
     views = Views(("test/r_0",), truth, truth, truth, truth[..., 0], truth[..., 0])
     for opacity, figure in ((np.ones((8, 8)), 0.0), (truth[0, ..., 0], 1.0)):
-        one = cell("white", "nerf", 0, [], pictures=pictured(tmp_path, opacity))
-        assert _silhouette(left_behind(tmp_path, one), views, one) == pytest.approx(figure)
+        record = cell("white", "nerf", 0, [], pictures=pictured(tmp_path, np.stack([opacity] * 3, -1)))
+        assert _silhouette(run_of(tmp_path, record), views, record) == pytest.approx(figure)
 
 
 def test_the_mean_of_a_ramp_in_fog() -> None:
@@ -217,11 +192,6 @@ def test_the_closed_form_of_a_pixel_is_free_of_bias(monkeypatch: pytest.MonkeyPa
     assert abs(pull(0)) > 4.0
 
 
-def test_the_stress_scenes_are_made_for_the_profile_that_renders_them() -> None:
-    views = planned(PROFILE, precision="float32").views
-    assert views.resolution == RESOLUTION
-
-
 @pytest.mark.slow
 def test_wires_that_pixel_centres_miss_are_rendered_in_proportion() -> None:
     z, hits = z_of_thin_wires(1e-2, 48)
@@ -234,22 +204,15 @@ def test_raw_scales_are_refused_and_the_unit_is_not() -> None:
     assert not refused(Similarity(1.0, (0.0, 0.0, 0.0)))
 
 
-def test_scores_apart() -> None:
-    one, two = (cell("tiny", "nerf", 0, [checkpoint(1, 1.0, psnr)]) for psnr in (20.0, 21.5))
-    assert psnr_apart(one, two) == 1.5
-    assert psnr_apart(one, None) is None
-
-
-def test_every_stress_scene_has_its_case() -> None:
-    named = [scene for scenes in SCENES.values() for scene in scenes]
-    assert sorted(named) == sorted(STRESS)
-    assert PROFILE == "stress"
+def test_every_stress_scene_has_its_case_and_the_size_it_is_made_for() -> None:
+    assert sorted(scene for scenes in SCENES.values() for scene in scenes) == sorted(STRESS)
+    assert planned(PROFILE, precision="float32").views.resolution == RESOLUTION
 
 
 @pytest.mark.parametrize(("scene", "tau"), [("fog_dense", 50.0), ("fog_thin", 1e-3)])
 def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str, tau: float) -> None:
-    found = list(_fog_by_quadrature(scene, tau))
-    assert [(one.status, one.owner) for one in found] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
+    outcomes = list(_fog_by_quadrature(scene, tau))
+    assert [(one.status, one.owner) for one in outcomes] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
 
 
 def test_the_colour_in_dense_fog_tells_a_rule_of_lower_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Quiet
+from harness.execution import run as execution
 from harness.plan.profiles import Plan
 from harness.records.cells import CellRecord, RunRecord, SceneRecord, write_cell, write_run
 from harness.studies.stability.stability_context import StabilityContext
-from harness.studies.stability.whole_scenes.scene_truth import trained, unscored
+from harness.studies.stability.whole_scenes.scene_truth import each_method, trained
 from tests.harness.cells import cell, checkpoint, diverged
+from tests.harness.studies.stability.made_up import context_in, run_of
 
-METHODS = ("nerf", "qnerf")
 planned: list[tuple[str, ...]] = []
 
 
@@ -20,76 +20,71 @@ def scene_record(name: str) -> SceneRecord:
     return SceneRecord(name, name, f"{name}-folder", 8, 8, {}, 2.0, 6.0, [[-1.0] * 3, [1.0] * 3], 40.0, 15.0, {}, [])
 
 
-def cell_of(scene: str, method: str, seed: int = 0) -> CellRecord:
-    if (scene, method) == ("lego", "qnerf"):
-        return diverged(scene, method, seed)
-    return cell(scene, method, seed, [checkpoint(10, 1.0, 20.0)])
-
-
 def write(plan: Plan, folder: Path, finished: bool = True) -> None:
     for key in plan.cells():
-        write_cell(folder, cell_of(*key))
+        write_cell(folder, cell(*key, [checkpoint(10, 1.0, 20.0)]))
     scenes = [scene_record(name) for name in plan.scenes]
     methods = {name: name for name in plan.methods}
     write_run(folder, RunRecord("smoke", "", scenes, methods, [], {}, [0], plan.settings(), {}, {}, finished, []))
 
 
 @pytest.fixture
-def situation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StabilityContext:
+def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StabilityContext:
     planned.clear()
 
-    def fake(self: StabilityContext, plan: Plan, folder: Path) -> Path:
+    def fake(plan: Plan, folder: Path, *others: object) -> None:
         planned.append(plan.scenes)
         write(plan, folder)
-        return folder
 
-    monkeypatch.setattr(StabilityContext, "trained", fake)
-    return StabilityContext(METHODS, tmp_path / "out", tmp_path / "views", tmp_path, 1, False, Quiet())
+    monkeypatch.setattr(execution, "run", fake)
+    return context_in(tmp_path, "nerf", "qnerf", quick=False)
 
 
-def test_what_is_there_is_not_run_again(situation: StabilityContext) -> None:
+def test_what_is_there_is_not_run_again(context: StabilityContext) -> None:
     for _ in range(3):
-        found = trained(situation, "smoke", ["lego"], situation.out)
+        found = trained(context, "smoke", ["lego"], context.out)
     assert planned == [("lego",)]
     assert [one.method for one in found.of("lego")] == ["nerf", "nerf", "qnerf", "qnerf"]
-    assert found.folder("lego") == situation.view_sets / "lego-folder"
+    assert found.folder("lego") == context.view_sets / "lego-folder"
 
 
-def test_a_later_case_never_narrows_the_record(situation: StabilityContext) -> None:
-    trained(situation, "smoke", ["lego"], situation.out)
-    both = trained(situation, "smoke", ["hotdog"], situation.out)
+def test_a_later_case_never_narrows_the_record(context: StabilityContext) -> None:
+    trained(context, "smoke", ["lego"], context.out)
+    both = trained(context, "smoke", ["hotdog"], context.out)
     assert planned == [("lego",), ("hotdog", "lego")]
     assert {scene for scene, _ in both.cells} == {"hotdog", "lego"}
     assert [scene.name for scene in both.run.scenes] == ["hotdog", "lego"]
-    trained(situation, "smoke", ["lego"], situation.out)
+    trained(context, "smoke", ["lego"], context.out)
     assert len(planned) == 2
 
 
-def test_a_run_that_was_stopped_or_had_other_settings_goes_on(situation: StabilityContext) -> None:
-    plan = situation.plan("smoke", ["lego"])
-    write(plan, situation.out, finished=False)
-    trained(situation, "smoke", ["lego"], situation.out)
+def test_a_run_that_was_stopped_or_had_other_settings_goes_on(context: StabilityContext) -> None:
+    plan = context.plan("smoke", ["lego"])
+    write(plan, context.out, finished=False)
+    trained(context, "smoke", ["lego"], context.out)
     assert planned == [("lego",)]
-    trained(replace(situation, methods=("nerf",)), "smoke", ["lego"], situation.out)
+    trained(replace(context, methods=("nerf",)), "smoke", ["lego"], context.out)
     assert len(planned) == 2
 
 
-def test_a_damaged_record_is_run_again(situation: StabilityContext) -> None:
-    trained(situation, "smoke", ["lego"], situation.out)
-    (situation.out / "records" / "run.json").write_text("{")
-    trained(situation, "smoke", ["lego"], situation.out)
+def test_a_damaged_record_is_run_again(context: StabilityContext) -> None:
+    trained(context, "smoke", ["lego"], context.out)
+    (context.out / "records" / "run.json").write_text("{")
+    trained(context, "smoke", ["lego"], context.out)
     assert len(planned) == 2
 
 
-def test_a_cell_without_scores_is_told_from_a_whole_one() -> None:
-    assert unscored("S1", cell("a", "nerf", 0, [checkpoint(1, 1.0, 20.0)]), "x") is None
-    broke = unscored("S1", diverged("a", "nerf", 0), "x")
-    assert broke is not None
-    assert (broke.status, broke.value, broke.is_broken) == ("fail", None, True)
-    assert "not finite at step 7: loss" in broke.why
-    paper = unscored("S1", diverged("a", "qnerf", 0), "x")
-    assert paper is not None
-    assert not paper.is_broken
-    missing = unscored("S1", cell("a", "nerf", 0, [], status="not_available", reason="no LLVM"), "x")
-    assert missing is not None
-    assert (missing.status, missing.is_broken) == ("not_available", False)
+@pytest.mark.parametrize(
+    ("record", "status", "is_broken"),
+    [
+        (cell("lego", "nerf", 0, [checkpoint(1, 1.0, 20.0)]), "pass", False),
+        (diverged("lego", "nerf", 0), "fail", True),
+        (diverged("lego", "qnerf", 0), "fail", False),
+        (cell("lego", "nerf", 0, [], status="not_available", reason="no LLVM"), "not_available", False),
+    ],
+)
+def test_a_cell_without_scores_is_told_from_a_whole_one(record: CellRecord, status: str, is_broken: bool) -> None:
+    (outcome,) = each_method(run_of(Path(), record), "lego", "error", lambda _: 0.5, high=1.0)
+    assert (outcome.status, outcome.is_broken) == (status, is_broken)
+    assert outcome.value == (0.5 if status == "pass" else None)
+    assert (record.reason or "") in outcome.why
