@@ -6,7 +6,7 @@ measured (`harness.studies.choices.omissions`), not assumed.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -28,7 +28,6 @@ _NO_BSDF = SHAPES | {
     "isotropic", "hg",
 }  # fmt: skip
 
-Concern = Literal["model", "sampling", "rendering", "metrics"]
 Unit = Literal["dB", "colour"]
 
 
@@ -38,7 +37,7 @@ class Part:
 
     what: str
     """The work that is saved where the part is not needed."""
-    concerns: Concern
+    concerns: Literal["model", "sampling", "rendering", "metrics"]
     bound: float
     """The bound on how much worse the result may get without it: dB of test PSNR, or a display colour 0 … 1."""
     unit: Unit
@@ -110,22 +109,41 @@ def needs(
     was normalised, if it was. A type that this module does not know counts as one that looks different from every
     side. Without `bounds` or `pixel`, the needs that follow from them are missing.
     """
+    types = {entry["type"] for entry in entries(description) if "type" in entry}
+    media, shiny = sorted(types & MEDIA), sorted(types - LAMBERTIAN - _NO_BSDF)
+    if shiny:
+        direction = Need("view_direction", True, f"not Lambertian: {' '.join(shiny)}")
+    elif media:
+        reason = f"light scattered on its way through a medium: {' '.join(media)}"
+        direction = Need("view_direction", True, reason)
+    else:
+        direction = Need("view_direction", False, "every surface is Lambertian and lit statically")
+    surfaces, containers = _surfaces(description), _containers(description)
+    no_depth = "a medium has no depth" if containers else "nothing has a depth"
     found = [
-        _view_direction(description),
+        direction,
         Need("background_model", False, "no sky is seen, so alpha is known"),
-        _participating_media(description),
+        Need("participating_media", bool(media), f"media: {' '.join(media)}" if media else "no participating medium"),
         _hdr_metrics(description),
-        _depth_metric(description),
+        Need("depth_metric", bool(surfaces), "surfaces have a depth" if surfaces else no_depth),
     ]
     if bounds is not None:
-        found += [
-            _outside_box(bounds),
-            _empty_space(description),
-            _scale(bounds if described is None else described),
-            *_along_rays(description, bounds),
-        ]
+        low, high = (" ".join(f"{value:.2f}" for value in corner) for corner in bounds)
+        found.append(Need("outside_box", False, f"everything lies between ({low}) and ({high})"))
+        full = not surfaces and any(entry["type"] == "cube" for entry in containers)
+        empty = "surfaces fill no space: most of the box is empty" if surfaces else "nothing fills the box"
+        found.append(Need("empty_space", full, "a medium fills the box" if full else empty))
+        box = bounds if described is None else described
+        size, away = float(np.ptp(box, axis=0).max()) / 2, float(np.abs(box.mean(axis=0)).max())
+        usual = SCALES[0] <= size <= SCALES[1] and away <= SCALES[1]
+        found.append(Need("scale_checks", not usual, f"half-extent {size:.3g}, {away:.3g} from the origin"))
+        found += _along_rays(description, bounds)
         if pixel:
-            found.append(_high_bands(bounds, pixel))
+            cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
+            bands = f"{useful_bands(cycles, 2.0)} of 2^k or {useful_bands(cycles, 1.618034)} of φ^k"
+            reason = f"pixels show {cycles:.0f} cycles across the box: bands {bands} reach that far"
+            kept = "the bands are what is compared; nerf_matched stands beside"
+            found.append(Need("high_bands", False, reason, kept))
     by_name = {need.name: need for need in found}
     return {name: by_name[name] for name in PARTS if name in by_name}
 
@@ -135,32 +153,29 @@ def left_out(found: Needs) -> list[dict[str, Any]]:
 
     The result is plain data, as a manifest keeps it.
     """
+    omitted = [need for need in found.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
     return [
         {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
          "unit": part.unit}
-        for need in found.values()
-        if not need.needed and not need.kept and need.name not in NOBODY_HAS
+        for need in omitted
         for part in [need.part]
     ]  # fmt: skip
 
 
 def as_rows(found: Needs) -> list[dict[str, Any]]:
     """Return every need as plain data; `needs_from_rows` is the inverse."""
-    return [{"name": one.name, "needed": one.needed, "reason": one.reason, "kept": one.kept} for one in found.values()]
+    return [asdict(need) for need in found.values()]
 
 
 def needs_from_rows(rows: object) -> Needs:
     """Return the needs that `as_rows` wrote; empty for anything else, such as the manifest of an older version."""
-    if not isinstance(rows, list):
-        return {}
-    return {row["name"]: Need(row["name"], row["needed"], row["reason"], row["kept"]) for row in rows}
+    return {row["name"]: Need(**row) for row in rows} if isinstance(rows, list) else {}
 
 
 def forced(found: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
     """Return `found` with the parts that the user forces in, or out, whatever the scene says."""
-    given = {name: Need(name, True, "forced in by --need") for name in need}
-    given |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
-    everything = found | given
+    everything = found | {name: Need(name, True, "forced in by --need") for name in need}
+    everything |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
     return {name: everything[name] for name in PARTS if name in everything}
 
 
@@ -169,86 +184,39 @@ def useful_bands(cycles: float, base: float) -> int:
     return max(1, math.ceil(math.log(max(cycles, 1.0), base)))
 
 
-def _view_direction(description: Description) -> Need:
-    types = _types(description)
-    shiny = sorted(types - LAMBERTIAN - _NO_BSDF)
-    media = sorted(types & MEDIA)
-    if shiny:
-        return Need("view_direction", True, f"not Lambertian: {' '.join(shiny)}")
-    if media:
-        return Need("view_direction", True, f"light scattered on its way through a medium: {' '.join(media)}")
-    return Need("view_direction", False, "every surface is Lambertian and lit statically")
-
-
-def _participating_media(description: Description) -> Need:
-    media = sorted(_types(description) & MEDIA)
-    return Need("participating_media", bool(media), f"media: {' '.join(media)}" if media else "no participating medium")
-
-
-def _outside_box(bounds: np.ndarray) -> Need:
-    low, high = (" ".join(f"{value:.2f}" for value in corner) for corner in bounds)
-    return Need("outside_box", False, f"everything lies between ({low}) and ({high})")
-
-
-def _empty_space(description: Description) -> Need:
-    if _surfaces(description):
-        return Need("empty_space", False, "surfaces fill no space: most of the box is empty")
-    containers = {entry["type"] for entry in _containers(description)}
-    if "cube" in containers:
-        return Need("empty_space", True, "a medium fills the box")
-    return Need("empty_space", False, "nothing fills the box")
-
-
 def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
     """Return the needs that depend on how much geometry a ray and one of its bins meet."""
-    tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
-    tau_bin = tau / BINS
     if _surfaces(description):
         return [
             Need("fine_pass", True, "a surface is thinner than any bin: samples must be drawn to it"),
             Need("linear_quadrature", True, "a surface is opaque within a bin"),
             Need("behind_opaque", False, "nothing is seen behind an opaque surface"),
         ]
-    stiff = tau_bin > 1.0
-    reason = f"τ of a bin is at most {tau_bin:.3g}"
+    tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
+    stiff, reason = tau / BINS > 1.0, f"τ of a bin is at most {tau / BINS:.3g}"
     found = [Need("fine_pass", stiff, reason), Need("linear_quadrature", stiff, reason)]
-    opaque = tau >= OPAQUE_TAU
     reason = f"τ along a ray is at most {tau:.3g}"
+    opaque = tau >= OPAQUE_TAU
     return [*found, Need("behind_opaque", not opaque, reason if opaque else f"{reason}: every sample counts")]
 
 
-def _high_bands(bounds: np.ndarray, pixel: float) -> Need:
-    cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
-    needed = " or ".join(f"{useful_bands(cycles, base)} of {name}" for name, base in (("2^k", 2.0), ("φ^k", 1.618034)))
-    reason = f"pixels show {cycles:.0f} cycles across the box: bands {needed} reach that far"
-    return Need("high_bands", False, reason, kept="the bands are what is compared; nerf_matched stands beside")
-
-
-def _scale(bounds: np.ndarray) -> Need:
-    size, away = float(np.ptp(bounds, axis=0).max()) / 2, float(np.abs(bounds.mean(axis=0)).max())
-    good = SCALES[0] <= size <= SCALES[1] and away <= SCALES[1]
-    where = f"half-extent {size:.3g}, {away:.3g} from the origin"
-    return Need("scale_checks", not good, where)
-
-
 def _hdr_metrics(description: Description) -> Need:
-    sky, lamps = [np.empty(0)], [np.empty(0)]
+    around, glowing = np.empty(0), np.empty(0)
     for entry in entries(description):
         if entry.get("type") == "envmap" and "data" in entry:
-            sky.append(_luminances(entry["data"]) * float(entry.get("scale", 1.0)))
+            around = np.append(around, _luminances(entry["data"]) * float(entry.get("scale", 1.0)))
         elif entry.get("type") == "constant":
-            sky.append(_luminances(_numbers(entry.get("radiance", 1.0))))
+            around = np.append(around, _luminances(_numbers(entry.get("radiance", 1.0))))
         elif entry.get("type") == "area":
-            lamps.append(_luminances(_numbers(entry.get("radiance", 1.0))))
-    around, glowing = np.concatenate(sky), np.concatenate(lamps)
-    brightest = float(np.concatenate([around, glowing]).max(initial=0.0))
+            glowing = np.append(glowing, _luminances(_numbers(entry.get("radiance", 1.0))))
+    brightest = float(np.append(around, glowing).max(initial=0.0))
     if brightest == 0.0:
         return Need("hdr_metrics", False, "no light that is measured in radiance")
     if len(around):
         usual = float(np.median(around))
     else:
         # a surface that does not glow reflects no more than its albedo of the light on it
-        albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not _glows(shape)]
+        albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not glows(shape)]
         usual = float(np.median(glowing)) * min([1.0, *albedos])
     ratio = brightest / usual if usual > 0 else math.inf
     return Need("hdr_metrics", ratio > LARGEST_RATIO, f"brightest over usual light: {ratio:.3g}")
@@ -257,32 +225,30 @@ def _hdr_metrics(description: Description) -> Need:
 def _largest_albedo(shape: Description) -> float:
     """Return the largest albedo of anything in a surface; 1 if nothing has one."""
     names = ("reflectance", "diffuse_reflectance", "base_color")
-    found = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
-    return float(max(found, default=1.0))
-
-
-def _depth_metric(description: Description) -> Need:
-    if _surfaces(description):
-        return Need("depth_metric", True, "surfaces have a depth")
-    return Need("depth_metric", False, "a medium has no depth" if _containers(description) else "nothing has a depth")
+    values = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
+    return float(max(values, default=1.0))
 
 
 def _surfaces(description: Description) -> list[Description]:
     """Return the shapes that are seen themselves, excluding those that merely hold a medium."""
-    return [entry for entry in entries(description) if entry.get("type") in SHAPES and not _is_null(entry)]
+    return [
+        entry
+        for entry in entries(description)
+        if entry.get("type") in SHAPES and (glows(entry) or not _holds(entry, "null"))
+    ]
 
 
 def _containers(description: Description) -> list[Description]:
     return [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
 
 
-def _is_null(shape: Description) -> bool:
-    bsdfs = [value for value in shape.values() if isinstance(value, dict) and value.get("type") == "null"]
-    return bool(bsdfs) and not _glows(shape)
+def _holds(shape: Description, kind: str) -> bool:
+    return any(isinstance(value, dict) and value.get("type") == kind for value in shape.values())
 
 
-def _glows(shape: Description) -> bool:
-    return any(isinstance(value, dict) and value.get("type") == "area" for value in shape.values())
+def glows(shape: Description) -> bool:
+    """Return whether a shape is a lamp."""
+    return _holds(shape, "area")
 
 
 def _largest_extinction(description: Description) -> float:
@@ -310,10 +276,6 @@ def _luminances(values: np.ndarray) -> np.ndarray:
     """Return the mean of the channels, flat; a single number is grey."""
     values = np.asarray(values, dtype=np.float64)
     return values.mean(axis=-1).ravel() if values.ndim and values.shape[-1] in (3, 4) else values.ravel()
-
-
-def _types(description: Description) -> set[str]:
-    return {entry["type"] for entry in entries(description) if "type" in entry}
 
 
 def entries(description: Description) -> Iterator[Description]:

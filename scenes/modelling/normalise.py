@@ -5,8 +5,7 @@ scene with close neighbours: 1 % too bright at scale 1e-3 or 1e3 away from the o
 description far from unit scale is normalised before it is rendered, and refused if it would be rendered as it is.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -57,9 +56,7 @@ class Similarity:
         return x * self.scale + np.asarray(self.shift)
 
     def applied(self, description: Description) -> Description:
-        """Return the same scene in the other unit; raises `InputError` for entries that this module
-        cannot transform.
-        """
+        """Return the same scene in the other unit; raises `InputError` for entries that cannot be transformed here."""
         return {name: self._entry(name, entry) for name, entry in description.items()}
 
     def _entry(self, name: str, entry: Any) -> Any:
@@ -92,10 +89,15 @@ def box_of(description: Description) -> np.ndarray | None:
 
     Raises `InputError` for a shape whose size is not known here, or is not finite.
     """
-    corners = [_box(name, entry) for name, entry in _shapes(description)]
-    if not corners:
-        return None
-    return np.array([np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)])
+    shapes = {
+        name: entry
+        for name, entry in description.items()
+        if isinstance(entry, dict) and entry.get("type") not in INFINITE
+    }
+    for name, entry in shapes.items():
+        _known(name, entry)
+    corners = np.array([_box(name, entry) for name, entry in shapes.items()])
+    return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)]) if shapes else None
 
 
 def to_unit(box: np.ndarray) -> Similarity:
@@ -113,10 +115,8 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
     The similarity is None if nothing was changed.
     """
     description = scene.build()
-    if not any(entry.get("type") in SHAPES for entry in description.values() if isinstance(entry, dict)):
-        return description, None
-    known = {name: entry for name, entry in description.items() if isinstance(entry, dict) and entry["type"] in SHAPES}
-    box = box_of(known)
+    entries = {name: entry for name, entry in description.items() if isinstance(entry, dict)}
+    box = box_of({name: entry for name, entry in entries.items() if entry.get("type") in SHAPES})
     if box is None or _within(box, FRAMED, FRAMED[1]):
         return description, None
     # only now must every entry be of a kind that can be moved
@@ -129,8 +129,7 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
 def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
     """Normalise a scene that nobody has looked at, so that it lies completely in the picture of every camera.
 
-    If the size of a shape is not known here it stays as it is, for `scenes.rendering.store` to refuse once Mitsuba
-    knows it.
+    It stays as it is where the size of a shape is not known here; Mitsuba knows it, and `store` refuses what is wrong.
     """
     description, change = normalised(scene)
     try:
@@ -151,17 +150,9 @@ def check_scale(box: np.ndarray) -> None:
         half, away = _measures(box)
         raise InputError(
             f"the scene is {2 * half:.3g} units long and {away:.3g} from the origin: Mitsuba's ray epsilon makes such "
-            f"images too bright (9 % at scale 1e-4 or 1e4 away); bring it to unit scale with "
-            f"scenes.modelling.normalise "
+            "images too bright (9 % at scale 1e-4 or 1e4 away); bring it to unit scale with scenes.modelling.normalise "
             f"(half its longest side {SOUND[0]:g} to {SOUND[1]:g}, centre within {FARTHEST:g})"
         )
-
-
-def centred(scene: Scene) -> Scene:
-    """Return the scene with its description normalised, whatever its scale: for comparisons."""
-    description = scene.build()
-    box = box_of(description)
-    return scene if box is None else replace(scene, build=lambda: to_unit(box).applied(description))
 
 
 def _within(box: np.ndarray, sizes: tuple[float, float], farthest: float) -> bool:
@@ -173,19 +164,11 @@ def _measures(box: np.ndarray) -> tuple[float, float]:
     return float((box[1] - box[0]).max()) / 2, float(np.linalg.norm((box[0] + box[1]) / 2))
 
 
-def _shapes(description: Description) -> Iterator[tuple[str, Description]]:
-    for name, entry in description.items():
-        if isinstance(entry, dict) and entry.get("type") not in INFINITE:
-            _known(name, entry)
-            yield name, entry
-
-
 def _known(name: str, entry: Description) -> None:
     if entry.get("type") not in SHAPES:
         raise InputError(
-            f"{name}: the size of a {entry.get('type')!r} is not known to "
-            f"scenes.modelling.normalise; describe the scene at "
-            f"unit scale, or with {' '.join(sorted(SHAPES))}"
+            f"{name}: the size of a {entry.get('type')!r} is not known to scenes.modelling.normalise; describe the "
+            f"scene at unit scale, or with {' '.join(sorted(SHAPES))}"
         )
 
 

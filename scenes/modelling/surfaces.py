@@ -46,19 +46,8 @@ def matte(colour: Colour) -> Description:
 
 def cloth(colour: Colour, sheen: float = 0.6) -> Description:
     """Woven or felted cloth: brightens towards grazing angles."""
-    return {
-        "type": "principled",
-        "base_color": reflectance(colour),
-        "roughness": 0.85,
-        "specular": 0.25,
-        "sheen": sheen,
-        "sheen_tint": 0.5,
-    }
-
-
-def felt(colour: Colour) -> Description:
-    """Thick, fuzzy cloth."""
-    return cloth(colour, sheen=1.0)
+    look = {"roughness": 0.85, "specular": 0.25, "sheen": sheen, "sheen_tint": 0.5}
+    return {"type": "principled", "base_color": reflectance(colour), **look}
 
 
 def plastic(colour: Colour, roughness: float = 0.12) -> Description:
@@ -103,10 +92,6 @@ def bronze(roughness: float = 0.16) -> Description:
     return polished({"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))}, roughness)
 
 
-def chrome(roughness: float = 0.04) -> Description:
-    return metal("Cr", roughness)
-
-
 def gold(roughness: float = 0.1) -> Description:
     return metal("Au", roughness)
 
@@ -129,10 +114,6 @@ def glass(index: float = 1.5, roughness: float = 0.0) -> Description:
 def pane(index: float = 1.5) -> Description:
     """A clear sheet without thickness: reflects a little, does not bend light."""
     return {"type": "thindielectric", "int_ior": index, "ext_ior": 1.0}
-
-
-def water() -> Description:
-    return glass(index=1.333)
 
 
 def veil(opacity: float, bsdf: Description) -> Description:
@@ -159,13 +140,7 @@ def tinted(clear: Description, colour: Sequence[float]) -> Description:
     return clear | {"specular_transmittance": reflectance(colour)}
 
 
-def thin(colour: Colour, translucency: float = 0.5, roughness: float = 0.5) -> Description:
+def thin(colour: Colour, translucency: float, roughness: float) -> Description:
     """A leaf, sailcloth, paper: a sheet without thickness that lets that share of its light glow through."""
-    return {
-        "type": "principledthin",
-        "base_color": reflectance(colour),
-        "roughness": roughness,
-        "spec_trans": 0.0,
-        "diff_trans": 2.0 * translucency,
-        "eta": 1.4,
-    }
+    look = {"roughness": roughness, "spec_trans": 0.0, "diff_trans": 2.0 * translucency, "eta": 1.4}
+    return {"type": "principledthin", "base_color": reflectance(colour), **look}

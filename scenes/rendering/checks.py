@@ -49,8 +49,8 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
     poses = everything[evenly_spread(views, everything, "test views")]
     chosen = choose_variant(variant)
     loaded = {name: LoadedScene.of(scene, chosen, resolution, integrator=name) for name in INTEGRATORS}
-    for one in loaded.values():
-        one.colour(poses[0], spp, seed_from("warm-up"))
+    for renderer in loaded.values():
+        renderer.colour(poses[0], spp, seed_from("warm-up"))
     seconds = dict.fromkeys(INTEGRATORS, 0.0)
     squared = []
     for number, pose in enumerate(poses):
@@ -67,9 +67,7 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
 
 
 def in_blocks(image: np.ndarray) -> np.ndarray:
-    """Return means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels; a rest at the border is
-    dropped.
-    """
+    """Return means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels, without a rest."""
     side = min(BLOCK, *image.shape[:2])
     rows, columns = (size // side for size in image.shape[:2])
     whole = image[: rows * side, : columns * side].astype(np.float64)
@@ -83,9 +81,7 @@ def repeated(
     scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None = None
 ) -> Iterator[np.ndarray]:
     """Yield `count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are
-    independent.
-
-    Raises `InputError` for an unknown scene or variant, a missing view and invalid sizes.
+    independent. Raises `InputError` for an unknown scene or variant, a missing view and invalid sizes.
     """
     scene = scene_named(scene_name)
     poses = all_poses("test", scene.view_from)

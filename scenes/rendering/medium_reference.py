@@ -46,39 +46,24 @@ def tracked(
     batches, whose spread gives the standard error.
     """
     mi = use(variant)
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "volpath", "max_depth": SINGLE_SCATTERING, "rr_depth": NO_ROULETTE},
-            "light": {
-                "type": "directional",
-                "direction": direction.tolist(),
-                "irradiance": {"type": "rgb", "value": [8.0 * math.pi] * 3},
-            },
-            "medium": {
-                "type": "cube",
-                "to_world": mi.ScalarTransform4f().translate([0.5, 0.5, 0.5]).scale(PADDED),
-                "bsdf": {"type": "null"},
-                "interior": {
-                    "type": "heterogeneous",
-                    "sigma_t": _grid(mi, sigma[..., None] / 2.0),
-                    "albedo": _grid(mi, colour),
-                    "has_spectral_extinction": False,
-                    "phase_function": {"type": "isotropic"},
-                },
-            },
-        }
-    )
     spp = even_spp(math.ceil(paths / batches))
+    integrator = {"type": "volpath", "max_depth": SINGLE_SCATTERING, "rr_depth": NO_ROULETTE}
+    irradiance = {"type": "rgb", "value": [8.0 * math.pi] * 3}
+    light = {"type": "directional", "direction": direction.tolist(), "irradiance": irradiance}
+    interior = {
+        "type": "heterogeneous", "sigma_t": _grid(mi, sigma[..., None] / 2.0), "albedo": _grid(mi, colour),
+        "has_spectral_extinction": False, "phase_function": {"type": "isotropic"},
+    }  # fmt: skip
+    to_world = mi.ScalarTransform4f().translate([0.5, 0.5, 0.5]).scale(PADDED)
+    medium = {"type": "cube", "to_world": to_world, "bsdf": {"type": "null"}, "interior": interior}
+    scene = mi.load_dict({"type": "scene", "integrator": integrator, "light": light, "medium": medium})
+    film = {
+        "type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}, "pixel_format": "rgb",
+        "component_format": "float32",
+    }  # fmt: skip
     sensor = mi.load_dict(
         {
-            "type": "radiancemeter",
-            "origin": origin.tolist(),
-            "direction": direction.tolist(),
-            "film": {
-                "type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}, "pixel_format": "rgb",
-                "component_format": "float32",
-            },
+            "type": "radiancemeter", "origin": origin.tolist(), "direction": direction.tolist(), "film": film,
             "sampler": {"type": "independent", "sample_count": spp},
         }
     )  # fmt: skip
@@ -113,21 +98,21 @@ def differentiated(
 
     rays, bins = delta.shape
     density, hue = mi.load_dict(_grid(mi, sigma[..., None])), mi.load_dict(_grid(mi, colour))
-    held = [mi.traverse(volume) for volume in (density, hue)]
-    for one in held:
-        dr.enable_grad(one["data"])
-        one.update()
+    parameters = [mi.traverse(volume) for volume in (density, hue)]
+    for volume in parameters:
+        dr.enable_grad(volume["data"])
+        volume.update()
     at = dr.zeros(mi.Interaction3f, rays * bins)
     at.p = mi.Point3f(*(mi.Float(points[..., axis].ravel().astype(np.float32)) for axis in range(3)))
     tau = density.eval_1(at) * mi.Float(delta.ravel().astype(np.float32))
     through = dr.exp(-dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True))
     w = through * (1.0 - dr.exp(-tau))
     seen = [dr.block_reduce(dr.ReduceOp.Add, w * channel, bins) for channel in hue.eval(at)]
-    weighed = [mi.Float(weights[:, channel].astype(np.float32)) for channel in range(3)]
-    dr.backward(sum(dr.sum(one * share) for one, share in zip(seen, weighed, strict=True)))
-    d_sigma, d_colour = (np.array(dr.grad(one["data"]), dtype=np.float64) for one in held)
+    shares = [mi.Float(weights[:, channel].astype(np.float32)) for channel in range(3)]
+    dr.backward(sum(dr.sum(channel * share) for channel, share in zip(seen, shares, strict=True)))
+    d_sigma, d_colour = (np.array(dr.grad(volume["data"]), dtype=np.float64) for volume in parameters)
     return Differentiated(
-        np.stack([np.array(dr.detach(one), dtype=np.float64) for one in seen], axis=-1),
+        np.stack([np.array(dr.detach(channel), dtype=np.float64) for channel in seen], axis=-1),
         d_sigma.reshape(sigma.shape),
         d_colour.reshape(colour.shape),
     )
@@ -135,11 +120,6 @@ def differentiated(
 
 def _grid(mi: Any, values: np.ndarray) -> dict[str, Any]:
     """Make a `gridvolume` over the unit cube: trilinear between cell centres, the border extended, in full float32."""
-    return {
-        "type": "gridvolume",
-        "grid": mi.VolumeGrid(np.ascontiguousarray(values, dtype=np.float32)),
-        "raw": True,
-        "filter_type": "trilinear",
-        "wrap_mode": "clamp",
-        "accel": False,
-    }
+    grid = mi.VolumeGrid(np.ascontiguousarray(values, dtype=np.float32))
+    look = {"raw": True, "filter_type": "trilinear", "wrap_mode": "clamp", "accel": False}
+    return {"type": "gridvolume", "grid": grid, **look}

@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -29,13 +28,6 @@ MEASURES = ("display", "linear")
 """
 
 
-@runtime_checkable
-class Renderer(Protocol):
-    """The interface of `scenes.rendering.render.LoadedScene` that these measurements need."""
-
-    def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray: ...
-
-
 @dataclass(frozen=True)
 class Again:
     """One stored view and renders of it with other random numbers, by the same procedure: two halves each."""
@@ -45,9 +37,7 @@ class Again:
     stored: float
     """The manifest's value: mean square error of the display image over white that noise causes."""
     again: float
-    """Half of the mean square difference of two of these images, averaged over all pairs: the noise of one, whatever
-    the manifest says.
-    """
+    """The noise of one of these images, whatever the manifest says: half the mean square difference of two."""
     halves: float
     """The manifest's formula applied to the renders that were made now."""
     spp: int
@@ -63,9 +53,7 @@ class Errors:
     seconds: list[float]
     """The seconds of each render after the first one, in which kernels may be compiled."""
     mse: dict[str, list[float]]
-    """Map measure (`MEASURES`) → mean square error of each render, less the reference's own variance; below 0 by chance
-    where the two are alike.
-    """
+    """Map measure (`MEASURES`) → mean square error of each render, less the reference's own variance."""
     reference_spp: int
     reference_mse: dict[str, float]
     """Map measure → variance of the reference, from its two halves."""
@@ -73,9 +61,7 @@ class Errors:
 
 
 def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
-    """Render every test view of a view set of ours `repeats` times. Raises `InputError` for a folder that is none, or
-    is damaged.
-    """
+    """Render every test view of a view set of ours `repeats` times. Raises `InputError` for what is none or damaged."""
     if repeats < 1:
         raise InputError(f"--repeats {repeats}: choose 1 or more")
     manifest = read_manifest(folder)
@@ -89,14 +75,14 @@ def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
     for file, pose in zip(frames.files, frames.camera_to_world, strict=True):
         name = file.relative_to(folder.resolve()).with_suffix("").as_posix()
         channels = read_channels(checked(folder, file.with_suffix(".exr"), manifest))
-        linear = np.stack([channels[one] for one in "RGBA"], axis=-1)
+        linear = np.stack([channels[channel] for channel in "RGBA"], axis=-1)
         noise, halves = noise_again(loaded, linear, pose, spp, repeats, name)
         stored = float(manifest["views"][name]["noise_mse"])
         yield Again(scene.name, name, stored, noise, halves, spp, variant.name)
 
 
 def noise_again(
-    loaded: Renderer, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
+    loaded: LoadedScene, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
 ) -> tuple[float, float]:
     """Return `Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
     images, halves = [as_scored(stored)], []
@@ -120,30 +106,27 @@ def errors(
     scene = scene_named(scene_name)
     pose = all_poses("test", scene.view_from)[0]
     loaded = LoadedScene.of(scene, variant, resolution)
-    for found in errors_of(loaded, pose, spp, reference_spp, repeats):
-        yield Errors(scene.name, *found, variant.name)
+    yield from errors_of(loaded, scene.name, pose, spp, reference_spp, repeats, variant.name)
 
 
 def errors_of(
-    loaded: Renderer, pose: np.ndarray, spp: Sequence[int], reference_spp: int, repeats: int
-) -> Iterator[tuple[int, list[float], dict[str, list[float]], int, dict[str, float]]]:
-    """Yield the fields of `Errors` that follow from a renderer. One render more than `repeats` is
-    made, and not timed.
-    """
+    loaded: LoadedScene, name: str, pose: np.ndarray, spp: Sequence[int], reference_spp: int, repeats: int, variant: str
+) -> Iterator[Errors]:
+    """Measure a loaded scene. One render more than `repeats` is made, and not timed."""
     half = math.ceil(reference_spp / 2)
-    halves = [_finite(loaded.colour(pose, half, seed_from("reference", which))) for which in "ab"]
-    whole = {one: measured((halves[0] + halves[1]) / 2, one) for one in MEASURES}
-    own = {one: mean_square(measured(halves[0], one) - measured(halves[1], one)) / 4 for one in MEASURES}
+    a, b = (_finite(loaded.colour(pose, half, seed_from("reference", which))) for which in "ab")
+    whole = {measure: measured((a + b) / 2, measure) for measure in MEASURES}
+    own = {measure: mean_square(measured(a, measure) - measured(b, measure)) / 4 for measure in MEASURES}
     for count in spp:
         seconds: list[float] = []
-        mse: dict[str, list[float]] = {one: [] for one in MEASURES}
+        mse: dict[str, list[float]] = {measure: [] for measure in MEASURES}
         for repetition in range(repeats + 1):
             began = time.perf_counter()
             image = _finite(loaded.colour(pose, count, seed_from("work", count, repetition)))
             seconds.append(time.perf_counter() - began)
-            for one in MEASURES:
-                mse[one].append(mean_square(measured(image, one) - whole[one]) - own[one])
-        yield count, seconds[1:], mse, 2 * half, own
+            for measure in MEASURES:
+                mse[measure].append(mean_square(measured(image, measure) - whole[measure]) - own[measure])
+        yield Errors(name, count, seconds[1:], mse, 2 * half, own, variant)
 
 
 def measured(linear: np.ndarray, measure: str) -> np.ndarray:

@@ -7,7 +7,6 @@ sees. A body of fog is inside as one of stone is.
 """
 
 import base64
-import hashlib
 import json
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,7 +18,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from scenes.files.atomic import write_atomically
+from scenes.files.digest import json_digest
 from scenes.files.errors import InputError
+from scenes.modelling.needs import glows
 from scenes.modelling.scene import Description
 from scenes.rendering.order import Order
 from scenes.view_sets.manifest import DamagedViewSet, read_manifest
@@ -30,9 +31,7 @@ CELLS = 32
 """The number of points along each side of the box, in the middles of as many equal cells."""
 THIN = frozenset({"rectangle", "disk", "cylinder"})
 OFF_THE_GRID = (1.3e-7, 2.9e-7)
-"""The share of the box by which columns are moved in x and y, so that none runs along an edge of a box or between
-halves.
-"""
+"""The share of the box by which columns are moved in x and y, so that none runs along an edge."""
 FINEST = 1e-6
 """The share of the mesh's size below which vertices are the same: a seam of a texture is no rim."""
 
@@ -44,15 +43,13 @@ def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
 
 
 def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, cells: int = CELLS) -> np.ndarray | None:
-    """Return the occupancy, bool [cells, cells, cells] over x, y, z of the box; None if a shape's solidity is not
-    known.
-    """
+    """Return the occupancy, bool [cells, cells, cells] over x, y, z of the box; None if a shape's inside is unknown."""
     axes = axes_of(bounds, cells)
     found = np.zeros((cells, cells, cells), dtype=bool)
     for entry in description.values():
         if not isinstance(entry, dict) or entry.get("type") in ("constant", "envmap", "directional"):
             continue
-        if _glows(entry) and not emitters_seen:
+        if glows(entry) and not emitters_seen:
             continue
         kind = entry.get("type")
         if kind == "mesh":
@@ -62,10 +59,6 @@ def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, ce
         elif kind not in THIN:
             return None
     return found
-
-
-def _glows(entry: dict[str, Any]) -> bool:
-    return any(isinstance(value, dict) and value.get("type") == "area" for value in entry.values())
 
 
 def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarray:
@@ -188,7 +181,7 @@ def _read(folder: Path, manifest: dict[str, Any]) -> np.ndarray | None:
         content = read_json(file)
         claimed = content.pop("checksum")
         bits = base64.b64decode(content.pop("inside"), validate=True)
-        if content != _bound_to(manifest) or claimed != _checksum(content, bits) or len(bits) != CELLS**3 // 8:
+        if content != _bound_to(manifest) or claimed != json_digest(content, bits) or len(bits) != CELLS**3 // 8:
             raise ValueError("it is damaged, or not of this view set")
     except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedViewSet(f"{file}: {error}; delete it, the next run makes it again") from error
@@ -196,11 +189,7 @@ def _read(folder: Path, manifest: dict[str, Any]) -> np.ndarray | None:
     return cells.reshape(CELLS, CELLS, CELLS)
 
 
-def _checksum(content: dict[str, Any], bits: bytes) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode() + bits).hexdigest()
-
-
 def _write(file: Path, content: dict[str, Any], bits: bytes) -> None:
-    whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": _checksum(content, bits)}
+    whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
     with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
         write_atomically(file, json.dumps(whole), fsync=False)

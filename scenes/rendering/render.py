@@ -34,9 +34,6 @@ LARGEST_WAVEFRONT = 1 << 22
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
-Loader = Callable[[Any], tuple[Any, Placement, np.ndarray]]
-
-
 class RenderError(RuntimeError):
     """A scene of ours that cannot be rendered: a defect of the scene, not of the user's input."""
 
@@ -69,7 +66,8 @@ class LoadedScene:
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
         fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
-        box: Corners | None = None, any_scale: bool = False, load: Loader | None = None,
+        box: Corners | None = None, any_scale: bool = False,
+        load: Callable[[Any], tuple[Any, Placement, np.ndarray]] | None = None,
     ) -> None:  # fmt: skip
         """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
 
@@ -85,9 +83,8 @@ class LoadedScene:
         self._vectorised = not variant.name.startswith("scalar")
         self.placement: Placement | None = None
         if load is None:
-            self._scene = mi.load_dict(
-                {"type": "scene", **{name: to_mitsuba(value) for name, value in description.items()}}
-            )
+            entries = {name: to_mitsuba(value) for name, value in description.items()}
+            self._scene = mi.load_dict({"type": "scene", **entries})
         else:
             self._scene, self.placement, self.box_in_file = load(mi)
         self._solid = self._scene if emitters_seen else _without_lamps(mi, self._scene)
@@ -112,9 +109,7 @@ class LoadedScene:
     def of(
         scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
     ) -> "LoadedScene":
-        """Load a scene of the catalogue as it is rendered: normalised where it must be
-        (`scenes.modelling.normalise`).
-        """
+        """Load a scene of the catalogue as it is rendered: normalised where it must be."""
         description, _ = normalised(scene)
         return LoadedScene(
             description, variant, scene.max_depth, width, height or width, integrator=integrator,
@@ -122,9 +117,7 @@ class LoadedScene:
         )  # fmt: skip
 
     def box(self) -> np.ndarray:
-        """Return the corners [2, 3] of the box around all shapes, or of the declared one if there is no
-        shape, float64.
-        """
+        """Return the corners [2, 3], float64, of the box around all shapes, or of the declared one if there is none."""
         if self.placement is not None:
             return self.placement.box(self.box_in_file)
         box = self._scene.bbox()
@@ -151,21 +144,16 @@ class LoadedScene:
         hits = distance[..., 3]
         mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
         # Mitsuba's rays start on the near plane, not at the camera
-        depth = np.where(hits > 0, mean + NEAR_CLIP * self._ray_stretch(), 0.0)
-        if self.placement is not None:
-            depth *= self.placement.scale
-        normal = self._render(self._solid, self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
-        if self.placement is not None:
-            normal = normal @ self.placement.rotation.T
-        length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
-
-    def _ray_stretch(self) -> np.ndarray:
-        """Return the length [h, w] of the rays through the pixel centres per unit of z."""
         focal = 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
-        return np.sqrt(1 + x**2 + y[:, None] ** 2)
+        depth = np.where(hits > 0, mean + NEAR_CLIP * np.sqrt(1 + x**2 + y[:, None] ** 2), 0.0)
+        normal = self._render(self._solid, self._normal, camera_to_world, NORMAL_SPP[self._vectorised], seed)
+        if self.placement is not None:
+            depth *= self.placement.scale
+            normal = normal @ self.placement.rotation.T
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
     def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """Return the mean of as many passes as the samples need: float64 [h, w, channels]."""
@@ -187,9 +175,7 @@ class LoadedScene:
         return total / passes
 
     def actual_spp(self, spp: int) -> int:
-        """Return the samples per pixel that both halves together take where `spp` are asked for: `spp`
-        or a few more.
-        """
+        """Return the samples per pixel of both halves together where `spp` are asked for: `spp` or a few more."""
         passes, spp_pass = self._passes(math.ceil(spp / 2))
         return 2 * passes * spp_pass
 
@@ -202,24 +188,17 @@ class LoadedScene:
         import mitsuba as mi
 
         if spp not in self._sensors:
+            film = {
+                "type": "hdrfilm", "width": self.width, "height": self.height, "rfilter": {"type": "box"},
+                "pixel_format": "rgba", "component_format": "float32",
+            }  # fmt: skip
             self._sensors[spp] = mi.load_dict(
                 {
-                    "type": "perspective",
-                    "fov": math.degrees(self.fov_x_radians),
-                    "fov_axis": "x",
-                    "near_clip": NEAR_CLIP,
-                    "far_clip": 1e5,
-                    "film": {
-                        "type": "hdrfilm",
-                        "width": self.width,
-                        "height": self.height,
-                        "rfilter": {"type": "box"},
-                        "pixel_format": "rgba",
-                        "component_format": "float32",
-                    },
+                    "type": "perspective", "fov": math.degrees(self.fov_x_radians), "fov_axis": "x",
+                    "near_clip": NEAR_CLIP, "far_clip": 1e5, "film": film,
                     "sampler": {"type": "multijitter", "sample_count": spp},
                 }
-            )
+            )  # fmt: skip
         return self._sensors[spp]
 
 
@@ -310,9 +289,7 @@ def to_mitsuba(value: Any) -> Any:
                 raise RenderError(f"a {value['type']} with data: only bitmap, envmap and gridvolume may hold pixels")
         return entry
     if isinstance(value, np.ndarray):
-        if value.shape == (4, 4):
-            return mi.ScalarTransform4f(value.astype(np.float64))
-        return value.tolist()
+        return mi.ScalarTransform4f(value.astype(np.float64)) if value.shape == (4, 4) else value.tolist()
     return value
 
 
@@ -328,8 +305,8 @@ def _mesh(entry: Description) -> Any:
             properties[name] = mi.load_dict(to_mitsuba(entry[name]))
     mesh = mi.Mesh("mesh", len(entry["vertices"]), len(entry["faces"]), properties, "normals" in entry, "uv" in entry)
     parameters = mi.traverse(mesh)
-    for ours, theirs in (("vertices", "vertex_positions"), ("faces", "faces"), ("uv", "vertex_texcoords"),
-                         ("normals", "vertex_normals")):  # fmt: skip
+    names = {"vertices": "vertex_positions", "faces": "faces", "uv": "vertex_texcoords", "normals": "vertex_normals"}
+    for ours, theirs in names.items():
         if ours in entry:
             dtype = np.uint32 if ours == "faces" else np.float32
             parameters[theirs] = np.ascontiguousarray(entry[ours], dtype=dtype).ravel()

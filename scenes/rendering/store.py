@@ -53,9 +53,7 @@ class Standing:
 
 
 def standings(counts: dict[str, int], spp: dict[str, int], kept: Collection[str]) -> Iterator[Standing]:
-    """Yield the state before anything is rendered, and after each rendered view; `kept` names the views
-    that are not.
-    """
+    """Yield the state before anything is rendered, and after each rendered view; those that `kept` names are not."""
     total = sum(counts.values())
     views = [(f"{split}/r_{number}", spp[split]) for split in counts for number in range(counts[split])]
     missing = [(name, samples) for name, samples in views if name not in kept]
@@ -111,7 +109,7 @@ def ensure_view_set(
         remove_stale(cache, but=target.name)
         with working_folder(cache, target.name) as partial:
             try:
-                donors = [one for one in (target, *abandoned(cache, target.name)) if one.is_dir()]
+                donors = [folder for folder in (target, *abandoned(cache, target.name)) if folder.is_dir()]
                 with mistakes_in(own, but=OSError):  # which is the cache's
                     write_view_set(partial, order, chosen, progress, donors)
                 _move_into_place(partial, target)
@@ -120,8 +118,8 @@ def ensure_view_set(
             except BaseException:
                 remove(partial)
                 raise
-        for one in (partial, *abandoned(cache, target.name)):
-            remove(one)
+        for folder in (partial, *abandoned(cache, target.name)):
+            remove(folder)
     return with_occupancy(target, order)
 
 
@@ -132,13 +130,9 @@ def check_resolution(resolution: int) -> None:
 
 
 def is_stored(
-    scene_name: str,
-    resolution: int,
-    counts: dict[str, int],
-    spp: dict[str, int],
-    cache_folder: Path,
+    scene_name: str, resolution: int, counts: dict[str, int], spp: dict[str, int], cache_folder: Path,
     integrator: str | None = None,
-) -> bool:
+) -> bool:  # fmt: skip
     """Return whether a folder of the view set's name exists; arguments and errors are those of `ensure_view_set`, which
     checks that it is complete.
     """
@@ -152,8 +146,7 @@ def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, in
     check_resolution(resolution)
     for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", spp, 2, LARGEST_SPP)):
         if set(given) != set(SPLITS):
-            names = " ".join(f"{option}{split}" for split in SPLITS)
-            raise InputError(f"{names}: {given}: give one number each")
+            raise InputError(f"{option}train {option}val {option}test: {given}: give one number each")
         for split, value in given.items():
             if value < smallest or (largest is not None and value > largest):
                 raise InputError(f"{option}{split} {value}: choose {smallest} to {largest or 'what there is'}")
@@ -177,7 +170,7 @@ def is_complete(folder: Path) -> bool:
 
 
 def first_fault(folder: Path) -> str | None:
-    """Return what is wrong with a stored view set, for a message; None if it is complete."""
+    """Return what is wrong with a stored view set, for a message."""
     try:
         check_all(folder)
     except InputError as error:
@@ -190,13 +183,10 @@ def first_fault(folder: Path) -> str | None:
 def write_view_set(
     folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
 ) -> None:
-    """Render into an existing, empty folder, except views that are valid in one of `donors`; the manifest is written
-    last.
-    """
+    """Render into an empty folder, but for views that are valid in one of `donors`; the manifest is written last."""
     from scenes.rendering.render import LoadedScene, render_views, seed_from
 
-    scene, started = order.scene, time.perf_counter()
-    size = order.resolution
+    scene, size, started = order.scene, order.resolution, time.perf_counter()
     loaded = LoadedScene(
         order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
         emitters_seen=scene.emitters_seen, box=scene.box, load=scene.load,
@@ -211,19 +201,18 @@ def write_view_set(
     views: dict[str, Any] = {}
     listed: dict[str, tuple[list[str], np.ndarray]] = {}
     digest = order.digest(variant.name)
-    names = [f"{split}/r_{number}" for split in SPLITS for number in range(order.counts[split])]
-    kept = salvaged(folder, list(donors), digest, names)
+    names_of = {split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS}
+    kept = salvaged(folder, list(donors), digest, [name for names in names_of.values() for name in names])
     standing = standings(order.counts, order.spp, kept)
     if progress:
         progress(next(standing))
-    earlier = sum(one.get("seconds", 0.0) for one in kept.values())
+    earlier = sum(facts.get("seconds", 0.0) for facts in kept.values())
     seen = lit = False
-    for split in SPLITS:
-        if not order.counts[split]:
+    for split, names in names_of.items():
+        if not names:
             continue
         (folder / split).mkdir(exist_ok=True)
         viewpoints, poses = order.poses(split)
-        names = [f"{split}/r_{number}" for number in range(len(poses))]
         seeds = [seed_from(scene.name, split, int(viewpoint)) for viewpoint in viewpoints]
         missing = [place for place, name in enumerate(names) if name not in kept]
         rendered = render_views(
@@ -232,25 +221,23 @@ def write_view_set(
         for name, viewpoint in zip(names, viewpoints, strict=True):
             png, exr = folder / f"{name}.png", folder / f"{name}.exr"
             files += [png, exr]
-            if name in kept:
-                seen, lit = seen or kept[name].get("seen", True), lit or kept[name].get("lit", True)
-                views[name] = {"noise_mse": kept[name]["noise_mse"], "viewpoint": int(viewpoint)}
-                continue
-            began = time.perf_counter()
-            view = next(rendered)
-            write_png(png, display_from_linear(view.rgba))
-            channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
-            channels["Z"] = view.depth
-            channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
-            channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
-            write_channels(exr, channels)
-            seen_here, lit_here = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
-            seen, lit = seen or seen_here, lit or lit_here
-            told = {"noise_mse": view.noise_mse, "seen": seen_here, "lit": lit_here}
-            note(folder, digest, name, {**told, "seconds": time.perf_counter() - began})
-            views[name] = {"noise_mse": view.noise_mse, "viewpoint": int(viewpoint)}
-            if progress:
-                progress(next(standing))
+            facts: dict[str, Any] = kept.get(name, {})
+            if not facts:
+                began = time.perf_counter()
+                view = next(rendered)
+                write_png(png, display_from_linear(view.rgba))
+                channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
+                channels["Z"] = view.depth
+                channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
+                channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
+                write_channels(exr, channels)
+                met, shining = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
+                facts = {"noise_mse": view.noise_mse, "seen": met, "lit": shining}
+                note(folder, digest, name, {**facts, "seconds": time.perf_counter() - began})
+                if progress:
+                    progress(next(standing))
+            seen, lit = seen or facts.get("seen", True), lit or facts.get("lit", True)
+            views[name] = {"noise_mse": facts["noise_mse"], "viewpoint": int(viewpoint)}
         listing = transforms_file(folder, split)
         write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
         files.append(listing)
@@ -260,15 +247,19 @@ def write_view_set(
         raise InputError(f"{scene.file}: {what}; mend the scene")
     bounds = loaded.bounds()
     region = Region(tuple(bounds.ravel().tolist()), scene.near, scene.far)
-    write_nerfstudio(folder / NERFSTUDIO, listed, (size, size), 0.5 * size / np.tan(0.5 * FOV_X_RADIANS), region)
+    focal = 0.5 * size / np.tan(0.5 * FOV_X_RADIANS)
+    write_nerfstudio(folder / NERFSTUDIO, listed, (size, size), focal, region)
     files.append(folder / NERFSTUDIO)
     described = bounds if order.similarity is None else order.similarity.inverse.points(bounds)
     if loaded.placement is not None:
         described = loaded.box_in_file
-    found = needs(order.description, bounds, _pixel_length(order, bounds), described)
+    # the length of a pixel in the middle of the box, from the nearest camera
+    eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
+    pixel = float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
+    found = needs(order.description, bounds, pixel, described)
     if scene.load is not None:
         found = cautious(found)
-    facts = {
+    manifest = {
         "scene": scene.name,
         "title": scene.title,
         "digest": digest,
@@ -292,13 +283,11 @@ def write_view_set(
         "left_out": left_out(found),
         "views": views,
     }
-    write_manifest(folder, facts, files)
+    write_manifest(folder, manifest, files)
 
 
 def _move_into_place(partial: Path, target: Path) -> None:
-    """Rename into place; an existing folder is kept if it is complete (another process was faster) and
-    replaced if not.
-    """
+    """Rename into place; an existing folder is kept if it is complete (another process was faster), else replaced."""
     for _ in range(5):
         try:
             partial.rename(target)
@@ -324,23 +313,16 @@ def _disk(cache: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        where = error.filename or cache
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise InputError(
-                f"{where}: the disk is full; free some space or choose another --view-sets folder"
-            ) from error
-        if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
-            raise InputError(f"{where}: not writable; choose another --view-sets folder") from error
-        if error.errno in (errno.ENOTDIR, errno.EEXIST):
-            raise InputError(f"{where}: a file is in the way of a folder; choose another --view-sets folder") from error
-        raise InputError(f"{where}: cannot be written ({error.strerror}); choose another --view-sets folder") from error
-
-
-def _pixel_length(order: Order, bounds: np.ndarray) -> float:
-    """Return the length of a pixel in the middle of the box, scene units, from the nearest camera."""
-    eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
-    focal = 0.5 * order.resolution / np.tan(0.5 * FOV_X_RADIANS)
-    return float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
+            reason, remedy = "the disk is full", "free some space or choose"
+        elif error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
+            reason, remedy = "not writable", "choose"
+        elif error.errno in (errno.ENOTDIR, errno.EEXIST):
+            reason, remedy = "a file is in the way of a folder", "choose"
+        else:
+            reason, remedy = f"cannot be written ({error.strerror})", "choose"
+        where = error.filename or cache
+        raise InputError(f"{where}: {reason}; {remedy} another --view-sets folder") from error
 
 
 def _folder(cache: Path, order: Order, variant: str) -> Path:

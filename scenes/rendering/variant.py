@@ -24,17 +24,10 @@ PROBED = "HARNESS_MITSUBA_PROBED"
 PROBE_SECONDS = 120.0
 
 LIBRARY_FOLDERS = (
-    "/usr/lib/x86_64-linux-gnu",
-    "/usr/lib/aarch64-linux-gnu",
-    "/usr/lib64",
-    "/usr/lib64/llvm*/lib*",
-    "/usr/lib",
-    "/usr/lib/llvm*/lib",
-    "/usr/local/lib",
-    "/usr/local/opt/llvm*/lib",
-    "/opt/homebrew/opt/llvm*/lib",
+    "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib64/llvm*/lib*", "/usr/lib",
+    "/usr/lib/llvm*/lib", "/usr/local/lib", "/usr/local/opt/llvm*/lib", "/opt/homebrew/opt/llvm*/lib",
     "/opt/local/libexec/llvm*/lib",
-)
+)  # fmt: skip
 
 _PROBE = """
 import ctypes, os, sys
@@ -112,9 +105,13 @@ def _choose(wanted: str | None) -> Variant:
         if name == "scalar_rgb":
             why = f"scalar_rgb: {'; '.join(refused)}" if refused else "scalar_rgb: asked for"
             return Variant(name, None, why)
-        libraries = _libraries_for(name)
+        if name == "cuda_ad_rgb":  # needs no library of its own
+            libraries = [""] if ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda") else []
+            missing = "no CUDA driver"
+        else:
+            libraries = [str(path) for path in llvm_libraries()]
+            missing = f"no libLLVM of version {OLDEST_LLVM} or newer"
         if not libraries:
-            missing = "no CUDA driver" if name.startswith("cuda") else f"no libLLVM of version {OLDEST_LLVM} or newer"
             refused.append(f"{name} needs what was not found: {missing}")
         for library in libraries:
             failure = probe(name, library)
@@ -122,13 +119,6 @@ def _choose(wanted: str | None) -> Variant:
                 return Variant(name, library or None, f"{name}{' with ' + library if library else ''}")
             refused.append(f"{name} failed{' with ' + library if library else ''} ({failure})")
     raise InputError(f"Mitsuba variant {wanted} does not work here: {'; '.join(refused)}; choose auto or scalar_rgb")
-
-
-def _libraries_for(variant: str) -> list[str]:
-    """Return the libraries to try, best first; one empty string if a variant needs none of its own."""
-    if variant.startswith("cuda"):
-        return [""] if ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda") else []
-    return [str(path) for path in llvm_libraries()]
 
 
 def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
@@ -171,19 +161,14 @@ def probe(variant: str, library: str) -> str | None:
     environment = {**os.environ, **({"DRJIT_LIBLLVM_PATH": library} if library else {})}
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _PROBE, variant, library],
-            env=environment,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=PROBE_SECONDS,
-            check=False,
-        )
+            [sys.executable, "-c", _PROBE, variant, library], env=environment, capture_output=True, text=True,
+            errors="replace", timeout=PROBE_SECONDS, check=False,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return f"no answer within {PROBE_SECONDS:.0f} s"
     if done.returncode == 0 and "rendered" in done.stdout:
         return None
-    said = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
     if done.returncode < 0:
         return f"its process was killed by signal {-done.returncode}"
-    return said[-1][:200] if said else f"exit code {done.returncode}"
+    lines = (done.stderr + done.stdout).split("\n")
+    return next((line.strip()[:200] for line in reversed(lines) if line.strip()), f"exit code {done.returncode}")

@@ -22,8 +22,6 @@ from scenes.view_sets.transforms import Frames, transforms_file, write_transform
 from scenes.view_sets.view_set import region_of
 from scenes.view_sets.viewpoints import SPLITS
 
-FORMATS = ("nerfstudio", "blender", "npz")
-
 
 def export(path: Path, form: str, out: Path) -> list[str]:
     """Write the view set at `path` to `out`, a new folder, or a new file for `npz`. Returns notes for its reader.
@@ -48,12 +46,12 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
     manifest = check_all(path) if path.is_dir() and (path / MANIFEST).exists() else {}
     empty = manifest.get("empty_splits", [])
     found: dict[str, Frames] = {
-        split: one for split in SPLITS if split not in empty and (one := source.frames(split)) is not None
+        split: frames for split in SPLITS if split not in empty and (frames := source.frames(split)) is not None
     }
     first = next(iter(found.values()))
     height, width = source.pixels(first.files[0]).shape[:2]
-    place = completed(region_of(source, manifest, path), source, first.fov_x_radians, (height, width), path)
-    region = Region(tuple(place.box.ravel().tolist()), place.near, place.far)
+    box, near, far = completed(region_of(source, manifest, path), source, first.fov_x_radians, (height, width), path)
+    region = Region(tuple(box.ravel().tolist()), near, far)
     focal = 0.5 * width / np.tan(0.5 * first.fov_x_radians)
     if form == "npz":
         return [*source.notes, *_npz(out, source, found, (height, width), float(focal), region)]

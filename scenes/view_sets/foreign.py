@@ -5,22 +5,20 @@ import tokenize
 import weakref
 import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, short
 from scenes.view_sets import nerfstudio
 from scenes.view_sets.images import read_image
 from scenes.view_sets.nerfstudio import read_nerfstudio
-from scenes.view_sets.source import Region, Source
+from scenes.view_sets.source import Region, Source, nine_to_one
 from scenes.view_sets.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
 
 TRAINED = 100
-TRAIN_SHARE = 0.9
 NEAR, FAR = 2.0, 6.0
 LARGEST_BYTES = 1 << 30
 """The largest size of one array, unpacked: 100 views of 800 × 800 are 0.77 GB."""
@@ -38,11 +36,9 @@ _PROBLEMS = (
 class Member:
     """One array of the archive, read by its first index, in order at best."""
 
-    def __init__(self, file: Path, name: str, limit: int = LARGEST_BYTES) -> None:
-        """Open a member. Raises `InputError` if it is missing, damaged, pickled, not of numbers or
-        larger than `limit`.
-        """
-        self.file, self.name = file, name
+    def __init__(self, file: Path, name: str, limit: int = LARGEST_SMALL) -> None:
+        """Open a member; raises `InputError` if it is missing, damaged, pickled, not of numbers or above the limit."""
+        self.where = f"{file}: {name}"
         try:
             archive = zipfile.ZipFile(file)
             weakref.finalize(self, archive.close)
@@ -57,46 +53,39 @@ class Member:
                 f"{file}: holds no array {name!r}; a tiny-NeRF file has images, poses and focal"
             ) from error
         except _PROBLEMS as error:
-            raise InputError(f"{file}: {name} cannot be read ({_short(error)}); get the file again") from error
+            raise InputError(f"{self.where} cannot be read ({short(error, 120)}); get the file again") from error
         if self.dtype.kind not in "fiu" or fortran:
-            raise InputError(
-                f"{file}: {name} holds {self.dtype}{' in Fortran order' if fortran else ''}; save plain numbers"
-            )
+            order = " in Fortran order" if fortran else ""
+            raise InputError(f"{self.where} holds {self.dtype}{order}; save plain numbers")
         if any(length < 0 for length in self.shape) or math.prod(self.shape) * self.dtype.itemsize > limit:
-            raise InputError(
-                f"{file}: {name} is {self.shape} of {self.dtype}, more than {limit} bytes; make it smaller"
-            )
+            raise InputError(f"{self.where} is {self.shape} of {self.dtype}, more than {limit} bytes; make it smaller")
 
     def __getitem__(self, index: int) -> np.ndarray:
-        """Return the entry at `index`, float64; raises `InputError` if the archive is damaged or an
-        entry not finite.
-        """
-        size = math.prod(self.shape[1:]) * self.dtype.itemsize
-        return self._read(self._start + index * size, size).reshape(self.shape[1:])
+        """Return the entry at `index`, float64; errors as in `whole`."""
+        return self._read(self.shape[1:], index)
 
     def whole(self) -> np.ndarray:
-        """Return all entries, float64; errors as for an entry."""
-        return self._read(self._start, math.prod(self.shape) * self.dtype.itemsize).reshape(self.shape)
+        """Return all entries, float64; raises `InputError` if the archive is damaged or one of them not finite."""
+        return self._read(self.shape)
 
-    def _read(self, offset: int, size: int) -> np.ndarray:
+    def _read(self, shape: tuple[int, ...], index: int = 0) -> np.ndarray:
+        size = math.prod(shape) * self.dtype.itemsize
         try:
-            self._stream.seek(offset)
+            self._stream.seek(self._start + index * size)
             data = self._stream.read(size)
         except _PROBLEMS as error:
-            raise InputError(f"{self.file}: {self.name} is damaged ({_short(error)}); get the file again") from error
+            raise InputError(f"{self.where} is damaged ({short(error, 120)}); get the file again") from error
         if len(data) != size:
-            raise InputError(f"{self.file}: {self.name} is cut off; get the file again")
+            raise InputError(f"{self.where} is cut off; get the file again")
         values = np.frombuffer(data, dtype=self.dtype).astype(np.float64)
         if not np.isfinite(values).all():
-            raise InputError(f"{self.file}: {self.name} holds NaN or infinity; give finite numbers")
-        return values
+            raise InputError(f"{self.where} holds NaN or infinity; give finite numbers")
+        return values.reshape(shape)
 
 
 def read_tiny_nerf(file: Path) -> Source:
-    """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for anything that
-    cannot be trusted.
-    """
-    images, poses = Member(file, "images"), Member(file, "poses", LARGEST_SMALL)
+    """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for what cannot be trusted."""
+    images, poses = Member(file, "images", LARGEST_BYTES), Member(file, "poses")
     if len(images.shape) != 4 or images.shape[3] not in (3, 4) or 0 in images.shape:
         raise InputError(f"{file}: images is {images.shape}; it must be [views, height, width, 3]")
     count, height, width, _ = images.shape
@@ -104,16 +93,17 @@ def read_tiny_nerf(file: Path) -> Source:
         raise InputError(f"{file}: images of {width} × {height} pixels; no more than {LARGEST_PIXELS} are read")
     if poses.shape != (count, 4, 4):
         raise InputError(f"{file}: poses is {poses.shape}; it must be {(count, 4, 4)}, a camera for each image")
-    focal = Member(file, "focal", LARGEST_SMALL)
+    focal = Member(file, "focal")
     if math.prod(focal.shape) != 1 or not (length := float(focal.whole().ravel()[0])) > 0:
         raise InputError(f"{file}: focal must be one positive number of pixels")
     fov = 2 * math.atan(0.5 * width / length)
     check_field_of_view(fov, f"{file}: focal {length}")
     cameras = poses.whole()
     check_poses(cameras, [f"{file}: pose {number}" for number in range(count)])
-    names = _names(file)
+    with zipfile.ZipFile(file) as archive:
+        names = {name.removesuffix(".npy") for name in archive.namelist()}
     splits, notes = _splits(file, names, count)
-    alpha = Member(file, "alpha") if "alpha" in names else None
+    alpha = Member(file, "alpha", LARGEST_BYTES) if "alpha" in names else None
     if alpha is not None and alpha.shape != images.shape[:3]:
         raise InputError(f"{file}: alpha is {alpha.shape}; it must be {images.shape[:3]}, as the images are")
     if alpha is None and images.shape[3] == 3:
@@ -140,11 +130,10 @@ def read_tiny_nerf(file: Path) -> Source:
             rgba = np.concatenate([straight, covered], axis=-1)
         return np.clip(rgba, 0.0, 1.0).astype(np.float32)
 
+    frames = Frames(fov, files, cameras)
     return Source(
         name=file.stem,
-        frames=lambda split: (
-            Frames(fov, [files[i] for i in splits[split]], cameras[splits[split]]) if splits.get(split) else None
-        ),
+        frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
         pixels=pixels,
         region=_region(file, names),
         notes=tuple(notes),
@@ -178,14 +167,6 @@ def write_tiny_nerf(
                 np.lib.format.write_array(target, array, allow_pickle=False)
 
 
-def _names(file: Path) -> set[str]:
-    try:
-        with zipfile.ZipFile(file) as archive:
-            return {name.removesuffix(".npy") for name in archive.namelist()}
-    except _PROBLEMS as error:
-        raise InputError(f"{file}: cannot be read ({_short(error)}); get the file again") from error
-
-
 def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int]], list[str]]:
     """Return split → indices of its views, and the assumptions made."""
     if {"i_train", "i_test"} <= names:
@@ -194,19 +175,16 @@ def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int
             raise InputError(f"{file}: i_train and i_test share views; a score on them would mean nothing")
         return splits, []
     if count > TRAINED:
-        return {"train": list(range(TRAINED)), "test": list(range(TRAINED, count))}, [
-            f"The first {TRAINED} images train, as in the notebook; the other {count - TRAINED} test."
-        ]
-    train = math.ceil(count * TRAIN_SHARE)
-    if train == count:
-        raise InputError(f"{file}: {count} images are too few to hold any out for testing; give ten or more")
-    chosen = np.linspace(0, count - 1, train, dtype=int).tolist()
-    others = sorted(set(range(count)) - set(chosen))
-    return {"train": chosen, "test": others}, [f"{train} of {count} images, evenly spread, train and the others test."]
+        note = f"The first {TRAINED} images train, as in the notebook; the other {count - TRAINED} test."
+        return {"train": list(range(TRAINED)), "test": list(range(TRAINED, count))}, [note]
+    train, test = nine_to_one(count, file, "give ten or more")
+    return {"train": train, "test": test}, [
+        f"{len(train)} of {count} images, evenly spread, train and the others test."
+    ]
 
 
 def _indices(file: Path, name: str, count: int) -> list[int]:
-    values = Member(file, name, LARGEST_SMALL).whole().ravel()
+    values = Member(file, name).whole().ravel()
     if len(set(values.tolist())) != len(values) or (values != np.floor(values)).any():
         raise InputError(f"{file}: {name} must list each view once, by its number")
     if not len(values) or values.min() < 0 or values.max() >= count:
@@ -215,21 +193,14 @@ def _indices(file: Path, name: str, count: int) -> list[int]:
 
 
 def _region(file: Path, names: set[str]) -> Region:
-    bounds = tuple(Member(file, "bounds", LARGEST_SMALL).whole().ravel().tolist()) if "bounds" in names else None
-    near, far = (NEAR, FAR)
-    if "distances" in names:
-        given = Member(file, "distances", LARGEST_SMALL).whole().ravel()
-        if len(given) != 2:
-            raise InputError(f"{file}: distances must be two numbers, near and far")
-        near, far = given.tolist()
+    bounds = tuple(Member(file, "bounds").whole().ravel().tolist()) if "bounds" in names else None
+    distances = Member(file, "distances").whole().ravel().tolist() if "distances" in names else [NEAR, FAR]
+    if len(distances) != 2:
+        raise InputError(f"{file}: distances must be two numbers, near and far")
     try:
-        return Region(bounds, near, far)
+        return Region(bounds, *distances)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-
-
-def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:120] or type(error).__name__
 
 
 BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
@@ -241,40 +212,6 @@ KNOWN = (
 )
 
 
-def source_of(path: Path) -> Source:
-    """Return the reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
-
-    Raises `InputError` for a path that is none of these, or whose contents cannot be trusted.
-    """
-    return READERS[format_of(path)](path)
-
-
-def check_listed(path: Path) -> None:
-    """Check the list of views and their cameras, but read no image. Raises `InputError` as `source_of`."""
-    source = source_of(path)
-    for split in SPLITS:
-        source.frames(split)
-
-
-def format_of(path: Path) -> str:
-    """Return a key of `READERS`, by names alone: nothing is opened. Raises `InputError` for a path that
-    is no view set.
-    """
-    if path.is_dir():
-        if any(transforms_file(path, split).exists() for split in ("train", "test")):
-            return "Blender"
-        if (path / nerfstudio.NAME).is_file():
-            return "nerfstudio"
-        raise InputError(f"{path}: no view set; {KNOWN}")
-    if not path.exists():
-        raise InputError(f"{path}: no such folder; {KNOWN}")
-    if path.name == nerfstudio.NAME:
-        return "nerfstudio"
-    if path.suffix.lower() == ".npz":
-        return "tiny NeRF"
-    raise InputError(f"{path}: not a view set; name a folder, a {nerfstudio.NAME} or an .npz file")
-
-
 def read_blender(folder: Path) -> Source:
     """Read the three files of the Blender format; `val` may be missing."""
 
@@ -283,14 +220,6 @@ def read_blender(folder: Path) -> Source:
         return None if missing else read_transforms(folder, split)
 
     return Source(folder.resolve().name, frames, _rgba, BLENDER_REGION)
-
-
-READERS: dict[str, Callable[[Path], Source]] = {
-    "Blender": read_blender,
-    "nerfstudio": lambda path: read_nerfstudio(path if path.is_dir() else path.parent),
-    "tiny NeRF": read_tiny_nerf,
-}
-"""The readers by format."""
 
 
 def _rgba(file: Path) -> np.ndarray:
@@ -304,3 +233,30 @@ def _rgba(file: Path) -> np.ndarray:
             "without alpha count as wholly covered"
         )
     return pixels
+
+
+def source_of(path: Path) -> Source:
+    """Return the reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
+
+    Raises `InputError` for a path that is none of these, or whose contents cannot be trusted.
+    """
+    if path.is_dir():
+        if any(transforms_file(path, split).exists() for split in ("train", "test")):
+            return read_blender(path)
+        if (path / nerfstudio.NAME).is_file():
+            return read_nerfstudio(path)
+        raise InputError(f"{path}: no view set; {KNOWN}")
+    if not path.exists():
+        raise InputError(f"{path}: no such folder; {KNOWN}")
+    if path.name == nerfstudio.NAME:
+        return read_nerfstudio(path.parent)
+    if path.suffix.lower() == ".npz":
+        return read_tiny_nerf(path)
+    raise InputError(f"{path}: not a view set; name a folder, a {nerfstudio.NAME} or an .npz file")
+
+
+def check_listed(path: Path) -> None:
+    """Check the list of views and their cameras, but read no image. Raises `InputError` as `source_of`."""
+    source = source_of(path)
+    for split in SPLITS:
+        source.frames(split)

@@ -52,7 +52,7 @@ class ImageStack:
         """Return one image, a copy of its own."""
         number = range(self._count)[index]
         size = 4 * math.prod(self.image_shape)
-        return _floats([self._read(size, number * size)]).reshape(self.image_shape)
+        return self._read(size, [number * size]).reshape(self.image_shape)
 
     def __iter__(self) -> Iterator[np.ndarray]:
         return (self[index] for index in range(self._count))
@@ -60,13 +60,10 @@ class ImageStack:
     def pixels(self, index: np.ndarray) -> np.ndarray:
         """Return values [pixels, …] of the pixels [pixels], numbered through all images row by row."""
         size = 4 * math.prod(self.image_shape[2:])
-        found = _floats([self._read(size, offset) for offset in (index * size).tolist()])
-        return found.reshape(len(index), *self.image_shape[2:])
+        return self._read(size, (index * size).tolist()).reshape(len(index), *self.image_shape[2:])
 
     def append(self, image: np.ndarray) -> None:
-        """Append an image; raises `InputError`, naming the folder, if nothing can be written there or
-        its disk is full.
-        """
+        """Append an image; raises `InputError`, naming the folder, if nothing can be written or its disk is full."""
         if image.shape != self.image_shape:
             raise ValueError(f"an image of {image.shape} among those of {self.image_shape}")
         data = np.ascontiguousarray(image, dtype=np.float32).data.cast("B")
@@ -81,13 +78,13 @@ class ImageStack:
             raise _refused(self._folder, error.strerror or str(error)) from error
         self._count += 1
 
-    def _read(self, size: int, offset: int) -> bytes:
-        """Read bytes; raises `OSError` if the disk fails or returns less than was written."""
+    def _read(self, size: int, offsets: list[int]) -> np.ndarray:
+        """Return the values of pieces of that size; raises `OSError` if the disk fails or returns less."""
         assert self._file is not None
-        data = os.pread(self._file.fileno(), size, offset)
-        if len(data) < size:
-            raise OSError(errno.EIO, f"{len(data)} of {size} bytes were read", str(self._folder))
-        return data
+        parts = [os.pread(self._file.fileno(), size, offset) for offset in offsets]
+        if short := [len(part) for part in parts if len(part) < size]:
+            raise OSError(errno.EIO, f"{short[0]} of {size} bytes were read", str(self._folder))
+        return np.frombuffer(bytearray().join(parts), dtype=np.float32)
 
 
 def require_room(image_shapes: Sequence[tuple[int, ...]], images: int, folder: Path | None) -> None:
@@ -106,7 +103,3 @@ def _refused(folder: Path | None, reason: str) -> InputError:
         f"{folder or 'temporary folder'}: the decoded images cannot be put there ({reason}); make room, "
         "name an --out on another disk, or choose a smaller --resolution"
     )
-
-
-def _floats(parts: list[bytes]) -> np.ndarray:
-    return np.frombuffer(bytearray().join(parts), dtype=np.float32)

@@ -38,20 +38,14 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         raise InputError(f"{file}: this image file is empty; get it again")
     if file.suffix.lower() == ".png":
         _check_png(file)
-    try:
-        return _decoded(file)
-    except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
-        raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
-
-
-def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     oiio = _openimageio()
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored
-    source = oiio.ImageInput.open(str(file), config)
-    if source is None:
-        raise InputError(f"{file}: not an image that can be read ({_reason(oiio.geterror())})")
+    source = None
     try:
+        source = oiio.ImageInput.open(str(file), config)
+        if source is None:
+            raise InputError(f"{file}: not an image that can be read ({_reason(oiio.geterror())})")
         spec = source.spec()
         if spec.width < 1 or spec.height < 1 or spec.depth > 1 or spec.nchannels < 1:
             raise InputError(f"{file}: {spec.width} × {spec.height} × {spec.depth} pixels is not a flat image")
@@ -66,8 +60,11 @@ def _decoded(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
             raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
         shape = (spec.height, spec.width, spec.nchannels)
         return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames)
+    except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
+        raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
     finally:
-        source.close()
+        if source is not None:
+            source.close()
 
 
 def _check_png(file: Path) -> None:
@@ -98,7 +95,6 @@ def write_png(file: Path, display: np.ndarray) -> None:
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("oiio:ColorSpace", "sRGB")
     _write(file, spec, levels)
-    _check_written(file, levels, 255.0)
 
 
 def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
@@ -113,10 +109,10 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "1970:01:01 00:00:00")  # else that of writing: equal pixels make equal files
     _write(file, spec, pixels)
-    _check_written(file, pixels, 1.0)
 
 
 def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
+    """Write and read back: OpenImageIO does not notice a full disk for every format."""
     oiio = _openimageio()
     target = oiio.ImageOutput.create(str(file))
     if target is None:
@@ -127,15 +123,13 @@ def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
         raise OSError(_cause(file), _reason(target.geterror()), str(file))
     if not file.is_file():
         raise OSError(errno.EIO, "nothing was written", str(file))
-
-
-def _check_written(file: Path, pixels: np.ndarray, scale: float) -> None:
-    """Raise `OSError` unless the file holds the pixels; OpenImageIO does not notice a full disk for every format."""
     try:
-        found = _read(file)[0] * np.float32(scale)
+        back = _read(file)[0]
     except InputError as error:
         raise OSError(_cause(file), f"what was written cannot be read back: {error}", str(file)) from error
-    if not np.array_equal(np.round(found) if pixels.dtype == np.uint8 else found, pixels, equal_nan=True):
+    if pixels.dtype == np.uint8:
+        back = np.round(back * np.float32(255.0))
+    if not np.array_equal(back, pixels, equal_nan=True):
         raise OSError(_cause(file), "what was written is not what is read back", str(file))
 
 

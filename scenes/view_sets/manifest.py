@@ -1,6 +1,5 @@
 """`view_set.json`: the origin of a view set of ours and the digests of its files. Written last."""
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -8,8 +7,9 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct, convert, field, to_builtins
 
+from scenes.files.digest import file_digest, json_digest
 from scenes.files.errors import InputError
-from scenes.view_sets.transforms import read_json, shown
+from scenes.view_sets.transforms import Number, read_json, shown
 
 FORMAT = "radiance-verdict view set"
 SCHEMA = 1
@@ -22,9 +22,9 @@ class DamagedViewSet(InputError):
 
 def write_manifest(folder: Path, facts: dict[str, Any], files: list[Path]) -> None:
     """Write `facts` with the checksums of `files` (inside the folder) and one of the manifest itself."""
-    checksums = {file.relative_to(folder).as_posix(): checksum(file) for file in files}
+    checksums = {file.relative_to(folder).as_posix(): file_digest(file) for file in files}
     content = {"format": FORMAT, "schema": SCHEMA, **facts, "files": checksums}
-    text = json.dumps({**content, "checksum": _own_checksum(content)}, indent=1, allow_nan=False)
+    text = json.dumps({**content, "checksum": json_digest(content)}, indent=1, allow_nan=False)
     (folder / NAME).write_text(text, encoding="utf-8")
 
 
@@ -44,8 +44,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{file}: schema {shown(content.get('schema'))}, this version reads {SCHEMA}; render the view set again "
             "with this version, or remove the manifest to read its PNG files alone"
         )
-    claimed = content.pop("checksum", None)
-    if claimed != _own_checksum(content):
+    if content.pop("checksum", None) != json_digest(content):
         raise DamagedViewSet(f"{file}: its checksum is wrong, so it was changed or damaged; render the view set again")
     try:
         _require_printable(to_builtins(convert(content, _Manifest)))
@@ -65,7 +64,7 @@ def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
     if file.exists() and not file.is_file():  # a pipe would keep us waiting for ever
         raise DamagedViewSet(f"{file}: is no file; render the view set again")
     try:
-        same = checksum(file) == manifest["files"][relative]
+        same = file_digest(file) == manifest["files"][relative]
     except OSError as error:
         raise DamagedViewSet(f"{file}: cannot be read ({error.strerror}); render the view set again") from error
     if not same:
@@ -83,13 +82,6 @@ def check_all(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def checksum(file: Path) -> str:
-    """Return the SHA-256 of a file's bytes, hexadecimal."""
-    with file.open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
-
-
-Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
 Text = Annotated[str, Meta(max_length=500)]
 Name = Annotated[str, Meta(max_length=500, pattern=r"^(?!\.{0,2}$)[^/\\]*$")]
 """Fit for a part of a file's name."""
@@ -151,12 +143,10 @@ def _require_printable(value: Any) -> None:
     """Raises `ValueError` for a text that a terminal would obey."""
     if isinstance(value, str) and not value.isprintable():
         raise ValueError(f"{shown(value)} is not printable")
-    for one in (*value, *value.values()) if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _require_printable(one)
-
-
-def _own_checksum(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    if isinstance(value, dict):
+        value = [*value, *value.values()]
+    for inner in value if isinstance(value, list) else ():
+        _require_printable(inner)
 
 
 JOURNAL = "rendered.jsonl"
@@ -171,14 +161,12 @@ def note(folder: Path, order: str, name: str, facts: dict[str, Any]) -> None:
     line = {"order": order, "name": name, **facts, "files": _digests(folder, name)}
     with (folder / JOURNAL).open("a", encoding="utf-8") as file:
         # in one write, after a line end: half a line of a killed writer does not spoil it
-        file.write(f"\n{json.dumps({**line, 'digest': _digest(line)}, allow_nan=False)}\n")
+        file.write(f"\n{json.dumps({**line, 'digest': json_digest(line)}, allow_nan=False)}\n")
 
 
 def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, dict[str, Any]]:
     """Return view → its facts, of the views that are valid in one of `donors`; their files are then in `folder`, and
-    noted.
-
-    Raises `OSError` if they cannot be copied.
+    noted. Raises `OSError` if they cannot be copied.
     """
     found: dict[str, dict[str, Any]] = {}
     for donor in donors:
@@ -204,7 +192,7 @@ def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
         try:
             line = json.loads(row)
             claimed = line.pop("digest")
-            if claimed == _digest(line) and convert(line, _Line).order == order:
+            if claimed == json_digest(line) and convert(line, _Line).order == order:
                 found[line["name"]] = line
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             continue
@@ -218,8 +206,8 @@ def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
         if manifest.get("digest") != order:
             return {}
         return {
-            name: {**told, "files": {suffix: manifest["files"][f"{name}{suffix}"] for suffix in SUFFIXES}}
-            for name, told in manifest["views"].items()
+            name: {**facts, "files": {suffix: manifest["files"][f"{name}{suffix}"] for suffix in SUFFIXES}}
+            for name, facts in manifest["views"].items()
         }
     except (InputError, OSError, KeyError, TypeError, AttributeError):
         return {}
@@ -229,11 +217,7 @@ def _digests(folder: Path, name: str) -> dict[str, str | None]:
     found: dict[str, str | None] = {}
     for suffix in SUFFIXES:
         try:
-            found[suffix] = checksum(folder / f"{name}{suffix}")
+            found[suffix] = file_digest(folder / f"{name}{suffix}")
         except OSError:
             found[suffix] = None
     return found
-
-
-def _digest(line: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(line, sort_keys=True).encode()).hexdigest()

@@ -17,9 +17,7 @@ from scenes.view_sets.viewpoints import SPLITS
 
 @dataclass(frozen=True)
 class Region:
-    """The region of everything visible; None: not given. Raises `InputError` for an invalid box or
-    invalid distances.
-    """
+    """The region of everything visible; None: not given. Raises `InputError` for an invalid box or distances."""
 
     bounds: tuple[float, ...] | None = None
     """The lower corner, then the upper corner: six numbers."""
@@ -31,9 +29,8 @@ class Region:
             box = self.bounds
             if len(box) != 6 or not all(map(math.isfinite, box)) or any(box[i] >= box[i + 3] for i in range(3)):
                 raise InputError(f"bounds {list(box)}: give two finite corners, x y z each, the lower one first")
-        near, far = (0.0 if self.near is None else self.near), (math.inf if self.far is None else self.far)
-        zero = self.near is not None and near <= 0
-        if zero or not near < far or math.isinf(near) or (self.far is not None and math.isinf(far)) or math.isnan(far):
+        given = [distance for distance in (self.near, self.far) if distance is not None]
+        if not all(0 < distance < math.inf for distance in given) or given != sorted(set(given)):
             raise InputError(f"near {self.near} and far {self.far}: distances must be positive, near the smaller one")
 
     @property
@@ -56,9 +53,7 @@ class Source:
 
     name: str
     frames: Callable[[str], Frames | None]
-    """Return all views of a split, or None if it may be missing; raises `InputError` for data that
-    cannot be trusted.
-    """
+    """Return all views of a split, or None if it may be missing; raises `InputError` for data not to be trusted."""
     pixels: Callable[[Path], np.ndarray]
     """Return straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
     region: Region
@@ -76,28 +71,29 @@ LEAST_NEAR = 0.02
 """The least near, as a share of far, for a camera in the box or close to it."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """A region without missing values."""
+def nine_to_one(count: int, file: Path, remedy: str) -> tuple[list[int], list[int]]:
+    """Return the numbers of nine of ten views, evenly spread, to train on, and of the others."""
+    train = math.ceil(count * 0.9)
+    if train == count:
+        raise InputError(f"{file}: {count} views without splits are too few to hold any out for testing; {remedy}")
+    chosen = np.linspace(0, count - 1, train, dtype=int).tolist()
+    return chosen, sorted(set(range(count)) - set(chosen))
 
-    box: np.ndarray
-    """The box, float64 [2, 3]."""
-    near: float
-    far: float
 
-
-def completed(said: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path) -> Place:
-    """Complete `said` with values found from all cameras of all splits, whichever of them are read now: every reader of
-    a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at` does.
+def completed(
+    said: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path
+) -> tuple[np.ndarray, float, float]:
+    """Return box [2, 3], near and far: as `said`, else found from all cameras of all splits, whichever of them are read
+    now: every reader of a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at`.
     """
     box, near, far = said.box, said.near, said.far
     if box is None or near is None or far is None:
-        poses = np.concatenate([one.camera_to_world for split in SPLITS if (one := source.frames(split))])
+        poses = np.concatenate([views.camera_to_world for split in SPLITS if (views := source.frames(split))])
         box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box
         nearest, farthest = distances_to(box, poses)
         near = min(nearest, 0.5 * (far or math.inf)) if near is None else near
         far = max(farthest, 2 * near) if far is None else far
-    return Place(box, near, far)
+    return box, near, far
 
 
 def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, where: str) -> np.ndarray:

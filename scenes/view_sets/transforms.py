@@ -1,12 +1,15 @@
-"""`transforms_{split}.json`, the Blender format of the field, written as it is and read with suspicion."""
+"""Listings of views and cameras, read with suspicion: `transforms_{split}.json`, the Blender format of the field, and
+`transforms.json` of nerfstudio and instant-ngp. What they have in common is read here, by one reader.
+"""
 
 import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, Struct, ValidationError, convert, structs
 
 from scenes.files.errors import InputError
 from scenes.view_sets.viewpoints import check_field_of_view, check_poses
@@ -14,17 +17,78 @@ from scenes.view_sets.viewpoints import check_field_of_view, check_poses
 LARGEST_FILE = 50 * 1024 * 1024
 SUFFIXES = (".png", ".jpg", ".jpeg")
 """The suffixes tried in turn if a frame's path has none."""
+SAME_FOCAL = 1e-4
+"""The relative difference between views below which they have one lens: 0.04 pixels at the edge of 800."""
+CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+"""The models that are a pinhole if no distortion is given."""
+_LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
+
+Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
+Pixels = Annotated[float, Meta(gt=1e-6, lt=1e9)]
+Row = tuple[Number, Number, Number, Number]
+
+
+class Camera(Struct, frozen=True, kw_only=True):
+    """What other trainers write about a camera; a key that is null says nothing."""
+
+    camera_model: str | None = None
+    camera_angle_x: Number | None = None
+    camera_angle_y: Number | None = None
+    w: Pixels | None = None
+    h: Pixels | None = None
+    fl_x: Pixels | None = None
+    fl_y: Pixels | None = None
+    cx: Number | None = None
+    cy: Number | None = None
+    k1: Number | None = None
+    k2: Number | None = None
+    k3: Number | None = None
+    k4: Number | None = None
+    k5: Number | None = None
+    k6: Number | None = None
+    p1: Number | None = None
+    p2: Number | None = None
+    p3: Number | None = None
+    p4: Number | None = None
+    distortion_params: list[Number] | None = None
+    is_orthographic: Any = None
+    is_fisheye: Any = None
+    mask_path: Any = None
+
+
+class Frame(Camera, frozen=True, kw_only=True):
+    file_path: str
+    transform_matrix: tuple[Row, Row, Row, Row]
+
+
+class ViewRegion(Struct, frozen=True):
+    bounds: list[Number] | None = None
+    near: Number | None = None
+    far: Number | None = None
+
+
+class Document(Camera, frozen=True, kw_only=True):
+    """A file of either format; keys at its top hold for all views."""
+
+    frames: Annotated[list[Frame], Meta(min_length=1)]
+    train_filenames: list[str] | None = None
+    val_filenames: list[str] | None = None
+    test_filenames: list[str] | None = None
+    view_region: ViewRegion | None = None
 
 
 @dataclass(frozen=True)
 class Frames:
-    """A split as its file lists it."""
+    """The views that a file lists, or those of one split."""
 
     fov_x_radians: float
     files: list[Path]
     """The image files, existing, inside the folder."""
     camera_to_world: np.ndarray
     """The poses, float64 [n, 4, 4], OpenGL axes, rigid."""
+
+    def of(self, chosen: list[int] | np.ndarray) -> "Frames":
+        return Frames(self.fov_x_radians, [self.files[i] for i in chosen], self.camera_to_world[chosen])
 
 
 def transforms_file(folder: Path, split: str) -> Path:
@@ -41,36 +105,42 @@ def write_transforms(file: Path, fov_x_radians: float, paths: list[str], camera_
 
 
 def read_transforms(folder: Path, split: str) -> Frames:
-    """Read a listing. Raises `InputError` that names the file, the value and the remedy for data that cannot be
-    trusted.
+    """Read a listing of one split; errors as in `read_listing`."""
+    return read_listing(transforms_file(folder, split), by_angle=True)[1]
+
+
+def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, list[Camera]]:
+    """Read a file and check it: every image is there, once, inside the folder, and seen by one pinhole with square
+    pixels. Of a file that gives both, `by_angle` takes the camera's angle, not its focal length.
+
+    Raises `InputError` that names the file, the value and the remedy.
     """
-    file = transforms_file(folder, split)
-    data = read_json(file)
-    if not isinstance(data, dict):
-        raise InputError(f"{file}: holds {shown(data)}; it must be an object with camera_angle_x and frames")
-    fov = number_of(data.get("camera_angle_x"), f"{file}: camera_angle_x")
-    check_field_of_view(fov, f"{file}: camera_angle_x (in radians)")
-    frames = data.get("frames")
-    if not isinstance(frames, list) or not frames:
-        raise InputError(f"{file}: frames is {shown(frames)}; it must list at least one view")
-    check_lens(data, file, fov)
-    files: list[Path] = []
-    poses = np.empty((len(frames), 4, 4))
-    names = []
-    for number, frame in enumerate(frames):
+    try:
+        document = convert(read_json(file), Document)
+    except ValidationError as error:
+        raise InputError(
+            f"{file}: {error}; it must hold finite numbers, and frames, each with file_path and transform_matrix, four "
+            "rows of four"
+        ) from error
+    above = {key: value for key in Camera.__struct_fields__ if (value := getattr(document, key)) is not None}
+    cameras: dict[Path, Camera] = {}
+    angles = []
+    for number, frame in enumerate(document.frames):
         where = f"{file}: frame {number}"
-        if not isinstance(frame, dict):
-            raise InputError(f"{where} is {shown(frame)}; it must be an object with file_path and transform_matrix")
-        check_lens(frame, where, fov)
-        files.append(image_file(folder, frame.get("file_path"), where))
-        poses[number] = matrix_of(frame.get("transform_matrix"), where)
-        names.append(f"{where} ({frame['file_path']})")
-    check_poses(poses, names)
-    listed: dict[Path, int] = {}
-    for number, image in enumerate(files):
-        if listed.setdefault(image, number) != number:
-            raise InputError(f"{file}: frames {listed[image]} and {number} both name {image}; list each image once")
-    return Frames(fov, files, poses)
+        image = image_file(file.parent, frame.file_path, where)
+        if image in cameras:
+            raise InputError(f"{where} names {image}, as a frame before it does; list each image once")
+        cameras[image] = structs.replace(frame, **above)
+        angles.append(_field_of_view(cameras[image], where, by_angle))
+        _check_lens(cameras[image], where, angles[-1])
+        if abs(math.tan(angles[-1] / 2) - math.tan(angles[0] / 2)) > SAME_FOCAL * math.tan(angles[0] / 2):
+            raise InputError(
+                f"{where} has another focal length than frame 0 (fields of view {angles[-1]:.6g} and {angles[0]:.6g} "
+                "rad); one lens is supported: export the views of one camera"
+            )
+    poses = np.array([frame.transform_matrix for frame in document.frames], dtype=np.float64)
+    check_poses(poses, [f"{file}: frame {i} ({frame.file_path})" for i, frame in enumerate(document.frames)])
+    return document, Frames(angles[0], list(cameras), poses), list(cameras.values())
 
 
 def read_json(file: Path) -> Any:
@@ -78,15 +148,15 @@ def read_json(file: Path) -> Any:
     if not file.is_file():
         raise InputError(f"{file}: missing; a view set needs it (the format is that of the NeRF synthetic scenes)")
     try:
-        size = file.stat().st_size
-        if size > LARGEST_FILE:
+        if (size := file.stat().st_size) > LARGEST_FILE:
             raise InputError(f"{file}: {size} bytes; a view set's JSON has no more than {LARGEST_FILE}")
         return json.loads(file.read_text(encoding="utf-8-sig"), parse_constant=_refuse)
-    except (ValueError, RecursionError) as error:  # UnicodeDecodeError and JSONDecodeError are ValueErrors
-        if isinstance(error, InputError):
-            raise
-        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
-        raise InputError(f"{file}: not valid JSON ({reason})") from error
+    except InputError:
+        raise
+    except RecursionError as error:
+        raise InputError(f"{file}: not valid JSON (nested too deeply)") from error
+    except ValueError as error:  # UnicodeDecodeError and JSONDecodeError as well
+        raise InputError(f"{file}: not valid JSON ({error})") from error
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from error
 
@@ -95,117 +165,77 @@ def _refuse(constant: str) -> float:
     raise ValueError(f"{constant} is not a number; give a finite one")
 
 
-def number_of(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{what} is {shown(value)}; it must be a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise InputError(f"{what} is {shown(value)}; it must be finite")
-    return number
-
-
-def pixels_of(value: Any, what: str) -> float:
-    number = number_of(value, what)
-    if not 1e-6 < number < 1e9:
-        raise InputError(f"{what} is {shown(value)}; it must be a positive number of pixels")
-    return number
-
-
-def matrix_of(value: Any, where: str) -> np.ndarray:
-    rows_right = isinstance(value, list) and len(value) == 4
-    if not rows_right or not all(isinstance(row, list) and len(row) == 4 for row in value):
-        raise InputError(f"{where}: transform_matrix is {shown(value)}; it must be four rows of four numbers")
-    return np.array(
-        [
-            [number_of(x, f"{where}: transform_matrix[{i}][{j}]") for j, x in enumerate(row)]
-            for i, row in enumerate(value)
-        ]
-    )
-
-
-def image_file(folder: Path, value: Any, where: str) -> Path:
+def image_file(folder: Path, path: str, where: str) -> Path:
     """Return the existing file that a frame's path means; refuses anything that leads out of the folder, by links as
     well.
     """
-    if not isinstance(value, str) or not value or "\0" in value:
-        raise InputError(f"{where}: file_path is {shown(value)}; it must be a path inside {folder}")
-    relative = value.replace("\\", "/")
+    if not path or "\0" in path:
+        raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
+    relative = path.replace("\\", "/")
     if relative.startswith("/") or ":" in relative.split("/")[0] or ".." in relative.split("/"):
-        raise InputError(f"{where}: file_path {shown(value)} leaves the folder; paths must stay inside {folder}")
+        raise InputError(f"{where}: file_path {shown(path)} leaves the folder; paths must stay inside {folder}")
     root = folder.resolve()
     named = root / relative
-    candidates = [named, *(named.with_name(named.name + suffix) for suffix in SUFFIXES)]
     try:
-        found = next((file for file in candidates if file.is_file()), None)
-        resolved = found.resolve() if found else None
+        candidates = [named, *(named.with_name(named.name + suffix) for suffix in SUFFIXES)]
+        file = next((file.resolve() for file in candidates if file.is_file()), None)
     except (OSError, ValueError) as error:  # a name too long, a loop of links
-        raise InputError(f"{where}: file_path {shown(value)} cannot be followed ({error})") from error
-    if resolved is None:
+        raise InputError(f"{where}: file_path {shown(path)} cannot be followed ({error})") from error
+    if file is None:
         raise InputError(f"{where}: no image {named} (nor with {' '.join(SUFFIXES)}); restore it or drop the frame")
-    if not resolved.is_relative_to(root):
-        raise InputError(f"{where}: file_path {shown(value)} is a link out of the folder, to {resolved}; copy it in")
-    return resolved
+    if not file.is_relative_to(root):
+        raise InputError(f"{where}: file_path {shown(path)} is a link out of the folder, to {file}; copy it in")
+    return file
 
 
-_LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
-_LENS_NO = ("is_orthographic", "is_fisheye")
-CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
-"""The models that are a pinhole if no distortion is given."""
+def _field_of_view(camera: Camera, where: str, by_angle: bool) -> float:
+    """Return the horizontal one in radians."""
+    angle = camera.camera_angle_x
+    if camera.fl_x is not None and not (by_angle and angle is not None):
+        if camera.w is None:
+            raise InputError(f"{where}: fl_x without w; give the width in pixels that the focal length is meant for")
+        angle = 2 * math.atan(0.5 * camera.w / camera.fl_x)
+    if angle is None:
+        raise InputError(f"{where}: neither camera_angle_x nor fl_x is given; give the camera's angle in radians")
+    check_field_of_view(angle, f"{where}: camera_angle_x (in radians) or fl_x")
+    return angle
 
 
-def check_lens(entry: dict[str, Any], where: Path | str, fov_x_radians: float) -> None:
-    """Raise `InputError` if other trainers' keys say that the camera is not our pinhole, or if their values cannot be
-    checked. A key that is null says nothing.
-    """
-    said = {key: value for key, value in entry.items() if value is not None}
-    if "camera_model" in said and said["camera_model"] not in CAMERA_MODELS:
+def _check_lens(camera: Camera, where: str, fov_x_radians: float) -> None:
+    """Raise `InputError` if other trainers' keys say that the camera is not our pinhole."""
+    if camera.camera_model not in (None, *CAMERA_MODELS):
         raise InputError(
-            f"{where}: camera_model is {shown(said['camera_model'])}; only {' '.join(CAMERA_MODELS)} are read: "
+            f"{where}: camera_model is {shown(camera.camera_model)}; only {' '.join(CAMERA_MODELS)} are read: "
             "undistort the images to a pinhole (COLMAP's image_undistorter)"
         )
-    for key in _LENS_NO:
-        if said.get(key):
-            raise InputError(f"{where}: {key} is {shown(said[key])}; only pinholes are supported: undistort the images")
-    given = said.get("distortion_params", [])
-    if not isinstance(given, list):
-        raise InputError(f"{where}: distortion_params is {shown(given)}; it must be a list of numbers")
-    distortion = {f"distortion_params[{i}]": value for i, value in enumerate(given)}
-    for key, value in {**{key: said[key] for key in _LENS_ZERO if key in said}, **distortion}.items():
-        if abs(number_of(value, f"{where}: {key}")) > 1e-9:
+    for key in ("is_orthographic", "is_fisheye"):
+        if getattr(camera, key):
+            raise InputError(f"{where}: {key} is True; only pinholes are supported: undistort the images")
+    distortion = {key: getattr(camera, key) for key in _LENS_ZERO}
+    distortion |= {f"distortion_params[{i}]": value for i, value in enumerate(camera.distortion_params or [])}
+    for key, value in distortion.items():
+        if abs(value or 0.0) > 1e-9:
             raise InputError(f"{where}: {key} is {value}; lens distortion is not supported: undistort the images")
-    lens: dict[str, float] = {
-        key: pixels_of(said[key], f"{where}: {key}") for key in ("w", "h", "fl_x", "fl_y") if key in said
-    }
     for centre, size in (("cx", "w"), ("cy", "h")):
-        if centre not in said:
+        if (middle := getattr(camera, centre)) is None:
             continue
-        if size not in lens:
+        if (length := getattr(camera, size)) is None:
             raise InputError(f"{where}: {centre} without {size}; give {size}, the pixels that {centre} is meant for")
-        off = number_of(said[centre], f"{where}: {centre}") - lens[size] / 2
+        off = middle - length / 2
         if abs(off) > 0.51:  # some write the centre of the middle pixel
             raise InputError(f"{where}: {centre} is {off:+.2f} px off the centre; off-centre lenses are not supported")
-    _check_square(lens, said.get("camera_angle_y"), fov_x_radians, where)
-
-
-def _check_square(lens: dict[str, float], angle_y: Any, fov_x_radians: float, where: Path | str) -> None:
-    """Raise `InputError` if the vertical and the horizontal values do not make square pixels."""
-    if "fl_y" in lens:
-        if "fl_x" not in lens:
+    if camera.fl_y is not None:
+        if camera.fl_x is None:
             raise InputError(f"{where}: fl_y without fl_x; give both, or camera_angle_x alone")
-        if abs(lens["fl_x"] - lens["fl_y"]) > 1e-3 * abs(lens["fl_x"]):
+        if abs(camera.fl_x - camera.fl_y) > 1e-3 * abs(camera.fl_x):
             raise InputError(
-                f"{where}: fl_x {lens['fl_x']} and fl_y {lens['fl_y']} differ; pixels must be square: "
-                "resample the images"
+                f"{where}: fl_x {camera.fl_x} and fl_y {camera.fl_y} differ; pixels must be square: resample the images"
             )
-    if angle_y is not None:
-        if not {"w", "h"} <= set(lens):
+    if (angle := camera.camera_angle_y) is not None:
+        if camera.w is None or camera.h is None:
             raise InputError(f"{where}: camera_angle_y without w and h; give both, or leave it out: pixels are square")
-        angle = number_of(angle_y, f"{where}: camera_angle_y")
         check_field_of_view(angle, f"{where}: camera_angle_y (in radians)")
-        expected = math.tan(fov_x_radians / 2) * lens["h"] / lens["w"]
+        expected = math.tan(fov_x_radians / 2) * camera.h / camera.w
         if abs(math.tan(angle / 2) - expected) > 1e-3 * expected:
             raise InputError(
                 f"{where}: camera_angle_y is {angle:.6g}, of square pixels it is {2 * math.atan(expected):.6g}; pixels "
@@ -213,8 +243,7 @@ def _check_square(lens: dict[str, float], angle_y: Any, fov_x_radians: float, wh
             )
 
 
-def shown(value: Any) -> str:
-    if value is None:
-        return "missing or null"
+def shown(value: object) -> str:
+    """Return what was read for a message, cut if it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "…"

@@ -78,15 +78,11 @@ class ViewSet:
     rendered: dict[str, Any] = field(default_factory=dict)
     """The manifest's facts about the rendering; empty for a folder that is not ours."""
     repeated_views: tuple[str, ...] = ()
-    """The views whose camera another view has already, in whatever split, one line each: a reader of scores should
-    know.
-    """
+    """The views whose camera another view has already, in whatever split, one line each."""
     notes: tuple[str, ...] = ()
     """The assumptions made about images that are not ours, one sentence each."""
     content: str | None = None
-    """The digest of the cameras and the stored pixels that were read; None for a folder of ours, whose manifest has
-    one.
-    """
+    """The digest of the cameras and the stored pixels that were read; None for a folder of ours."""
 
     @property
     def focal(self) -> float:
@@ -119,23 +115,35 @@ def read_view_set(
     manifest = read_manifest(folder) if folder.is_dir() else {}
     source = source_of(folder)
     counts = {"train": train_count, "val": val_count, "test": test_count}
-    everything: dict[str, Frames] = {
-        split: frames for split in SPLITS if (frames := _frames(folder, split, source, manifest, splits))
-    }
-    found = {split: _chosen(frames, counts[split], split) for split, frames in everything.items()}
+    found: dict[str, Frames] = {}
+    for split in SPLITS:
+        if split in splits and (frames := _frames(folder, split, source, manifest)):
+            count = counts[split]
+            if count is not None and count < 0:
+                raise InputError(f"{count} views of {split}: choose 0 or more")
+            few = count is not None and count < len(frames.files)
+            found[split] = frames.of(evenly_spread(count or 0, frames.camera_to_world)) if few else frames
     if not found:
         raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
-    _check_apart(found, folder)
+    if both := {*found["train"].files} & {*found["test"].files} if {"train", "test"} <= set(found) else set():
+        raise InputError(f"{folder}: {min(both)} is a training and a test view; a score on it would mean nothing")
     angles = {split: entry.fov_x_radians for split, entry in found.items()}
     fov = next(iter(angles.values()))
-    if any(abs(angle - fov) > 1e-6 for angle in angles.values()):
+    if max(angles.values()) - min(angles.values()) > 1e-6:
         raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
     reader = _Reader(folder, resolution, manifest, source, scratch)
-    read = {split: reader.split(found[split], split in geometry) if split in found else None for split in SPLITS}
+    read = {split: reader.split(frames, split in geometry) for split, frames in found.items()}
     if reader.size is None or reader.stored is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
     given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
-    place = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
+    box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
+    empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
+    if not manifest:
+        for split, frames in found.items():
+            reader.content.update(f"{split} {len(frames.files)}\n".encode())
+            reader.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
+    names = [f"{split}: {file.name}" for split, frames in found.items() for file in frames.files]
+    pairs = repeated(np.concatenate([frames.camera_to_world for frames in found.values()]))
     return ViewSet(
         path=folder,
         name=manifest["scene"] if manifest else source.name,
@@ -143,37 +151,27 @@ def read_view_set(
         width=reader.size[1],
         height=reader.size[0],
         fov_x_radians=fov,
-        near=place.near,
-        far=place.far,
-        bounds=place.box,
-        train=read["train"] or _empty(reader.size),
-        val=read["val"] or _empty(reader.size),
-        test=read["test"] or _empty(reader.size),
+        near=near,
+        far=far,
+        bounds=box,
+        train=read.get("train", empty),
+        val=read.get("val", empty),
+        test=read.get("test", empty),
         rendered=manifest,
-        repeated_views=_repeated(found),
+        repeated_views=tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs),
         notes=source.notes,
-        content=None if manifest else _content(found, reader),
+        content=None if manifest else reader.content.hexdigest(),
     )
 
 
-def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], splits: Sequence[str]) -> Frames | None:
-    """Return all views of a split that was asked for and exists."""
-    if split not in splits or (
-        split in manifest.get("empty_splits", []) and not transforms_file(folder, split).exists()
-    ):
+def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any]) -> Frames | None:
+    """Return all views of a split, if it exists."""
+    file = transforms_file(folder, split)
+    if split in manifest.get("empty_splits", []) and not file.exists():
         return None
-    if manifest and (split != "val" or transforms_file(folder, split).exists()):
-        checked(folder, transforms_file(folder, split), manifest)
+    if manifest and (split != "val" or file.exists()):
+        checked(folder, file, manifest)
     return source.frames(split)
-
-
-def _chosen(frames: Frames, count: int | None, split: str) -> Frames:
-    if count is None or count >= len(frames.files):
-        return frames
-    if count < 0:
-        raise InputError(f"{count} views of {split}: choose 0 or more")
-    chosen = evenly_spread(count, frames.camera_to_world)
-    return Frames(frames.fov_x_radians, [frames.files[i] for i in chosen], frames.camera_to_world[chosen])
 
 
 def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
@@ -185,34 +183,6 @@ def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
         return Region(tuple(box), float(manifest["near"]), float(manifest["far"]))
     except InputError as error:
         raise InputError(f"{folder}: {error}") from error
-
-
-def _check_apart(frames: dict[str, Frames], folder: Path) -> None:
-    """Raise `InputError` if an image is both trained on and tested on."""
-    if "train" in frames and "test" in frames:
-        both = sorted(set(frames["train"].files) & set(frames["test"].files))
-        if both:
-            raise InputError(f"{folder}: {both[0]} is a training and a test view; a score on it would mean nothing")
-
-
-def _repeated(frames: dict[str, Frames]) -> tuple[str, ...]:
-    """Return one line for each view that has the camera of an earlier one, of its split or of the splits before it."""
-    if not frames:
-        return ()
-    names = [f"{split}: {file.name}" for split, entry in frames.items() for file in entry.files]
-    pairs = repeated(np.concatenate([entry.camera_to_world for entry in frames.values()]))
-    return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
-
-
-def _content(frames: dict[str, Frames], reader: "_Reader") -> str:
-    for split, entry in frames.items():
-        reader.content.update(f"{split} {len(entry.files)}\n".encode())
-        reader.content.update(np.ascontiguousarray(entry.camera_to_world, dtype=np.float64).tobytes())
-    return reader.content.hexdigest()
-
-
-def _empty(size: tuple[int, int]) -> Split:
-    return Split((), np.zeros((0, 4, 4)), ImageStack((*size, 4)))
 
 
 class _Reader:
@@ -232,12 +202,13 @@ class _Reader:
         """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
+        root = self.folder.resolve()
         names: list[str] = []
         stacks: list[ImageStack] = []
         noise: list[float] = []
         for file in frames.files:
-            name = self._name(file)
-            names.append(name)
+            inside = root if file.is_relative_to(root) else root.parent
+            names.append(file.relative_to(inside).with_suffix("").as_posix())
             images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
             if not stacks:
                 require_room([image.shape for image in images], len(frames.files), self.scratch)
@@ -246,17 +217,12 @@ class _Reader:
                 stack.append(image)
             if self.manifest:
                 shrink = (self.size[1] / self.stored[1]) ** 2 if self.size and self.stored else 1.0
-                if name not in self.manifest["views"]:
+                if names[-1] not in self.manifest["views"]:
                     raise DamagedViewSet(f"{file}: not among the views of {NAME}; render the view set again")
-                noise.append(self.manifest["views"][name]["noise_mse"] * shrink)
-        if not stacks:
-            stacks = [ImageStack((*(self.size or (1, 1)), 4))]
+                noise.append(self.manifest["views"][names[-1]]["noise_mse"] * shrink)
+        stacks = stacks or [ImageStack((*(self.size or (1, 1)), 4))]
         depth, normal = stacks[1:] or (None, None)
         return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
-
-    def _name(self, file: Path) -> str:
-        root = self.folder.resolve()
-        return file.relative_to(root if file.is_relative_to(root) else root.parent).with_suffix("").as_posix()
 
     def _foreign(self, file: Path) -> np.ndarray:
         pixels = self.source.pixels(file)
@@ -322,11 +288,6 @@ def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
     rgba = np.stack([channels[channel] for channel in "RGBA"], axis=-1)
     if rgba.shape[1] != views.width:
         rgba = area_average(rgba, views.width)
-    return decode_srgb(over_white(display_from_linear(rgba))) + _beyond_white(rgba)
-
-
-def _beyond_white(rgba: np.ndarray) -> np.ndarray:
-    """Return how much more light [..., 3] comes from each pixel, linear and premultiplied, than if its coverage were
-    white: alpha · max(colour − 1, 0).
-    """
-    return np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)
+    # how much more light comes from each pixel than if its coverage were white: alpha · max(colour − 1, 0)
+    beyond = np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)
+    return decode_srgb(over_white(display_from_linear(rgba))) + beyond

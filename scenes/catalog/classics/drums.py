@@ -176,7 +176,7 @@ MATERIALS: dict[str, Description] = {
     "bronze": surfaces.bronze(0.17),
     "rubber": surfaces.rubber(),
     "leather": surfaces.plastic((0.02, 0.02, 0.022), 0.3),
-    "felt": surfaces.felt((0.6, 0.57, 0.5)),
+    "felt": surfaces.cloth((0.6, 0.57, 0.5), sheen=1.0),
     "print": surfaces.both_sides(surfaces.matte(surfaces.srgb("#141418"))),
     "front": surfaces.veil(0.55, surfaces.both_sides(surfaces.plastic((0.75, 0.74, 0.70), 0.15))),
     "frosted": surfaces.veil(0.45, surfaces.both_sides(surfaces.plastic((0.78, 0.78, 0.76), 0.1))),

@@ -126,7 +126,7 @@ def cable() -> Parts:
 
 
 MATERIALS: dict[str, Description] = {
-    "foam": surfaces.felt((0.022, 0.02, 0.02)),
+    "foam": surfaces.cloth((0.022, 0.02, 0.02), sheen=1.0),
     "wire": surfaces.steel(0.22),
     "chrome": surfaces.steel(0.07),
     "arm": surfaces.steel(0.14),

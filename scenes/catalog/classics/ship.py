@@ -21,7 +21,7 @@ def build() -> Description:
         "light": hazed(studio(brightness=1.35), share=0.4),
         "basin": mesh(basin(), surfaces.plastic((0.055, 0.08, 0.095), roughness=0.2)),
         "seabed": mesh(seabed(), surfaces.matte(surfaces.texture(sand()))),
-        "water": mesh(water(), surfaces.tinted(surfaces.water(), (0.72, 0.90, 0.93))),
+        "water": mesh(water(), surfaces.tinted(surfaces.glass(index=1.333), (0.72, 0.90, 0.93))),
         "hull": mesh(ship_hull.hull(), surfaces.plastic(surfaces.texture(ship_hull.planks()), roughness=0.3)),
         "spars": mesh(ship_rig.spars(), surfaces.plastic(surfaces.srgb("#8a5a2c"), roughness=0.3)),
         "fittings": mesh(merged([ship_hull.fittings(), ship_rig.tops()]), dark_wood),

@@ -13,8 +13,9 @@ from harness.records.pictures import read_renders, read_truth
 from harness.training import evaluate
 from harness.training.saved_renders import KeptRenders, keep_truth
 from harness.training.trainer import Trainer
+from scenes.files.digest import file_digest
 from scenes.view_sets.images import read_channels, write_channels
-from scenes.view_sets.manifest import DamagedViewSet, checksum
+from scenes.view_sets.manifest import DamagedViewSet
 from scenes.view_sets.pixels import decode_srgb, display_from_linear, encode_srgb, over_white
 from scenes.view_sets.view_set import ViewSet, linear_over_white
 from tests.harness.tiny import BUDGET, CPU, TRAIN
@@ -58,7 +59,7 @@ def test_light_over_white_is_not_clipped_and_averages_areas(ball: ViewSet, tmp_p
     file = tmp_path / "test" / "r_0.exr"
     file.parent.mkdir()
     write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
-    views = replace(ball, path=tmp_path, width=4, rendered={"files": {"test/r_0.exr": checksum(file)}})
+    views = replace(ball, path=tmp_path, width=4, rendered={"files": {"test/r_0.exr": file_digest(file)}})
     light = linear_over_white(views, "test/r_0")
     assert light is not None
     assert light[0, 0] == pytest.approx([12.0, 3.0, 0.5])
@@ -85,7 +86,7 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
     (tmp_path / "test").mkdir()
     file = tmp_path / "test" / "r_0.exr"
     write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
-    views = replace(ball, path=tmp_path, width=8, rendered={"files": {"test/r_0.exr": checksum(file)}})
+    views = replace(ball, path=tmp_path, width=8, rendered={"files": {"test/r_0.exr": file_digest(file)}})
     light = linear_over_white(views, "test/r_0")
     assert light is not None
     error = light - decode_srgb(over_white(display_from_linear(rgba)))

@@ -60,21 +60,20 @@ def test_what_lies_above_white_has_no_noise() -> None:
 
 def test_the_variance_of_the_reference_is_taken_off() -> None:
     """It has no more samples than the renders: left in, it would double their errors."""
-    rows = list(errors_of(Grey(), POSE, (4, 16), 16, 4))
-    assert [row[0] for row in rows] == [4, 16]
-    for spp, seconds, mse, reference_spp, own in rows:
-        assert (len(seconds), reference_spp) == (4, 16)
-        assert all(one > 0 for one in seconds)
+    rows = list(errors_of(Grey(), "grey", POSE, (4, 16), 16, 4, "none"))
+    assert [row.spp for row in rows] == [4, 16]
+    for row in rows:
+        assert (len(row.seconds), row.reference_spp) == (4, 16)
+        assert min(row.seconds) > 0
         for measure, slope in (("display", SLOPE), ("linear", 1.0)):
-            expected = (slope * SIGMA) ** 2 / spp
-            assert len(mse[measure]) == 5
-            assert np.mean(mse[measure]) == pytest.approx(expected, rel=0.1)
-            assert own[measure] == pytest.approx((slope * SIGMA) ** 2 / 16, rel=0.1)
+            assert len(row.mse[measure]) == 5
+            assert np.mean(row.mse[measure]) == pytest.approx((slope * SIGMA) ** 2 / row.spp, rel=0.1)
+            assert row.reference_mse[measure] == pytest.approx((slope * SIGMA) ** 2 / 16, rel=0.1)
 
 
 def test_a_render_that_is_not_finite_is_named() -> None:
     with pytest.raises(RenderError, match="12288 values of a render are not finite"):
-        list(errors_of(Grey(level=np.nan), POSE, (4,), 16, 1))
+        list(errors_of(Grey(level=np.nan), "grey", POSE, (4,), 16, 1, "none"))
 
 
 def test_test_views_of_a_view_set_are_rendered_again(
