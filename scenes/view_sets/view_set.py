@@ -139,8 +139,8 @@ def read_view_set(
     box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
     if not manifest:
-        for split, frames in found.items():
-            reader.content.update(f"{split} {len(frames.files)}\n".encode())
+        for name, frames in found.items():
+            reader.content.update(f"{name} {len(frames.files)}\n".encode())
             reader.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
     names = [f"{split}: {file.name}" for split, frames in found.items() for file in frames.files]
     pairs = repeated(np.concatenate([frames.camera_to_world for frames in found.values()]))

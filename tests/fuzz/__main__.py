@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.tally import GUIDED, Tally, row, table
+from tests.fuzz.campaign import GUIDED, Tally, row, table
 
 CORPUS = Path(__file__).parent / "corpus"
 SILENT_SECONDS = 120.0

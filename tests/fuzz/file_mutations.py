@@ -1,13 +1,21 @@
-"""Files whose parts are spoilt one by one: archives, XML, Python, lines; `tests.fuzz.mutations` has what is in them."""
+"""Files whose parts are spoilt one by one: archives, XML, Python, lines, and folders of which files are away, cut off,
+changed, turned into links and other things; `tests.fuzz.mutations` has what is in them.
+"""
 
 import copy
 import io
 import json
+import os
 import re
+import shutil
 import struct
 import xml.etree.ElementTree as ET
 import zipfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from random import Random
+from typing import Any
 
 from tests.fuzz.mutations import NUMBERS, TEXTS, of_bytes, of_json, of_safetensors
 from tests.fuzz.seals import closed, opened
@@ -192,9 +200,7 @@ def of_points(random: Random, valid: bytes) -> bytes:
     """An `entry_points.txt`: names and values that nobody would choose."""
     if random.randrange(6) == 0:
         return of_bytes(random, valid)
-    names = (
-        "mine", "nerf", "qnerf", "", " ", "a b", "é", "x" * 300, "../x", "[x]", "#", "mine = other",
-    )  # fmt: skip
+    names = ("mine", "nerf", "qnerf", "", " ", "a b", "é", "x" * 300, "../x", "[x]", "#", "mine = other")
     values = (
         "fuzzed_method:METHOD", "fuzzed_method:NOTHING", "fuzzed_method", "fuzzed_method:WRONG", "nothing.there:X",
         ":", "", "fuzzed_method:METHOD.title", "fuzzed_method:ended", "os:environ", "..x:y", "é:é", "x" * 400,
@@ -206,3 +212,77 @@ def of_points(random: Random, valid: bytes) -> bytes:
     if random.randrange(6) == 0:
         del lines[random.randrange(len(lines))]
     return "\n".join(lines).encode("utf-8", "surrogatepass")
+
+
+OF_FILES = ("cut", "flip", "write", "swap", "large")
+LINKS = ("/etc/hostname", "/dev/null", "/proc/self/mem", "/", ".", "..", "loop", "nothing there", "../../outside")
+
+
+def of_folder(random: Random, valid: bytes) -> bytes:
+    """1 to 3 changes, as a JSON list of [what, where, with what]; places are indices into the sorted paths."""
+    changes = []
+    for _ in range(1 + random.randrange(3)):
+        what = random.choice(list(FOLDER_CHANGES))
+        with_what: Any = random.randrange(1 << 16)
+        if what == "link":
+            with_what = random.choice(LINKS)
+        elif what in ("write", "rename", "add"):
+            with_what = random.choice(TEXTS)
+        changes.append([what, random.randrange(1 << 16), with_what])
+    return json.dumps(changes).encode()
+
+
+def place_changes(folder: Path, file: str, data: bytes) -> None:
+    """Makes the changes in a fresh copy of the folder; what cannot be done is left out."""
+    for what, where, with_what in json.loads(data):
+        # never through a link, which may lead anywhere
+        paths = sorted(path for path in folder.rglob("*") if path.exists() and not path.is_symlink())
+        paths = [path for path in paths if path.is_file() or (path.is_dir() and what not in OF_FILES)]
+        if not paths:
+            return
+        with suppress(OSError, ValueError, ArithmeticError):
+            FOLDER_CHANGES[what](paths[where % len(paths)], with_what)
+
+
+def _remove(path: Path, _: Any) -> None:
+    shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+
+
+def _link(path: Path, to: str) -> None:
+    _remove(path, None)
+    path.symlink_to(path.name if to == "loop" else to)
+
+
+def _flip(path: Path, at: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[at % len(data)] ^= 1 + at % 255
+    path.write_bytes(bytes(data))
+
+
+def _rename(path: Path, name: str) -> None:
+    inside = path.parent / name.replace("/", "_")
+    path.rename(inside if inside.parent == path.parent else path)
+
+
+def _add(path: Path, name: str) -> None:
+    (path.parent / f"{name.replace('/', '_')[:200]}{path.suffix}").write_bytes(b"{}")
+
+
+def _swap(path: Path, other: int) -> None:
+    beside = sorted(one for one in path.parent.iterdir() if one.is_file() and not one.is_symlink())
+    path.write_bytes(beside[other % len(beside)].read_bytes())
+
+
+FOLDER_CHANGES: dict[str, Callable[[Path, Any], object]] = {
+    "remove": _remove,
+    "link": _link,
+    "pipe": lambda path, _: (_remove(path, None), os.mkfifo(path)),
+    "folder": lambda path, _: (_remove(path, None), path.mkdir()),
+    "cut": lambda path, length: os.truncate(path, length % (path.stat().st_size + 1)),
+    "flip": _flip,
+    "write": lambda path, text: path.write_text(text, encoding="utf-8", errors="surrogatepass"),
+    "rename": _rename,
+    "add": _add,
+    "swap": _swap,
+    "large": lambda path, size: os.truncate(path, 60 * (1 << 20) + size),
+}

@@ -215,24 +215,17 @@ def _descended(random: Random, value: Any) -> Step:
 
 
 CHANGES: tuple[Callable[[Random, Any, Any], Any], ...] = (
-    _other,
-    _number,
-    _number,
-    _string,
-    _from_elsewhere,
-    _like_from_elsewhere,
-    _like_from_elsewhere,
-    _reshaped,
-    _reshaped,
+    *(_other, _string, _from_elsewhere),
+    *(_number, _like_from_elsewhere, _reshaped) * 2,
 )
 
 
 def _doubled_key(random: Random, value: Any, text: str) -> str:
-    found = [here for place in _places(value) if isinstance(here := _at(value, place), dict) and here]
-    if not found:
+    objects = [here for place in _places(value) if isinstance(here := _at(value, place), dict) and here]
+    if not objects:
         return text
-    one = random.choice(found)
-    whole, key = _text(one), random.choice(list(one))
+    chosen = random.choice(objects)
+    whole, key = _text(chosen), random.choice(list(chosen))
     again = f"{whole[:-1]}, {_text(key)}: {_text(random.choice((*OTHERS, *NUMBERS[:20], *TEXTS[:10])))}}}"
     return text.replace(whole, again, 1)
 
@@ -246,3 +239,28 @@ def of_safetensors(random: Random, valid: bytes) -> bytes:
     if random.randrange(4) == 0:
         rest = of_bytes(random, rest)
     return len(header).to_bytes(8, "little") + header + rest
+
+
+class Choices(Random):
+    """Bytes as a source of choices: what makes an input by chance makes the same one of the same bytes.
+
+    libFuzzer changes the bytes and sees by coverage which choices led to something new, so that inputs which are lists
+    of choices (command lines, changes of a folder) are guided like any file. A number below n takes one byte, or as
+    many as n needs; where the bytes are at an end it is n − 1: mostly another option left out, so that inputs end.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(0)
+        self._data, self._at = data, 0
+
+    def _randbelow(self, n: int) -> int:
+        size = max(1, ((n - 1).bit_length() + 7) // 8)
+        taken = self._data[self._at : self._at + size]
+        self._at += size
+        return int.from_bytes(taken, "little") % n if len(taken) == size else n - 1
+
+    def random(self) -> float:
+        return self._randbelow(1 << 53) / (1 << 53)
+
+    def getrandbits(self, k: int) -> int:
+        return self._randbelow(1 << k)

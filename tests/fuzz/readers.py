@@ -1,9 +1,12 @@
 """How the program reads each file, called as it calls them."""
 
+import contextlib
+import io
 import json
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,16 +16,13 @@ class NotTried(ValueError):
     """The input is none that the reader could be given."""
 
 
-# --- readers, called as the program calls them
-
-
-def _view_set(folder: Path) -> None:
+def view_set(folder: Path) -> None:
     from scenes.view_sets.view_set import read_view_set
 
     read_view_set(folder, geometry=("train", "test"), scratch=folder)
 
 
-def _needed_view_set(folder: Path) -> None:
+def needed_view_set(folder: Path) -> None:
     from harness.plan.needed import for_scene, with_needs
     from harness.plan.profiles import PROFILES
     from scenes.rendering.store import is_complete
@@ -33,13 +33,13 @@ def _needed_view_set(folder: Path) -> None:
     for_scene(PROFILES["smoke"].train, views)
 
 
-def _transforms(folder: Path) -> None:
+def transforms(folder: Path) -> None:
     from scenes.view_sets.transforms import read_transforms
 
     read_transforms(folder, "train")
 
 
-def _image(folder: Path) -> None:
+def image(folder: Path) -> None:
     from scenes.view_sets.images import read_channels, read_image
 
     for file in _first(folder):
@@ -47,15 +47,14 @@ def _image(folder: Path) -> None:
         read_channels(file)
 
 
-def _mask(folder: Path) -> None:
+def mask(folder: Path) -> None:
     from harness.viewer.attended import read_mask, spread
 
     for file in _first(folder):
-        found = read_mask(file)
-        assert np.isfinite(spread(found, 5, 7)).all()
+        assert np.isfinite(spread(read_mask(file), 5, 7)).all()
 
 
-def _report_picture(folder: Path) -> None:
+def report_picture(folder: Path) -> None:
     from reports.drawing.images import read
 
     for file in _first(folder):
@@ -67,7 +66,7 @@ def _first(folder: Path) -> list[Path]:
     return [file for file in folder.iterdir() if file.stem == "tried"]
 
 
-def _records(folder: Path) -> None:
+def records(folder: Path) -> None:
     from harness.records.cells import read_cells, read_comparisons, read_run
     from reports.data.load import read_records
 
@@ -75,7 +74,7 @@ def _records(folder: Path) -> None:
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
 
 
-def _beside(find: str) -> Callable[[Path], None]:
+def beside(find: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         from reports.data.serving_load import find_serving
         from reports.data.studies_load import find_studies
@@ -85,27 +84,27 @@ def _beside(find: str) -> Callable[[Path], None]:
     return read
 
 
-def _claimed(folder: Path) -> None:
+def plan(folder: Path) -> None:
     from harness.plan.profiles import Machine, planned
     from harness.run_folder.output_folder import claim
 
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True)
 
 
-def _filmed(folder: Path) -> None:
+def film(folder: Path) -> None:
     from harness.viewer.film.film_folder import claim
     from harness.viewer.film.takes import FilmSpec
 
     claim(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
 
 
-def _search(folder: Path) -> None:
+def search(folder: Path) -> None:
     from harness.studies.choices.repair_search import read_search
 
     read_search(folder / "search.json")
 
 
-def _finished(folder: Path) -> None:
+def finished(folder: Path) -> None:
     """What the viewer, a film and the measurement of serving look at first."""
     import torch
 
@@ -121,7 +120,7 @@ def _finished(folder: Path) -> None:
     assert cell.chunk > 0
 
 
-def _limits(folder: Path) -> None:
+def limits(folder: Path) -> None:
     from harness.gate.gates import gates
     from harness.gate.limits import changes, read_limits
 
@@ -131,7 +130,7 @@ def _limits(folder: Path) -> None:
     changes(found, found)
 
 
-def _class(folder: Path) -> None:
+def classes(folder: Path) -> None:
     from harness.gate.gates import gates
     from harness.gate.references import references_for
 
@@ -140,7 +139,7 @@ def _class(folder: Path) -> None:
         found.missing(gate)
 
 
-def _reference(folder: Path) -> None:
+def reference(folder: Path) -> None:
     from harness.gate.images import biases, read_reference
 
     scene = next((folder / "images").glob("*.exr")).stem
@@ -148,7 +147,7 @@ def _reference(folder: Path) -> None:
     biases(np.zeros((2, *reference.mean.shape)), reference)
 
 
-def _cache(folder: Path) -> None:
+def cache(folder: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
     from harness.playback.disk import DiskPictures
     from harness.playback.float_exr import frozen
@@ -173,7 +172,7 @@ def _told(folder: Path, name: str) -> dict[str, Any]:
         return data
 
 
-@contextmanager
+@contextlib.contextmanager
 def _as_parsed() -> Iterator[None]:
     """What an option's parser has made sure of: the keys are there, numbers are numbers of their kind."""
     try:
@@ -182,7 +181,7 @@ def _as_parsed() -> Iterator[None]:
         raise NotTried(str(error)) from error
 
 
-def _path(folder: Path) -> None:
+def camera_path(folder: Path) -> None:
     from harness.command.look_commands import MOST_FRAMES
     from harness.playback.camera_paths import PATHS
 
@@ -199,7 +198,7 @@ def _path(folder: Path) -> None:
     assert np.isfinite(poses).all()
 
 
-def _through(folder: Path) -> None:
+def through(folder: Path) -> None:
     from harness.command.look_commands import MOST_FRAMES
     from harness.playback.camera_paths import through
 
@@ -211,7 +210,7 @@ def _through(folder: Path) -> None:
     assert np.isfinite(through(poses, frames)).all()
 
 
-def _attention(folder: Path) -> None:
+def attention(folder: Path) -> None:
     from baselines.numerics.attention.maps import MAPS, MapInputs
     from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order
     from baselines.numerics.attention.regions import Regions
@@ -232,7 +231,7 @@ def _attention(folder: Path) -> None:
     assert (allocated_bins(found, regions.rays, 8.0) >= 1).all()
 
 
-def _order(folder: Path) -> None:
+def order(folder: Path) -> None:
     from scenes.rendering.store import checked_order
 
     told = _told(folder, "order.json")
@@ -243,7 +242,7 @@ def _order(folder: Path) -> None:
     checked_order(told["scene"], told["resolution"], told["counts"], told["spp"])
 
 
-def _judged(name: str) -> Callable[[Path], None]:
+def judged(name: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         from harness.records.judgements import read_judgement, write_judgement
         from harness.verdicts.judgement import judge
@@ -254,3 +253,147 @@ def _judged(name: str) -> Callable[[Path], None]:
         assert read_judgement(folder / "judgement.json") == record
 
     return read
+
+
+# --- what describes scenes, pictures and packages
+
+COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
+
+
+def nerfstudio(folder: Path) -> None:
+    from scenes.view_sets.view_set import read_view_set
+
+    read_view_set(folder, scratch=folder)
+
+
+def tiny_nerf(folder: Path) -> None:
+    from scenes.view_sets.view_set import read_view_set
+
+    views = read_view_set(folder / "tiny.npz", scratch=folder)
+    assert np.isfinite(views.bounds).all()
+    assert all(np.isfinite(one).all() for one in (views.train.rgba[0], views.test.rgba[0]))
+
+
+def own_scene(name: str) -> Callable[[Path], None]:
+    return lambda folder: _own_scene(folder / name)
+
+
+def _own_scene(file: Path) -> None:
+    """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
+    from scenes.catalog.mitsuba_xml import notes
+    from scenes.catalog.scene_file import mistakes_in, scene_from_file
+    from scenes.modelling.needs import as_rows, left_out, needs
+    from scenes.rendering.store import _folder, checked_order
+
+    known = set(sys.modules)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            scene = scene_from_file(file)
+            notes(scene)
+            with mistakes_in(scene.file):
+                order = checked_order(scene, 8, COUNTS, SPP)
+                assert _folder(file.parent / "cache", order, "scalar_rgb").parent == file.parent / "cache"
+                found = needs(order.description)
+                json.dumps([as_rows(found), left_out(found), scene.title], allow_nan=False)
+        finally:
+            for name in set(sys.modules) - known:
+                if name.startswith("scene_file_"):
+                    del sys.modules[name]
+
+
+def placed(folder: Path) -> None:
+    """Boxes of shapes as Mitsuba might tell them, of a file that it could load."""
+    from scenes.catalog.mitsuba_xml import loaded
+
+    told = _told(folder, "boxes.json")
+    with _as_parsed():
+        boxes = [np.array(box, dtype=np.float64) for box in told["boxes"]]
+        up, lights = np.array(told["up"], dtype=np.float64), int(told["lights"])
+    # what the XML's reader and Mitsuba make sure of
+    if any(box.shape != (2, 3) for box in boxes) or up.shape != (3,) or not np.isfinite(up).all() or not up.any():
+        raise NotTried("no boxes")
+    shapes = [
+        SimpleNamespace(bbox=lambda box=box: SimpleNamespace(min=box[0], max=box[1]), is_emitter=lambda: False)
+        for box in boxes
+    ]
+    scene = SimpleNamespace(shapes=lambda: shapes, emitters=lambda: [None] * min(max(lights, 0), 1))
+    mitsuba = SimpleNamespace(load_file=lambda name: scene)
+    _, place, whole = loaded(mitsuba, folder / "boxes.json", up)
+    found = place.box(whole)
+    assert np.isfinite(found).all()
+    assert np.isclose(np.linalg.norm(found[1] - found[0]), 2 * 1.36)
+    assert np.isfinite(place.camera(np.eye(4))).all()
+
+
+def truth(folder: Path) -> None:
+    from harness.records.pictures import read_truth
+
+    for one in read_truth(folder / "truth.safetensors"):
+        assert np.isfinite(one.display).all()
+
+
+def renders(folder: Path) -> None:
+    from harness.records.pictures import last_of, read_renders
+
+    found = read_renders(folder / "renders.safetensors")
+    assert all(np.isfinite(one.colour).all() for one in last_of(found))
+
+
+def occupancy(folder: Path) -> None:
+    from scenes.rendering.occupancy import _read
+    from scenes.view_sets.manifest import read_manifest
+
+    found = _read(folder, read_manifest(folder))
+    assert found is None or (found.shape == (32, 32, 32) and found.dtype == bool)
+
+
+def journal(folder: Path) -> None:
+    """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them; damage is a miss."""
+    from scenes.view_sets.manifest import salvaged
+
+    into = folder / "into"
+    into.mkdir()
+    names = ["train/r_0", "train/r_1", "test/r_0", "test/r_1"]
+    kept = salvaged(into, [folder / "donor"], "0" * 64, names)
+    assert set(kept) <= set(names)
+    for one in kept.values():
+        facts = [float(one["noise_mse"]), 0.0 + one.get("seconds", 0.0)]
+        json.dumps([*facts, bool(one.get("seen", True)), bool(one.get("lit", True))], allow_nan=False)
+
+
+def entry_points(folder: Path) -> None:
+    """Every method that a package offers, asked for by name as `--methods` does."""
+    from baselines.amplifiers import AMPLIFIERS
+    from baselines.catalog import CATALOG
+    from baselines.composition import LADDERS, SKIPS
+    from harness.plan import plugins
+    from scenes.files.errors import InputError, readable
+    from tests.fuzz.watch import Fault
+
+    tables = (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded)
+    before = [dict(table) for table in tables]
+    known, path = set(sys.modules), str(folder)
+    sys.path.insert(0, path)
+    refused: BaseException | None = None
+    try:
+        offered = plugins.offered()
+        plugins.method_names()
+        for name in offered:
+            try:
+                plugins.require_methods([name])
+                assert plugins.title_of(name)
+                json.dumps(plugins.origins([name]))
+            except InputError as error:
+                refused = error if readable(name) in str(error) else Fault(f"a refusal without {name!r}: {error}")
+    finally:
+        sys.path.remove(path)
+        sys.path_importer_cache.pop(path, None)
+        for table, kept in zip(tables, before, strict=True):
+            for name in set(table) - set(kept):
+                del table[name]  # type: ignore[attr-defined]
+        for name in set(sys.modules) - known:
+            if name.startswith("fuzzed_"):
+                del sys.modules[name]
+        plugins.sources_digest.cache_clear()
+    if refused is not None:
+        raise refused

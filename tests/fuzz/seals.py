@@ -7,8 +7,13 @@ import base64
 import hashlib
 import json
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from scenes.files.digest import json_digest
+
+NO_SUCH_FILE = (ValueError, TypeError, KeyError, AttributeError, RecursionError)
 
 
 def same(data: bytes) -> bytes:
@@ -26,53 +31,38 @@ def png_sealed(data: bytes) -> bytes:
     return bytes(found)
 
 
-def manifest_sealed(data: bytes) -> bytes:
+def _sealed(data: bytes, key: str, digest: Callable[[Any], str]) -> bytes:
+    """JSON with the right digest under that key."""
     try:
         content = json.loads(data)
-        content.pop("checksum", None)
-        own = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-        return json.dumps({**content, "checksum": own}).encode()
-    except (ValueError, TypeError, AttributeError, RecursionError):
+        content.pop(key, None)
+        return json.dumps({**content, key: digest(content)}).encode()
+    except NO_SUCH_FILE:
         return data
+
+
+def manifest_sealed(data: bytes) -> bytes:
+    return _sealed(data, "checksum", json_digest)
 
 
 def record_sealed(data: bytes) -> bytes:
     """A file of `harness.records.json_record.write_record`."""
     from harness.records.json_record import DIGEST, digest_of
 
-    try:
-        content = json.loads(data)
-        content.pop(DIGEST, None)
-        return json.dumps({**content, DIGEST: digest_of(content)}).encode()
-    except (ValueError, TypeError, AttributeError, RecursionError):
-        return data
+    return _sealed(data, DIGEST, digest_of)
 
 
 def occupancy_sealed(data: bytes) -> bytes:
-    try:
-        content = json.loads(data)
-        content.pop("checksum", None)
+    def digest(content: dict[str, Any]) -> str:
         plain = {key: value for key, value in content.items() if key != "inside"}
-        bits = base64.b64decode(content["inside"])
-        own = hashlib.sha256(json.dumps(plain, sort_keys=True).encode() + bits).hexdigest()
-        return json.dumps({**content, "checksum": own}).encode()
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        return data
+        return json_digest(plain, base64.b64decode(content["inside"]))
+
+    return _sealed(data, "checksum", digest)
 
 
 def journal_sealed(data: bytes) -> bytes:
     """Every line of `scenes.view_sets.manifest` that is one."""
-    return b"\n".join(_line_sealed(line) for line in data.split(b"\n"))
-
-
-def _line_sealed(line: bytes) -> bytes:
-    try:
-        content = json.loads(line)
-        content.pop("digest", None)
-        own = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-        return json.dumps({**content, "digest": own}).encode()
-    except (ValueError, TypeError, AttributeError, RecursionError):
-        return line
+    return b"\n".join(_sealed(line, "digest", json_digest) for line in data.split(b"\n"))
 
 
 def listed_sealed(data: bytes) -> bytes:
@@ -90,7 +80,7 @@ def listed_sealed(data: bytes) -> bytes:
         listing["digest"] = digest_of(listing, load(data))
         header["__metadata__"][key] = json.dumps(listing)
         return closed(header, rest)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, SafetensorError):
+    except (*NO_SUCH_FILE, SafetensorError):
         return data
 
 

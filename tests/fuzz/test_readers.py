@@ -10,10 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.fuzz import folders
+from tests.fuzz import file_mutations
 from tests.fuzz.__main__ import main
 from tests.fuzz.campaign import Trial
-from tests.fuzz.mutations import of_its_kind
+from tests.fuzz.commands import called, mutate, names_its_option
+from tests.fuzz.mutations import Choices, of_its_kind
 from tests.fuzz.targets import TARGETS, Target
 from tests.fuzz.viewer_requests import REQUEST
 from tests.fuzz.watch import Guard, Outcome, bad_refusal
@@ -188,7 +189,8 @@ def test_faults_while_warming_are_kept(guard: Guard, scratch: Path, monkeypatch:
     def careless(folder: Path) -> None:
         raise KeyError(folder.name)
 
-    without_files = Target(TARGETS["camera_path"].make, "", careless, mutate=folders.mutate, place=folders.place)
+    mutate, place = file_mutations.of_folder, file_mutations.place_changes
+    without_files = Target(TARGETS["camera_path"].make, "", careless, mutate=mutate, place=place)
     monkeypatch.setitem(TARGETS, "careless", without_files)
     trial = trial_of("careless", scratch)
     trial.warmed(guard)
@@ -215,3 +217,55 @@ def test_a_reader_that_fails_is_found(guard: Guard, scratch: Path, monkeypatch: 
     for number in range(25):
         trial.tried(guard, *trial.input(Random(number)))
     assert any(kind.startswith(("KeyError", "TypeError")) for kind in trial.tally.faults)
+
+
+# --- command lines of bytes, and what a refusal of one must tell
+
+
+def test_the_same_bytes_make_the_same_command_line_and_others_another() -> None:
+    make = mutate("reports")
+    lines = [make(Choices(Random(number).randbytes(64)), b"") for number in range(40)]
+    assert lines == [make(Choices(Random(number).randbytes(64)), b"") for number in range(40)]
+    assert len(set(lines)) > 20
+
+
+def test_a_byte_more_changes_what_comes_after_it_alone() -> None:
+    data = Random(7).randbytes(64)
+    one, other = Choices(data), Choices(data[:20] + bytes([data[20] ^ 1]) + data[21:])
+    drawn = [[source.randrange(250) for _ in range(40)] for source in (one, other)]
+    assert [at for at in range(40) if drawn[0][at] != drawn[1][at]] == [20]
+
+
+def test_bytes_that_are_at_an_end_still_make_a_command_line() -> None:
+    source = Choices(b"\x01")
+    assert [source.randrange(3), source.randrange(3), source.choice("ab"), source.randrange(1000)] == [1, 2, "b", 999]
+    assert all(isinstance(one, str) for one in json.loads(mutate("reports")(Choices(b""), b"")))
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "named"),
+    [
+        ("argument --page: expected one argument", ["a", "--page"], True),
+        ("--page: goes with several outputs alone", ["a", "--page", "b"], True),
+        ("--pages: goes with several outputs alone", ["a", "--page", "b"], False),
+        ("goes with several outputs alone; see --publish", ["a", "--page", "b"], False),
+        ("a/b: no such folder", ["a/b"], True),
+        ("no such folder as that one", ["a/b"], False),
+    ],
+)
+def test_a_refusal_names_an_option_or_a_file(text: str, arguments: list[str], named: bool) -> None:
+    assert names_its_option(text, arguments, "reports") == named
+
+
+def test_one_of_the_words_is_enough_and_none_is_not() -> None:
+    words = ("radius", "frames")
+    assert bad_refusal("radius 0: must be a positive number", words) is None
+    assert bad_refusal("radiuses 0: must be positive numbers", words) is not None
+    assert bad_refusal("must be a positive number", words) is not None
+
+
+def test_a_command_line_is_refused_by_what_checks_it(tmp_path: Path) -> None:
+    code, said = called("reports", ["nothing", "--page", "x.html"], tmp_path)
+    assert code == 2
+    assert "--page" in said
+    assert Path.cwd() != tmp_path
