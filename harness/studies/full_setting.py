@@ -103,14 +103,11 @@ def work_of(plan: Plan) -> Work:
     )
 
 
-def wall_hours(work: Work, cell_hours: float, places: int, methods: int, split: bool = False) -> float:
-    """Return the hours until the last group (with `split` the last cell) ends on `places` GPUs, each doing one at a
-    time.
-
-    All are equally long, so that the place with most of them takes longest.
+def wall_hours(work: Work, cell_hours: float, gpus: int) -> float:
+    """Return the hours until the last group ends on `gpus`, each of which trains one group at a time; all are equally
+    long, so that the GPU with most of them takes longest.
     """
-    pieces, hours = (work.cells, cell_hours) if split else (work.groups, cell_hours * methods)
-    return ceil(pieces / places) * hours
+    return ceil(work.groups / gpus) * cell_hours * work.cells / work.groups
 
 
 def measured_rate(speed: Studies) -> float:
@@ -143,164 +140,70 @@ def value_of(speed: Studies, name: str) -> float:
     raise InputError(f"the speed record has no {name}; run `nox -s speed` again")
 
 
-PLACES = (1, 8, 64)
-COMBINATIONS = 8
-
-
 def page(speed: Studies) -> str:
     """Return the page as Markdown."""
     plan = paper_table()
-    work = work_of(plan)
-    lean = work_of(paper_table(_fewer_views()))
-    cores = speed.provenance["cores"]
-    rate = measured_rate(speed)
-    return "\n".join(
-        [
-            "# What the paper's full table costs",
-            "",
-            "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. "
-            f"The table is {len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} "
-            f"steps at {plan.views.resolution} × {plan.views.resolution}: {work.cells} cells in {work.groups} groups "
-            "(a scene and a seed, its methods in lockstep).",
-            "",
-            "**Measured**: rates of this processor. **Counted**: floating-point operations of the matrix products, "
-            "every sample of every ray, so that the true figure is lower where rays miss the scene's box. **Assumed**: "
-            "everything about GPUs. No cell of this table was ever trained, on any machine.",
-            "",
-            "## Work",
-            "",
-            *_table(
-                ("", "of a cell", "of all"),
-                [
-                    ("training", _flop(work.training), _flop(work.training * work.cells)),
-                    ("scoring the test views", _flop(work.scoring), _flop(work.scoring * work.cells)),
-                    ("both", _flop(work.a_cell), _flop(work.a_cell * work.cells)),
-                ],
-            ),
-            "",
-            f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.checkpoints} checkpoints × "
-            f"{plan.views.test} views × {plan.views.resolution}² pixels × 256 network evaluations a ray. With every "
-            f"eighth test view it would be {lean.scoring / lean.training:.2f} times; the profile has no option for "
-            "that, and scores all views.",
-            "",
-            f"## On the measured processor ({speed.provenance['processor']}, {cores} cores, float32)",
-            "",
-            f"Training steps of the paper's network reach {rate / 1e12:.3f} TFLOP/s there, "
-            f"{value_of(speed, 'matrix.paper.share'):.0f} % of what its matrix products reach alone: "
-            f"{work.training / rate / 86400:.1f} days of training and {work.scoring / rate / 86400:.1f} of scoring for "
-            f"a cell, {work.a_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
-            "",
-            "## On GPUs, assumed",
-            "",
-            "Rates are those of the vendors' data sheets, dense. The shares of it that a step reaches are assumptions: "
-            + "; ".join(f"{name} {low:.0%} to {high:.0%}" for name, (low, high) in ASSUMED_SHARES.items())
-            + ". The full profile multiplies in float32 without TF32; `--precision bfloat16` is the other column, and "
-            "memory sets its pace, as the layers are but 256 wide.",
-            "",
-            *_gpu_table(work),
-            "",
-            "GPU-hours are for all cells, training and scoring. Wall hours follow below; a GPU that is shared with "
-            "anything else makes its clocks worthless.",
-            "",
-            "## Wall time on 1, 8 and 64 GPUs",
-            "",
-            *_wall_table(work),
-            "",
-            f"The bag holds {work.groups} groups, all equally long. So {PLACES[-1]} GPUs are no faster than "
-            f"{work.groups}: {PLACES[-1] - work.groups} stand idle, and the wall time is one group, "
-            f"{COMBINATIONS} cells one after the other. Were groups split into cells, {PLACES[-1]} GPUs would do it in "
-            f"{-(-work.cells // PLACES[-1])} cells instead of {COMBINATIONS}. What that costs: the methods of a scene "
-            "and seed no longer run in turn on the same device in the same hour, so equal-time comparisons would also "
-            "compare two GPUs; equal-step comparisons would not change by a bit. The harness does not split groups. "
-            "More seeds or scenes fill the GPUs instead: 8 scenes × 8 seeds are 64 groups.",
-            "",
-            "## Ground truth",
-            "",
-            *_rendering(work, speed),
-            "",
-            "## Disk",
-            "",
-            *_table(
-                ("what", "how much"),
-                [
-                    ("view sets", f"{_gigabytes(work.view_sets[0])} to {_gigabytes(work.view_sets[1])}"),
-                    ("decoded images, a copy for each running group", _gigabytes(work.decoded)),
-                    ("kept pictures in the records, at most", _gigabytes(work.pictures)),
-                ],
-            ),
-            "",
-            "Bytes a pixel of view sets were measured at 100 to 300 px; pictures are not compressed. Checkpoints are a "
-            "few megabytes a cell. On Ray, every node without the driver's disk fetches each view set that it trains "
-            "on once, so that its temporary folder needs room for them and for the decoded images; the driver's disk "
-            "holds everything else.",
-            "",
-        ]
-    )
-
-
-def _fewer_views() -> Plan:
-    plan = PROFILES["full"]
-    return replace(plan, views=replace(plan.views, test=plan.views.test // 8))
-
-
-def _hours(work: Work, gpu: Gpu, precision: str) -> tuple[float, float]:
-    """Return the hours of one cell: best and worst."""
-    low, high = ASSUMED_SHARES[precision]
-    peak = getattr(gpu, precision) * 1e12
-    return work.a_cell / (peak * high) / 3600, work.a_cell / (peak * low) / 3600
-
-
-def _gpu_table(work: Work) -> list[str]:
-    rows = []
-    for gpu in GPUS:
-        row = [gpu.name]
-        for precision in ASSUMED_SHARES:
-            best, worst = _hours(work, gpu, precision)
-            row += [
-                f"{getattr(gpu, precision):g}",
-                f"{_number(best)} – {_number(worst)}",
-                f"{_number(best * work.cells)} – {_number(worst * work.cells)}",
-            ]
-        rows.append(tuple(row))
-    figures = ("TFLOP/s", "hours a cell", "GPU-hours")
-    return _table(("GPU", *(f"{precision}: {one}" for precision in ASSUMED_SHARES for one in figures)), rows)
-
-
-def _wall_table(work: Work) -> list[str]:
-    rows = []
-    for gpu in GPUS:
-        for precision in ASSUMED_SHARES:
-            best, worst = _hours(work, gpu, precision)
-            cells = [
-                f"{_number(wall_hours(work, best, places, COMBINATIONS))} – "
-                f"{_number(wall_hours(work, worst, places, COMBINATIONS))}"
-                for places in PLACES
-            ]
-            split = (
-                f"{_number(wall_hours(work, best, PLACES[-1], COMBINATIONS, split=True))} – "
-                f"{_number(wall_hours(work, worst, PLACES[-1], COMBINATIONS, split=True))}"
-            )
-            rows.append((gpu.name, precision, *cells, split))
-    heads = ("hours", "products", *(f"{places} GPUs" if places > 1 else "1 GPU" for places in PLACES), "64, if split")
-    return _table(heads, rows)
-
-
-def _rendering(work: Work, speed: Studies) -> list[str]:
-    low, high = (seconds * work.megasamples / 3600 for seconds in render_seconds(speed))
-    cores = speed.provenance["cores"]
-    return [
+    work, cores, rate = work_of(plan), speed.provenance["cores"], measured_rate(speed)
+    rendering = [seconds * work.megasamples / 3600 for seconds in render_seconds(speed)]
+    shares = "; ".join(f"{name} {low:.0%} to {high:.0%}" for name, (low, high) in ASSUMED_SHARES.items())
+    blocks = [
+        "# What the paper's full table costs",
+        "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. "
+        f"The table is {len(plan.scenes)} scenes × 2³ methods × {len(plan.seeds)} seeds × {plan.budget.steps:,} "
+        f"steps at {plan.views.resolution} × {plan.views.resolution}: {work.cells} cells in {work.groups} groups "
+        "(a scene and a seed, its methods in lockstep).",
+        "**Measured**: rates of this processor. **Counted**: floating-point operations of the matrix multiplications, "
+        "every sample of every ray, so that the true figure is lower where rays miss the scene's box. **Assumed**: "
+        "everything about GPUs. No cell of this table was ever trained, on any machine.",
+        "## Work",
+        _table(
+            ("", "per cell", "in all"),
+            [
+                (name, _flop(value), _flop(value * work.cells))
+                for name, value in (("training", work.training), ("scoring the test views", work.scoring))
+            ],
+        ),
+        f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.checkpoints} checkpoints × "
+        f"{plan.views.test} views × {plan.views.resolution}² pixels × 256 network evaluations per ray.",
+        f"## On the measured processor ({speed.provenance['processor']}, {cores} cores, float32)",
+        f"Training steps of the paper's network reach {rate / 1e12:.3f} TFLOP/s there, "
+        f"{value_of(speed, 'matrix.paper.share'):.0f} % of what its matrix multiplications reach alone: "
+        f"{work.training / rate / 86400:.1f} days of training and {work.scoring / rate / 86400:.1f} of scoring per "
+        f"cell, {work.a_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
+        "## On GPUs, assumed",
+        f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumptions: {shares}. "
+        "The full profile multiplies in float32 without TF32. With `--precision bfloat16` memory sets the pace, as the "
+        "layers are only 256 wide.",
+        _table(
+            ("GPU", "precision", "TFLOP/s", "hours per cell", "hours on 1 GPU", "on 8", f"on {work.groups} or more"),
+            [_gpu_row(work, gpu, precision) for gpu in GPUS for precision in ASSUMED_SHARES],
+        ),
+        f"No more than {work.groups} GPUs are busy at once: the harness trains the methods of a scene and a seed in "
+        "turn on one device, so that equal-time comparisons do not compare two GPUs. More seeds fill more GPUs. A GPU "
+        "that is shared with anything else makes its clocks worthless.",
+        "## Ground truth",
         f"Mitsuba renders the view sets on the driver's processor before anything trains: {work.megasamples:,.0f} "
-        f"million samples, {low:.0f} to {high:.0f} hours on the {cores} measured cores (extrapolated from views of "
-        f"100 px). If it scales with cores, which was not measured beyond {cores}, 64 cores take "
-        f"{low * cores / 64:.1f} to {high * cores / 64:.1f} hours. GPUs wait meanwhile: render first, on a machine "
-        "without any (`python -m scenes render`), and hand the cache over with `--view-sets`."
+        f"million samples, {rendering[0]:.0f} to {rendering[1]:.0f} hours on the {cores} measured cores (extrapolated "
+        "from views of 100 px). GPUs wait meanwhile: render first, on a machine without any (`python -m scenes "
+        "render`), and hand the cache over with `--view-sets`.",
+        "## Disk",
+        f"View sets take {_gigabytes(work.view_sets[0])} to {_gigabytes(work.view_sets[1])} (bytes per pixel were "
+        f"measured at 100 to 300 px), decoded images {_gigabytes(work.decoded)} for each running group, and saved "
+        f"pictures at most {_gigabytes(work.pictures)}. On Ray, every node without the driver's disk fetches each view "
+        "set that it trains on once, into its temporary folder; the driver's disk holds everything else.",
     ]
+    return "\n\n".join(blocks) + "\n"
 
 
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    lines = ["| " + " | ".join(heads) + " |"]
-    lines.append("|" + "---|" * (lines[0].count("|") - 1))
-    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+def _gpu_row(work: Work, gpu: Gpu, precision: str) -> tuple[str, ...]:
+    peak = getattr(gpu, precision)
+    low, high = (work.a_cell / (peak * 1e12 * share) / 3600 for share in reversed(ASSUMED_SHARES[precision]))
+    walls = [[wall_hours(work, hours, gpus) for hours in (low, high)] for gpus in (1, 8, work.groups)]
+    return gpu.name, precision, f"{peak:g}", *(f"{_number(a)} – {_number(b)}" for a, b in [(low, high), *walls])
+
+
+def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
+    return "\n".join("| " + " | ".join(row) + " |" for row in [heads, ["---"] * len(heads), *rows])
 
 
 def _flop(value: float) -> str:

@@ -50,8 +50,7 @@ def test_what_is_counted_explains_what_was_measured(speed: Studies) -> None:
 
 def test_the_bag_is_no_finer_than_a_group() -> None:
     work = work_of(paper_table())
-    assert [wall_hours(work, 1.0, places, 8) for places in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
-    assert [wall_hours(work, 1.0, places, 8, split=True) for places in (1, 8, 64, 320)] == [320, 40, 5, 1]
+    assert [wall_hours(work, 1.0, gpus) for gpus in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
 
 
 def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
