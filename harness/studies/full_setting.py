@@ -171,7 +171,7 @@ def page(speed: Studies) -> str:
         f"{work.training / rate / 86400:.1f} days of training and {work.scoring / rate / 86400:.1f} of scoring per "
         f"cell, {work.a_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
         "## On GPUs, assumed",
-        f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumptions: {shares}. "
+        f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumed: {shares}. "
         "The full profile multiplies in float32 without TF32. With `--precision bfloat16` memory sets the pace, as the "
         "layers are only 256 wide.",
         _table(
