@@ -140,11 +140,7 @@ def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -
         print(problem, file=sys.stderr)
         return BAD_INPUT
 
-    codes = []
-    builders = {"speed": build_speed, "stability": build_stability, "evidence": build_evidence}
-    for shelf, build_shelf in builders.items():
-        if shelf in studies:
-            codes.append(build_shelf(studies[shelf], out, quiet, publish, records is not None))
+    codes = [build_shelf(record, out, quiet, publish, records is not None) for record in studies.values()]
     if records is not None:
         beside = Beside(studies.get("stability"), studies.get("evidence"), serving)
         codes.append(build_report(records, quiet, publish, beside))
@@ -198,54 +194,20 @@ def build_judgement(out: Path) -> int:
     return 0
 
 
-def build_speed(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
-    """The page about speed."""
-    from reports.page.shell import SPEED_PAGE
-    from reports.studies.speed_page import write_speed_page
+def build_shelf(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+    """Build the page of a shelf; returns 3 if a check of ours fails."""
+    from reports.studies.study_page import broken_line, headline, write_study_page
 
-    write_speed_page(record, out / SPEED_PAGE, beside_report)
+    page = write_study_page(record, out, beside_report)
     if publish is not None:
-        from reports.studies.publishing import write_published_speed
+        from reports.studies.publishing import write_published
 
-        write_published_speed(record, publish)
-    print(out / SPEED_PAGE)
-    return 0
-
-
-def build_stability(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
-    """The page about stability; 3 where something of ours failed."""
-    from reports.studies.stability_matrix import headline
-    from reports.studies.stability_page import failure, write_stability_page
-
-    page = write_stability_page(record, out, beside_report)
-    if publish is not None:
-        from reports.studies.publishing import write_published_stability
-
-        write_published_stability(record, publish)
+        write_published(record, publish)
     if not quiet:
         print(headline(record))
-        for case, one in record.broken:
-            print(failure(case, one))
+        for study, one in record.broken:
+            print(broken_line(study, one))
     print(page)
-    return SOME_FAILED if record.broken else 0
-
-
-def build_evidence(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
-    """What the studies found, on a page of its own where no report is built; 3 where a check does not hold."""
-    from reports.studies.evidence_page import check_said, headline
-
-    if publish is not None:
-        from reports.studies.publishing import write_published_evidence
-
-        write_published_evidence(record, publish)
-    if not quiet:
-        print(headline(record))
-        for study, check in record.broken:
-            print(f"{study.info.id}: {check_said(check)}")
-    if not beside_report:
-        from reports.studies.evidence_page import write_evidence_page
-
-        print(write_evidence_page(record, out))
     return SOME_FAILED if record.broken else 0
 
 

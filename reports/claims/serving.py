@@ -3,8 +3,7 @@
 from harness.records.serving_record import Confusion, Latency, Measure, PhiCheck
 from reports.claims.ledger import Bench, Finding, Pair, Printed
 from reports.data.serving_load import DISK, HASHED, MEMORY, MISSED, both, is_quick, judge_hit
-from reports.data.wording import NARROW, UNTESTED, Verdict, counted, listed, significant
-from reports.studies.evidence_page import plain
+from reports.data.wording import NARROW, UNTESTED, Verdict, bare, counted, listed, significant
 from reports.studies.serving_said import SHARE, TIMED, Race, earlier, races
 
 COMMAND = "python -m harness study serving OUT"
@@ -27,7 +26,7 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     how = (
         f"rendering a view of {record.width} × {record.height} px takes as many times as long as a hit, of a method "
         "that is no longer trained (weights hashed once); “instant” is our bar: "
-        f"{plain(record.target_memory)}× in memory, {plain(record.target_disk)}× on disk"
+        f"{bare(record.target_memory)}× in memory, {bare(record.target_disk)}× on disk"
     )
     memory, disk, hashed = (
         [one for one in record.latencies if one.source in sources and one.ratio is not None]

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 from reports.claims.claim_list import KINDS, tally
 from reports.claims.ledger import Claim, Number, Pair, by_cause
-from reports.data.wording import NOTHING, UNTESTED, count, counted, interval, listed, number, signed, significant
+from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, interval, listed, number, signed, significant
 from reports.page.grid import Column, Entry, Grid
-from reports.studies.evidence_page import plain
 
 TONES = {"reproduced": "holds", "seen": "holds", "not reproduced": "fails", "not seen at this scale": "fails"}
 TONES |= {"inconclusive": "", UNTESTED: "muted"}
@@ -142,7 +141,7 @@ def _value(claim: Claim, value: int | float, digits: int) -> str:
     if _is_difference(claim):
         return signed(value, digits)
     if claim.kind == "others":
-        return plain(value)
+        return bare(value)
     if claim.unit == "×":
         return significant(value)
     return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)

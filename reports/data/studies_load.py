@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from harness.records.json_record import DamagedRecord, as_promised
-from harness.records.study import SHELVES, Effect, Studies, StudyRecord, read_studies
+from harness.records.study import SHELVES, Effect, Studies, read_studies
 from reports.data.load import uneven
 
 
@@ -32,22 +32,14 @@ def _contradiction(record: Studies, shelf: str) -> str | None:
     if twice:
         return f"{twice[0]!r} is there twice"
     for study in record.studies:
-        wrong = uneven(study.series, study.tables) or _stray(study, shelf)
+        wrong = uneven(study.series, study.tables) or next(filter(None, map(_backwards, study.effects)), None)
         if wrong is not None:
             return f"{study.info.id!r}: {wrong}"
     return None
 
 
-def _stray(study: StudyRecord, shelf: str) -> str | None:
-    """A line or table of another chapter would be shown nowhere; an interval that runs backwards says nothing."""
-    items = {one.name: one.item for one in study.series} | {one.title: one.item for one in study.tables}
-    lost = next((name for name, item in items.items() if item != 0), None)
-    if shelf == "evidence" and lost is not None:
-        return f"{lost!r} belongs to item {items[lost]}, not 0"
-    return next(filter(None, map(_backwards, study.effects)), None)
-
-
 def _backwards(one: Effect) -> str | None:
+    """Return what is wrong with an interval that runs backwards: it says nothing."""
     for name in ("interval", "simultaneous"):
         pair = getattr(one, name)
         if pair is not None and pair[0] > pair[1]:

@@ -71,14 +71,15 @@ def of_any_size(value: float | None, digits: int = 3) -> str:
     return count(round(value)) if float(value).is_integer() else significant(value, digits)
 
 
-def figure(value: float) -> str:
-    """Format integers as they are, all others with three significant digits."""
-    return count(value) if isinstance(value, int) else significant(value)
-
-
-def with_unit(value: float | None, unit: str) -> str:
-    """Format `7.42×`, `58.1 %`, `1.24 GB`."""
-    return NOTHING if value is None else f"{figure(value)}{after(unit)}"
+def bare(value: float) -> str:
+    """Format a limit without superfluous digits: 0.05, 30, 2·10⁻⁶."""
+    if float(value).is_integer() and abs(value) < 1e6:
+        return count(int(value))
+    if 1e-2 <= abs(value) < 1e3:
+        return number(value, 3).rstrip("0").rstrip(".")
+    mantissa, _, exponent = f"{value:.3e}".partition("e")
+    power = f"10{str(int(exponent)).translate(RAISED)}"
+    return power if float(mantissa) == 1 else f"{float(mantissa):g}·{power}".replace("-", MINUS)
 
 
 def after(unit: str) -> str:

@@ -21,6 +21,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 
 from reports.data.wording import MINUS, scientific, significant
 from reports.drawing import palette
+from reports.drawing.palette import INK
 from reports.drawing.traces import Kind, Panel, Trace, as_element
 
 
@@ -109,11 +110,13 @@ def draw(panel: Panel) -> Figure:
     """Draw one panel; pass the figure to `svg` or save it as PNG."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=panel.size)
-        longest = max(map(len, panel.rows), default=0)
-        left = max(0.9, 0.2 + 0.06 * min(longest, 40)) if panel.rows else 0.62
+        longest = max((len(line) for row in panel.rows for line in row.splitlines()), default=0)
+        left = max(0.9, 0.25 + 0.06 * min(longest, 40)) if panel.rows else 0.62
+        right = 0.12 + 0.062 * max(map(len, panel.figures), default=0)
         width, height = panel.size
+        bottom, above = (0.12, 0.42) if panel.columns else (0.5, 0.12)
         axes = figure.add_axes(
-            (left / width, 0.5 / height, 1 - (left + 0.12) / width, 1 - 0.62 / height), facecolor="none"
+            (left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + above) / height), facecolor="none"
         )
         figure.patch.set_visible(False)
         paint(axes, panel)
@@ -134,6 +137,14 @@ def paint(axes: Axes, panel: Panel) -> None:
         axes.yaxis.set_major_locator(FixedLocator(range(len(panel.rows))))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda at, _: panel.rows[round(at)]))
         axes.yaxis.set_minor_locator(NullLocator())
+    for place, words in enumerate(panel.figures):
+        axes.text(1.02, place, words, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=INK.light)
+    if panel.columns:
+        axes.xaxis.tick_top()
+        axes.spines[:].set_visible(False)
+        axes.grid(visible=False)
+        axes.tick_params(length=0)
+        axes.set_xticks([at for at, _ in panel.columns], [words for _, words in panel.columns], ha="left")
     if panel.zero_at is not None:
         foot = panel.zero_at
         above = [at for at in axes.yaxis.get_majorticklocs() if at > foot * 1.01]
@@ -220,7 +231,7 @@ def _bins(axes: Axes, trace: Trace) -> None:
 
 
 def _range(axes: Axes, trace: Trace) -> None:
-    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
+    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=trace.width, alpha=0.75)
 
 
 def _mark(axes: Axes, trace: Trace) -> None:
@@ -228,7 +239,8 @@ def _mark(axes: Axes, trace: Trace) -> None:
     axes.plot(
         trace.x,
         trace.y,
-        trace.marker,
+        linestyle="",
+        marker=trace.marker,
         markerfacecolor=face,
         markeredgecolor=trace.colour,
         markersize=trace.size,

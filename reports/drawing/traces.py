@@ -67,6 +67,10 @@ class Panel:
     x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
     rows: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
+    """What stands behind each row."""
+    columns: tuple[tuple[float, str], ...] = ()
+    """Places on the x axis with words above them, in place of its ticks."""
     size: tuple[float, float] = (3.7, 2.6)
     linear_below: float = 1.0
     """The value at which a `symlog` axis begins to be logarithmic."""

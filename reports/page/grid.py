@@ -26,6 +26,8 @@ class Entry:
     """The additional values in a file, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
     """The runs behind it."""
+    link: str = field(default="", compare=False)
+    """The id of a place in the page that the text leads to."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from reports.data.selection import Selection
 from reports.data.wording import MINUS, NARROW, RAISED
 from reports.drawing import palette
 from reports.page.grid import Entry
-from reports.page.script import script
+from reports.page.script import content_policy, script
 
 LEVELLED = {level: plain for plain, level in RAISED.items()}
 FIGURE = re.compile(
@@ -101,10 +101,6 @@ def _written(found: dict[str, str]) -> Markup:
 
 
 RUN_PAGE = "report.html"
-SPEED_PAGE = "speed.html"
-SPEED_FILE = "speed.json"
-STABILITY_PAGE = "stability.html"
-EVIDENCE_PAGE = "evidence.html"
 
 HERE = Path(__file__).parent
 SCRIPTS = (
@@ -144,6 +140,13 @@ def environment() -> Environment:
 def code() -> str:
     """Return the script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
     return script(*SCRIPTS, START)
+
+
+def render(template: str, sheets: tuple[str, ...], **content: Any) -> str:
+    """Return a page without runs of its own."""
+    parts = {"policy": content_policy(code()), "script": Markup(code()), "colours": {}}
+    style_sheets = style("page.css", "explore.css", *sheets)
+    return environment().get_template(template).render(**parts, style=style_sheets, **content)
 
 
 def breakable(name: str) -> Markup:

@@ -6,6 +6,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from harness.records.study import SHELVES
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.headline import headline, roles
@@ -23,7 +24,7 @@ from reports.drawing.figure import Plot, plots
 from reports.page import shell
 from reports.page.grid import Grid
 from reports.page.script import content_policy, script
-from reports.page.shell import SPEED_FILE, SPEED_PAGE, STABILITY_PAGE, flat
+from reports.page.shell import flat
 from reports.run import metrics_table, pictures
 from reports.run.convergence import convergence, difference_panels, time_to_target
 from reports.run.density import amplified_methods, amplifier_over_time, density_histograms, printed_form, units
@@ -32,10 +33,10 @@ from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.work_precision import work
-from reports.studies.evidence_page import evidence as evidence_shown
 from reports.studies.serving_attention import about, attention
 from reports.studies.serving_cache import cache
-from reports.studies.stability_page import stability
+from reports.studies.shelves import WORDS, page_of
+from reports.studies.study_page import shelf_shown
 from scenes.files.atomic import write_atomically
 
 
@@ -62,8 +63,9 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
         style=_style(content),
         data={"runs": as_data(runs_data(records)), "density": as_data(density_data(records))},
         title=content["headline"].title,
-        stability_page=STABILITY_PAGE if beside.stability else "",
-        speed=SPEED_PAGE if (records.out / SPEED_FILE).is_file() else "",
+        pages_beside=[
+            (page_of(shelf), words.link) for shelf, words in WORDS.items() if (records.out / SHELVES[shelf]).is_file()
+        ],
         colours=colours,
         sections=[(name, title) for name, title in SECTIONS if content[name]],
     )
@@ -96,8 +98,8 @@ SECTIONS = (
 
 
 SHEETS = {
-    "stability": ("stability.css",),
-    "evidence": ("evidence.css",),
+    "stability": ("studies.css",),
+    "evidence": ("studies.css",),
     "work": ("work.css",),
     "cache": ("serving.css",),
     "attention": ("work.css", "serving.css"),
@@ -121,8 +123,8 @@ def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
     """Return the sections of the measurements beside the run."""
     serving = beside.serving
     return {
-        "stability": stability(beside.stability, records.out) if beside.stability else None,
-        "evidence": evidence_shown(beside.evidence) if beside.evidence else None,
+        "stability": shelf_shown(beside.stability, records.out) if beside.stability else None,
+        "evidence": shelf_shown(beside.evidence, records.out) if beside.evidence else None,
         "cache": cache(serving.cache, records.methods) if serving and serving.cache else None,
         "attention": attention(serving, records.folder) if serving else None,
         "served": about(serving) if serving else None,

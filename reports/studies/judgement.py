@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
-from markupsafe import Markup
-
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
 from harness.verdicts.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
@@ -15,7 +13,6 @@ from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid
-from reports.page.script import content_policy
 from scenes.files.atomic import write_atomically
 
 MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
@@ -213,27 +210,25 @@ JUDGEMENT_PAGE = "judgement.html"
 def judgement_page(record: JudgementRecord) -> str:
     """Return the complete page as text."""
     clean = record.without_suspects
-    return (
-        shell.environment()
-        .get_template("judgement_page.html")
-        .render(
-            policy=content_policy(shell.code()),
-            script=Markup(shell.code()),
-            style=shell.style("page.css", "explore.css", "judgement.css"),
-            colours={},
-            title=headline(record),
-            record=record,
-            missing=missing_line(record) if record.missing else "",
-            suspects=[suspect_line(record, one) for one in record.suspects[:3]],
-            without=without_line(record),
-            methods=methods_grid(record, record.given, "Methods from best to worst"),
-            suspects_grid=suspects_grid(record),
-            cleaned=methods_grid(record, clean, "Without the suspect results") if clean else None,
-            changes=changes_grid(record),
-            matrix=matrix(record),
-            plots=plots([panel(record)], "judgement"),
-            provenance=provenance(record),
-        )
+    contents = [("methods", "Methods"), ("picture", "Picture")]
+    contents += [("pairs", "Pairs")] if record.baseline is None else []
+    contents += [("suspects", "Suspect results")] if record.suspects else []
+    return shell.render(
+        "judgement_page.html",
+        ("judgement.css",),
+        title=headline(record),
+        contents=contents,
+        record=record,
+        missing=missing_line(record) if record.missing else "",
+        suspects=[suspect_line(record, one) for one in record.suspects[:3]],
+        without=without_line(record),
+        methods=methods_grid(record, record.given, "Methods from best to worst"),
+        suspects_grid=suspects_grid(record),
+        cleaned=methods_grid(record, clean, "Without the suspect results") if clean else None,
+        changes=changes_grid(record),
+        matrix=matrix(record),
+        plots=plots([panel(record)], "judgement"),
+        provenance=provenance(record),
     )
 
 

@@ -6,13 +6,12 @@ from markupsafe import Markup
 
 from harness.records.serving_record import CacheRecord, Confusion, Latency, PathUse
 from reports.data.serving_load import DISK, HASHED, MEMORY, judge_hit
-from reports.data.wording import NARROW, counted, listed, number, significant
+from reports.data.wording import NARROW, bare, counted, listed, number, significant
 from reports.drawing import palette
 from reports.drawing.figure import Plot, plots, with_common_limits
 from reports.drawing.palette import MARKERS, Pen, key
 from reports.drawing.traces import Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
-from reports.studies.evidence_page import plain
 from reports.studies.serving_said import OUTCOMES, SOURCES, TIMED, brief, bytes_said, outcome, times
 
 ROWS = {
@@ -111,7 +110,7 @@ def answer(record: CacheRecord) -> str:
         if hits:
             found = outcome([judge_hit(one, record) for one in hits])
             ratios = times([one.ratio for one in hits if one.ratio is not None])
-            said.append(f"A hit {where} is {ratios} faster than rendering (target {plain(target)}: {found}).")
+            said.append(f"A hit {where} is {ratios} faster than rendering (target {bare(target)}: {found}).")
     return " ".join(said) or "No hit was timed."
 
 
@@ -162,7 +161,7 @@ def _latency(one: Latency, record: CacheRecord) -> list[Entry]:
     return [
         *entries,
         Entry(significant(one.ratio), f"{significant(worse)} to {significant(better)}"),
-        Entry(f"≥ {plain(getattr(record, LIMITS[one.source]))}", tone="muted"),
+        Entry(f"≥ {bare(getattr(record, LIMITS[one.source]))}", tone="muted"),
         Entry(OUTCOMES[verdict], tone=tone),
     ]
 

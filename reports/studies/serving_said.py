@@ -16,8 +16,7 @@ from harness.records.serving_record import (
     PhiCheck,
     Way,
 )
-from reports.data.wording import NARROW, Verdict, counted, listed, number, significant
-from reports.studies.evidence_page import plain
+from reports.data.wording import NARROW, Verdict, bare, counted, listed, number, significant
 
 SOURCES = {
     "render": "rendered",
@@ -398,6 +397,6 @@ def seen_first(one: FirstFrame) -> str:
     return (
         f"The viewer’s first frame of {listed(one.methods)}{beside} on {one.scene}, {one.width} × {one.height} px with "
         f"methods loaded and nothing in the cache, is computed after {brief(one.seconds_coarse)} (target "
-        f"{plain(one.target)} s: {met}), coarse: {listed(coarse)}; all of it after {brief(one.seconds_whole)}, both "
+        f"{bare(one.target)} s: {met}), coarse: {listed(coarse)}; all of it after {brief(one.seconds_whole)}, both "
         f"on the server, without the way to a browser; the slowest of {counted(one.calls, 'call')}."
     )

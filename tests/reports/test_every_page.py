@@ -9,9 +9,7 @@ import pytest
 from reports.data.beside import Beside
 from reports.data.load import read_records
 from reports.run.run_page import page
-from reports.studies.evidence_page import evidence_page
-from reports.studies.speed_page import speed_page
-from reports.studies.stability_page import stability_page
+from reports.studies.study_page import study_page
 from tests.reports.browsing import opened, unfold, weakest_contrast
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
@@ -31,11 +29,11 @@ def _report(out: Path) -> str:
 
 PAGES: dict[str, Callable[[Path], str]] = {
     "report": _report,
-    "evidence": lambda out: evidence_page(fake_evidence()),
-    "speed": lambda out: speed_page(fake_speed()),
-    "hostile speed": lambda out: speed_page(hostile_speed(fake_speed(), HOSTILE)),
-    "stability": lambda out: stability_page(fake_stability(), write_fake_stability(out)),
-    "hostile stability": lambda out: stability_page(
+    "evidence": lambda out: study_page(fake_evidence(), out),
+    "speed": lambda out: study_page(fake_speed(), out),
+    "hostile speed": lambda out: study_page(hostile_speed(fake_speed(), HOSTILE), out),
+    "stability": lambda out: study_page(fake_stability(), write_fake_stability(out)),
+    "hostile stability": lambda out: study_page(
         hostile_stability(fake_stability(), HOSTILE), write_fake_stability(out)
     ),
 }

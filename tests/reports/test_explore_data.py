@@ -9,16 +9,18 @@ from markupsafe import Markup
 from msgspec.structs import replace
 
 from harness.records.cells import cell_path
+from harness.records.study import check
 from reports.claims.psnr_table import scores_grid
 from reports.data.load import read_records
 from reports.data.selection import Selection
-from reports.data.wording import count, number, signed, significant, with_unit
+from reports.data.wording import count, number, signed, significant
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
 from reports.page.grid import Entry
 from reports.page.shell import of_entry, of_row, value_of
 from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.runs_data import density_data, runs_data
+from reports.studies.check_words import figure_of
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
@@ -40,7 +42,7 @@ def test_a_text_is_sorted_by_its_number(text, value):
 
 @pytest.mark.parametrize("value", [0.0, 1.5, -2.25, 123456.0, 3.2e-7, -4.56e-5, 8.9e7])
 def test_what_is_worded_is_read_back(value):
-    for text in (significant(value, 6), number(value, 9), signed(value, 9), with_unit(value, "dB")):
+    for text in (significant(value, 6), number(value, 9), signed(value, 9), figure_of(check("", value, unit="dB"))):
         assert value_of(text) == pytest.approx(value, rel=6e-3, abs=1e-9), text
     assert value_of(count(round(value))) == round(value)
 

@@ -93,7 +93,7 @@ const tables = (() => {
   function isSortable(table) {
     const rows = table.tBodies.length === 1 ? [...table.tBodies[0].rows] : [];
     const plain = rows.every((row) => [...row.cells].every((cell) => cell.colSpan === 1 && cell.rowSpan === 1));
-    return rows.length > 1 && plain && table.tHead?.rows.length === 1 && !table.matches(".facts, .pictures, .forest");
+    return rows.length > 1 && plain && table.tHead?.rows.length === 1 && !table.matches(".facts, .pictures");
   }
 
   // A number; a text; null where nothing is there, which stays last whichever way it is sorted.

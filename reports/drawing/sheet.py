@@ -1,0 +1,79 @@
+"""Panels of a page side by side in one figure, to be saved as a picture."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from reports.drawing.figure import paint
+from reports.drawing.palette import INK, MUTED, Pen
+from reports.drawing.traces import Panel
+
+Key = dict[str, dict[str, Any]]
+"""The name of each line → how it is plotted."""
+
+
+def key_of(panel: Panel) -> Key:
+    """Return the key of a panel whose traces bear the names of what they show."""
+    return {
+        trace.label: {
+            "marker": trace.marker if trace.kind == "mark" else None,
+            "linestyle": " " if trace.kind == "mark" else {"floor": "--"}.get(trace.kind, "-"),
+            "color": trace.colour,
+            "linewidth": trace.width,
+            "markerfacecolor": "white" if trace.hollow else trace.colour,
+            "markersize": trace.size,
+        }
+        for trace in panel.traces
+        if trace.kind in ("line", "range", "floor", "mark")
+    }
+
+
+def key_of_pens(pens: dict[str, Pen]) -> Key:
+    """Return the key of lines that are drawn with pens."""
+    return {
+        name: {
+            "marker": pen.marker,
+            "linestyle": (0, pen.dash) if pen.dash else "-",
+            "color": pen.colour.light,
+            "markerfacecolor": "white" if pen.hollow else pen.colour.light,
+            "markersize": 4.6,
+        }
+        for name, pen in pens.items()
+    }
+
+
+def sheet(panels: Sequence[Panel], keys: Sequence[Key], across: int) -> Figure:
+    """Draw panels side by side. A label of all axes and a key of all panels stand once."""
+    across = min(across, len(panels))
+    down = math.ceil(len(panels) / across)
+    wide, high = (max(panel.size[side] for panel in panels) for side in (0, 1))
+    x_label, y_label = (_common([getattr(panel, name) for panel in panels]) for name in ("x_label", "y_label"))
+    one_key = all(key == keys[0] for key in keys)
+    figure = Figure(figsize=(wide * across, (high + (0.3 if one_key else 0.8)) * down + 0.3), layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False)
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes, panel, key in zip(grid.flat, panels, keys, strict=False):
+        own = replace(panel, x_label="" if x_label else panel.x_label, y_label="" if y_label else panel.y_label)
+        paint(axes, own)
+        axes.set_title(panel.title, fontsize=9, loc="left", color=INK.light)
+        if not one_key:
+            handles = [axes.plot([], [], label=name, **style)[0] for name, style in key.items()]
+            axes.legend(
+                handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False, fontsize=6.5
+            )
+    figure.supxlabel(x_label, fontsize=9, color=MUTED.light)
+    figure.supylabel(y_label, fontsize=9, color=MUTED.light)
+    if one_key and keys[0]:
+        handles = [grid.flat[0].plot([], [], label=name, **style)[0] for name, style in keys[0].items()]
+        ncols = min(len(handles), max(2, round(1.3 * across)))
+        figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=ncols, frameon=False)
+    return figure
+
+
+def _common(labels: list[str]) -> str:
+    """Return the label that all of several axes have, if there is one."""
+    return labels[0] if len(labels) > 1 and len(set(labels)) == 1 else ""

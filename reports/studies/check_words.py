@@ -1,0 +1,175 @@
+"""A check in words: its tone, its figure, its limits, its outcome; and checks as the rows of a table."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+from harness.records.study import Check, StudyRecord
+from reports.data.wording import NARROW, after, bare, counted, number, of_any_size, significant
+from reports.page import shell
+from reports.page.grid import EMPTY, Column, Entry, Grid
+
+Tone = Literal["fails", "missed", "property", "passes", "measured", "unsettled", "absent", "spared"]
+
+
+class Look(NamedTuple):
+    mark: str
+    word: str
+    short: str
+    """What a narrow cell says if there is no figure."""
+    meaning: str
+
+
+LOOKS: dict[Tone, Look] = {
+    "fails": Look("✕", "fails", "fails", "fails, and is ours: it must pass"),
+    "missed": Look("✕", "missed", "missed", "a target that is missed"),
+    "property": Look(
+        "◆",
+        "fails: a property of that form",
+        "fails",
+        "fails, and is the paper’s printed form or the field’s usual one",
+    ),
+    "passes": Look("✓", "passes", "pass", "passes"),
+    "measured": Look("•", "measured", "measured", "measured; it has no limit"),
+    "unsettled": Look("?", "inconclusive", "inconclusive", "inconclusive"),
+    "absent": Look("○", "not available", "not here", "not available here"),
+    "spared": Look("·", "not applicable", "n/a", "not applicable"),
+}
+"""Tone → its look. Of several outcomes in one cell of the matrix the first of these is shown."""
+OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
+SMALL_FACTOR = 2.0
+"""The largest factor that is shown as a percentage."""
+
+
+def tone_of(one: Check) -> Tone:
+    if one.status == "fail":
+        if one.owner == "machine":
+            return "absent" if one.limit is None else "missed"
+        return "fails" if one.must_hold else "property"
+    tones: dict[str, Tone] = {
+        "pass": "passes",
+        "measured": "measured",
+        "inconclusive": "unsettled",
+        "not_available": "absent",
+        "not_applicable": "spared",
+    }
+    return tones[one.status]
+
+
+def figure_of(one: Check, digits: int = 3) -> str:
+    """Return the figure with its unit; with as many digits as it takes to tell a failing one from its limits."""
+    if one.value is None:
+        return ""
+    limits = [limit for limit in (one.low, one.high) if limit is not None and one.status == "fail"]
+    enough = (
+        more
+        for more in range(digits, 16)
+        if all(of_any_size(one.value, more) != of_any_size(limit, more) for limit in limits)
+    )
+    return f"{of_any_size(one.value, next(enough, 16))}{after(one.unit)}"
+
+
+def wanted(one: Check) -> str:
+    """Return the limits as `≤ 0.05` or `0.8 … 1`; empty without any."""
+    low, high = (None if limit is None else bare(limit) for limit in (one.low, one.high))
+    if low and high:
+        return f"{low} … {high}{after(one.unit)}"
+    return f"≥ {low}{after(one.unit)}" if low else f"≤ {high}{after(one.unit)}" if high else ""
+
+
+def spread_of(one: Check) -> str:
+    """Return what the repetitions say: `7.11–7.63×`, `measured once`; nothing of a figure that is no measurement."""
+    if one.value is None or one.owner != "machine":
+        return ""
+    if one.spread is None or (one.repeats < 2 and one.spread[0] == one.spread[1]):
+        return "measured once" if one.repeats == 1 else counted(one.repeats, "repetition")
+    low, high = map(of_any_size, one.spread)
+    times = f", {counted(one.repeats, 'repetition')}" if one.repeats > 1 else ""
+    return f"{low}{' to ' if min(one.spread) < 0 else '–'}{high}{after(one.unit)}{times}"
+
+
+def outcome(one: Check) -> str:
+    """Return `✓ passes`, `✕ missed by 6.9 points`, …"""
+    look, limit = LOOKS[tone_of(one)], one.limit
+    if one.owner != "machine" or limit is None:
+        return f"{look.mark} {look.word}"
+    if one.value is None:
+        return f"{look.mark} no figure, so not met"
+    far = distance(one.value, limit, one.unit)
+    if one.holds:
+        return f"{look.mark} met" + (f", {far} {'above' if one.value > limit else 'below'}" if far else "")
+    return f"{look.mark} missed" + (f" by {far}" if far else "")
+
+
+def distance(value: float, limit: float, unit: str) -> str:
+    """Return how far a figure lies from its target: `6.9 points`, `12 %`, `a factor of 2.1`; nothing if it is met
+    exactly, or on the other side of 0.
+    """
+    small, large = sorted((value, limit))
+    if small == large or (unit != "%" and (small <= 0 or not math.isfinite(large / small))):
+        return ""
+    if unit == "%":
+        return f"{_two_digits(large - small)} points"
+    if large / small > SMALL_FACTOR:
+        return f"a factor of {significant(large / small, 2)}"
+    return f"{_two_digits(100 * (large - small) / limit)}{NARROW}%"
+
+
+def _two_digits(value: float) -> str:
+    return significant(value, 2) if value < 10 else number(value, 0)
+
+
+def repetitions(one: Check) -> str:
+    """Return whether single repetitions say otherwise than the median, which alone says too little."""
+    if one.limit is None or one.value is None or one.spread is None:
+        return ""
+    meets = [edge >= one.limit if one.high is None else edge <= one.limit for edge in one.spread]
+    if one.holds and not all(meets):
+        return "not in every repetition"
+    return "reached in the best repetition" if not one.holds and any(meets) else ""
+
+
+def described(one: Check) -> str:
+    """Return a line such as `midpoint: largest relative error: 0.02, wanted ≤ 10⁻⁶ (over 1000 rays)`."""
+    figures = ", wanted ".join(filter(None, (figure_of(one) or "no figure", wanted(one))))
+    words = ": ".join(filter(None, (one.subject, one.what, "" if one.value is None and one.holds else figures)))
+    return f"{words} ({one.why})" if one.why else words
+
+
+def shown(one: Check) -> str:
+    """Return the text of a narrow cell: the figure, else a word."""
+    lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
+    return figure_of(one, 2) or lost or LOOKS[tone_of(one)].short
+
+
+def checks_grid(
+    title: str, rows: Sequence[tuple[StudyRecord, Check]], name_of: Callable[[StudyRecord], str] | None = None
+) -> Grid:
+    """Return checks as rows, what is broken first; with `name_of` each row names and links its study.
+
+    Columns in which nothing would stand are left out; the reasons stand with the study itself.
+    """
+    checks = [one for _, one in rows]
+    subjects, limits = any(one.subject for one in checks), any(one.limit is not None for one in checks)
+    columns = [Column("study", numeric=False)] if name_of else []
+    columns += [Column("subject", numeric=False)] if subjects else []
+    columns += [Column("figure", numeric=False), Column("measured")]
+    columns += [Column("wanted")] if limits else []
+    columns += [Column("outcome", numeric=False)] if limits or subjects else []
+    lines = []
+    for study, one in sorted(rows, key=lambda row: not row[1].is_broken):
+        tone = tone_of(one)
+        line = [Entry(name_of(study), link=anchor(study))] if name_of else []
+        line += [Entry(one.subject, OWNERS.get(one.owner, ""))] if subjects else []
+        line += [Entry(one.what or one.why, one.why if one.what and not name_of else "")]
+        ends = dict(zip(("low", "high"), one.spread or (), strict=False))
+        line += [Entry(figure_of(one), spread_of(one), parts=ends) if one.value is not None else EMPTY]
+        line += [Entry(wanted(one), tone="muted") if one.limit is not None else EMPTY] if limits else []
+        line += [Entry(outcome(one), repetitions(one), tone)] if limits or subjects else []
+        lines.append(line)
+    return Grid(title, columns, lines)
+
+
+def anchor(study: StudyRecord) -> str:
+    """Return the id of a study in a page."""
+    return shell.anchor("study", study.info.id)

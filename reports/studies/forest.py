@@ -1,0 +1,169 @@
+"""Effects → forests: one row per effect with its difference and both intervals, on an axis that forests of a metric
+share; and the table with all facts about every effect.
+"""
+
+from collections.abc import Iterable
+from textwrap import fill
+
+from harness.records.metric_table import metric_of
+from harness.records.study import Effect
+from reports.data.wording import after, counted, interval, number, signed
+from reports.drawing.palette import INK, KNOWN, MUTED
+from reports.drawing.traces import Panel, Trace
+from reports.page.grid import EMPTY, Column, Entry, Grid
+
+BUDGETS = {"steps": "at equal steps", "seconds": "at equal training time"}
+WIDEST = 1.6
+"""The factor by which an axis, on either side of 0, may reach beyond the largest difference there."""
+LEAST = 0.25
+"""The least share of the largest difference on any side that the largest one on either side is taken to be."""
+MARGIN = 0.06
+LONGEST_NAME = 38
+"""The letters after which the name of a row is broken."""
+WIDTH = 7.6
+MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "?"}
+
+
+def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[str, str, str], Panel]:
+    """Map metric, budget and scene → forest; forests of one metric share their axis.
+
+    Single scenes have a forest where no effect is over all scenes together, and else rows of the table alone.
+    `of_interest`: metric → the smallest effect that matters to anybody, from the record's settings.
+    """
+    over_all = {(one.metric, one.budget) for one in effects if one.scene == "all"}
+    drawn = [one for one in effects if one.scene == "all" or (one.metric, one.budget) not in over_all]
+    grouped: dict[tuple[str, str, str], list[Effect]] = {}
+    for one in drawn:
+        grouped.setdefault((one.metric, one.budget, one.scene), []).append(one)
+    limits = {
+        name: limits_of([one for one in drawn if one.metric == name], of_interest.get(name, 0.0))
+        for name in {one.metric for one in drawn}
+    }
+    return {key: _forest(rows, limits[key[0]], of_interest.get(key[0])) for key, rows in grouped.items()}
+
+
+def limits_of(effects: Iterable[Effect], of_interest: float) -> tuple[float, float]:
+    """Return limits around every difference, the intervals as far as `WIDEST` allows, and the band of interest.
+
+    Three scenes and forty comparisons at once make intervals of which an axis would show nothing else.
+    """
+    there = list(effects)
+    values = [one.difference for one in there if one.difference is not None]
+    ends = [end for one in there for pair in (one.interval, one.simultaneous) for end in pair or ()]
+    largest = LEAST * max(map(abs, values), default=0.0)
+    least = 1.5 * of_interest or largest or max(map(abs, ends), default=0.0) or 1.0
+    above = max([*values, largest, least])
+    below = max([*(-value for value in values), largest, least])
+    high = min(max([*ends, *values, least]), WIDEST * above)
+    low = -min(max([-end for end in [*ends, *values]] + [least]), WIDEST * below)
+    margin = MARGIN * (high - low)
+    return low - margin, high + margin
+
+
+def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: float | None) -> Panel:
+    metric = metric_of(effects[0].metric)
+    rows = sorted(effects, key=lambda one: bool(one.against))  # parts and interactions, then method against method
+    title = f"{metric.label} {BUDGETS[effects[0].budget]}, {scene_words(effects[0].scene)}"
+    colour, ends = KNOWN["nerf"].light, (-0.5, len(rows) - 0.5)
+    traces = [Trace("no difference", INK.light, "floor", (0.0, 0.0), ends)]
+    if of_interest:
+        band = f"±{of_interest:g}{after(metric.unit)}, the smallest effect of interest"
+        corners = (-of_interest, of_interest, of_interest, -of_interest)
+        traces.insert(0, Trace(band, MUTED.light, "area", corners, (ends[0], ends[0], ends[1], ends[1])))
+    for words, width, pairs in (
+        ("interval of all together", 1.0, [one.simultaneous for one in rows]),
+        ("interval alone", 3.0, [one.interval for one in rows]),
+    ):
+        known = [(pair[0], float(place), pair[1]) for place, pair in enumerate(pairs) if pair is not None]
+        if known:
+            low, at, high = zip(*known, strict=True)
+            traces.append(Trace(words, colour, "range", low, at, high, width=width))
+    for words, verdicts in (("settled", ("better", "worse")), ("not settled", ("equivalent", "inconclusive"))):
+        dots = [
+            (one.difference, float(place))
+            for place, one in enumerate(rows)
+            if one.difference is not None and one.verdict in verdicts
+        ]
+        if dots:
+            x, y = zip(*dots, strict=True)
+            hollow = words != "settled"
+            traces.append(Trace(f"difference, {words}", colour, "mark", x, y, marker="o", hollow=hollow, size=5.5))
+    figures = [
+        f"{signed(one.difference, metric.digits)}  {interval(one.interval, metric.digits)}  {MARKS[one.verdict]}"
+        for one in rows
+    ]
+    names = tuple(fill(row_name(one), LONGEST_NAME) for one in rows)
+    words = "; ".join(f"{row_name(one)} {figure} {one.verdict}" for one, figure in zip(rows, figures, strict=True))
+    return Panel(
+        title,
+        f"difference in {metric.label}" + (f" ({metric.unit})" if metric.unit else ""),
+        "",
+        tuple(traces),
+        f"{title}: {words}.",
+        x_limits=limits,
+        rows=names,
+        figures=tuple(figures),
+        size=(WIDTH, 0.7 + (0.3 if any("\n" in name for name in names) else 0.21) * len(rows)),
+    )
+
+
+def row_name(one: Effect) -> str:
+    note = "; ".join(filter(None, (one.note, f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else "")))
+    name = f"{one.name} − {one.against}" if one.against else one.name
+    return f"{name} ({note})" if note else name
+
+
+def forest_key(effects: list[Effect]) -> str:
+    """Return what the marks of the forests of these effects mean."""
+    low, high = min(one.family for one in effects), max(one.family for one in effects)
+    family = (
+        f"all of a family of {low if low < high else ''}{' to ' if low < high else ''}{counted(high, 'comparison')}"
+    )
+    together = f"{family} hold together in 95 % of repetitions" if high > 1 else "each comparison stands for itself"
+    return (
+        "Dot and thick bar: difference and its 95 % interval alone, which are the figures behind it. Thin bar: the "
+        f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: better or worse; "
+        "hollow dot, = and ?: equivalent or inconclusive. Grey band: differences too small to matter."
+    )
+
+
+def scene_words(scene: str) -> str:
+    return "all scenes" if scene == "all" else scene
+
+
+def effects_grid(effects: list[Effect]) -> Grid:
+    """Return every effect with all facts about it."""
+    labels = ("effect", "against", "scene", "metric", "budget")
+    figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "unpaired")
+    columns = [*(Column(one, numeric=False) for one in labels), *map(Column, figures), Column("verdict", numeric=False)]
+    rows = []
+    for one in effects:
+        metric = metric_of(one.metric)
+        unit = after(metric.unit) if one.difference is not None else ""
+        rows.append(
+            [
+                Entry(one.name, one.note),
+                Entry(one.against) if one.against else EMPTY,
+                Entry(scene_words(one.scene)),
+                Entry(metric.label),
+                Entry(BUDGETS[one.budget].removeprefix("at ")),
+                Entry(f"{signed(one.difference, metric.digits)}{unit}", value=one.difference),
+                _interval(one.interval, metric.digits),
+                _interval(one.simultaneous, metric.digits),
+                Entry(str(one.family), tone="muted"),
+                Entry(number(one.smallest_detectable, metric.digits)),
+                Entry(str(one.pairs), tone="muted"),
+                Entry(str(one.unpaired), tone="fails" if one.unpaired else "muted"),
+                Entry(one.verdict, tone=one.verdict),
+            ]
+        )
+    note = (
+        "The verdict is taken from the simultaneous interval: of as many intervals as “of” says, all hold the truth "
+        "together in 95 % of repetitions. “could detect”: the true difference that such a sample, with this spread, "
+        "would tell from 0 in 80 % of repetitions."
+    )
+    return Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note)
+
+
+def _interval(pair: tuple[float, float] | None, digits: int) -> Entry:
+    return Entry(interval(pair, digits), parts=dict(zip(("low", "high"), pair, strict=True))) if pair else EMPTY

@@ -1,0 +1,180 @@
+"""Checks → the matrix study × subject, in full and in miniature.
+
+There is one table for each group of studies with the subjects that recur in it. A subject of a single study would be a
+column of one cell: it stands below the row of its study instead.
+"""
+
+from dataclasses import dataclass
+
+from harness.records.study import Check, Studies, StudyRecord
+from reports.drawing.palette import KNOWN, MUTED, OTHERS, Pen
+from reports.drawing.traces import Panel, Trace
+from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, described, outcome, shown, tone_of
+from reports.studies.shelves import WORDS
+
+WIDEST = 9
+"""The largest number of columns of subjects that a reader can still compare."""
+ROW_ALONE = 6
+"""The number of subjects up to which a group of one study has columns too."""
+PENS: dict[Tone, Pen] = {
+    "fails": Pen(OTHERS[3], "^", False, ()),
+    "missed": Pen(OTHERS[3], "^", False, ()),
+    "property": Pen(KNOWN["qnerf_theorem"], "D", False, ()),
+    "passes": Pen(OTHERS[0], "o", False, ()),
+    "measured": Pen(MUTED, "s", True, ()),
+    "unsettled": Pen(MUTED, "o", True, ()),
+    "absent": Pen(MUTED, "^", True, ()),
+    "spared": Pen(MUTED, "D", True, ()),
+}
+LEAST_COLUMNS = 12
+"""The least width of the marks of one owner: its name stands above them."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The outcome of one study on one subject, the gravest of what was measured."""
+
+    subject: str
+    tone: Tone
+    mark: str
+    text: str
+    small: str
+    """`worst of 3`, if there are several."""
+    title: str
+    """Every outcome in full."""
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    anchor: str
+    title: str
+    bar: str
+    failed: bool
+    cells: list[Cell | None]
+    """One cell per column; None if the study was not tried on it."""
+    others: list[Cell]
+    """The subjects without a column."""
+
+
+@dataclass(frozen=True)
+class Group:
+    title: str
+    subjects: list[tuple[str, str]]
+    """The column and whose form it is."""
+    rows: list[Row]
+
+
+def groups(record: Studies) -> list[Group]:
+    """Group by the first letter of the id, in the order of the record; nothing if the shelf has no groups."""
+    titles = WORDS[record.shelf].groups
+    letters = dict.fromkeys(study.info.id[:1] for study in record.studies if titles)
+    return [
+        _group(titles.get(letter, f"Group {letter}"), [one for one in record.studies if one.info.id[:1] == letter])
+        for letter in letters
+    ]
+
+
+def _group(title: str, studies: list[StudyRecord]) -> Group:
+    columns = _columns(studies)
+    every = [one for study in studies for one in study.checks]
+    owners = {
+        subject: ", ".join(dict.fromkeys(one.owner for one in every if one.subject == subject)) for subject in columns
+    }
+    return Group(title, list(owners.items()), [_row(study, columns) for study in studies])
+
+
+def _columns(studies: list[StudyRecord]) -> list[str]:
+    """Return the subjects of at least two studies, the most frequent if there are too many; what is ours first."""
+    owner = {one.subject: list(OWNERS).index(one.owner) for study in studies for one in study.checks}
+    many = {subject: sum(any(one.subject == subject for one in study.checks) for study in studies) for subject in owner}
+    recurring = [subject for subject in many if many[subject] > 1]
+    if len(studies) == 1 and len(many) <= ROW_ALONE:
+        recurring = list(many)
+    kept = sorted(recurring, key=lambda subject: -many[subject])[:WIDEST]
+    return sorted(kept, key=lambda subject: (owner[subject], list(many).index(subject)))
+
+
+def _row(study: StudyRecord, columns: list[str]) -> Row:
+    cells = cells_of(study.checks)
+    return Row(
+        study.info.id,
+        anchor(study),
+        study.info.title,
+        study.info.facts.get("bar", ""),
+        any(one.is_broken for one in study.checks),
+        [cells.get(subject) for subject in columns],
+        [one for subject, one in cells.items() if subject not in columns],
+    )
+
+
+def cells_of(checks: list[Check]) -> dict[str, Cell]:
+    """Map subject → its cell."""
+    by_subject: dict[str, list[Check]] = {}
+    for one in checks:
+        by_subject.setdefault(one.subject, []).append(one)
+    return {subject: cell(some) for subject, some in by_subject.items()}
+
+
+def cell(checks: list[Check]) -> Cell:
+    """Return one cell for any number of outcomes: the gravest, of equally grave ones that nearest to or furthest beyond
+    its limit.
+
+    `checks` is not empty.
+    """
+    order = list(LOOKS)
+    worst = min(checks, key=lambda one: (order.index(tone_of(one)), -strain(one)))
+    tone = tone_of(worst)
+    alike = sum(tone_of(one) == tone for one in checks)
+    small = (
+        "" if len(checks) == 1 else f"worst of {len(checks)}" if alike == len(checks) else f"{alike} of {len(checks)}"
+    )
+    title = "\n".join(f"{outcome(one)}: {described(one)}" for one in checks)
+    return Cell(worst.subject, tone, LOOKS[tone].mark, shown(worst), small, title)
+
+
+def strain(one: Check) -> float:
+    """Return how near it is to its limit or how far beyond it: 1 at the limit, more if it fails; to find the worst of
+    several.
+    """
+    if one.value is None or one.limit is None:
+        return float("inf") if one.status == "fail" else 0.0
+    large, small = (one.value, one.limit) if one.low is None else (one.limit, one.value)
+    return large / small if small > 0 else float(large > small)
+
+
+def miniature(record: Studies) -> Panel | None:
+    """Return the matrix without figures: a row per study, and a mark per subject below the owner of its form."""
+    studies = [study for study in record.studies if study.checks and WORDS[record.shelf].groups]
+    places: dict[Tone, list[tuple[float, float]]] = {}
+    columns = []
+    start = 0.0
+    for owner, words in OWNERS.items():
+        rows = [cells_of([one for one in study.checks if one.owner == owner]) for study in studies]
+        widest = max(map(len, rows), default=0)
+        if widest:
+            columns.append((start, words.removeprefix("the ")))
+            for line, cells in enumerate(rows):
+                for place, one in enumerate(cells.values()):
+                    places.setdefault(one.tone, []).append((start + place, float(line)))
+            start += max(widest + 1, LEAST_COLUMNS)
+    if not studies:
+        return None
+    traces = []
+    for tone, look in LOOKS.items():
+        if tone in places:
+            x, y = zip(*places[tone], strict=True)
+            pen = PENS[tone]
+            traces.append(Trace(look.meaning, pen.colour.light, "mark", x, y, marker=pen.marker, hollow=pen.hollow))
+    counts = ", ".join(f"{len(places[tone])} × {look.word}" for tone, look in LOOKS.items() if tone in places)
+    return Panel(
+        "Every case at a glance",
+        "",
+        "",
+        tuple(traces),
+        f"Marks of {len(studies)} studies by subject: {counts}.",
+        x_limits=(-0.6, start),
+        rows=tuple(f"{study.info.id} {study.info.title}" for study in studies),
+        columns=tuple(columns),
+        size=(2.6 + 0.16 * start, 0.6 + 0.19 * len(studies)),
+    )

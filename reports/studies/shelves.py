@@ -1,0 +1,80 @@
+"""What a page needs to know of each shelf of studies: its words, how its checks are grouped, and its chapters."""
+
+from dataclasses import dataclass, field
+
+from harness.records.study import CHAPTERS, SHELVES, Owner
+
+
+@dataclass(frozen=True)
+class ShelfWords:
+    """One shelf on its page and in the report. Nouns are pairs of singular and plural."""
+
+    title: str
+    link: str
+    """What a link to its page says."""
+    noun: tuple[str, str]
+    check: tuple[str, str]
+    """A check that the headline counts."""
+    passes: tuple[str, str]
+    nothing: str
+    """The headline if there is no such check."""
+    owner: Owner = "ours"
+    """Whose checks the headline counts."""
+    outcomes: str = "Properties found"
+    """The title of the targets of the machine, and of what fails of forms that are not ours."""
+    groups: dict[str, str] = field(default_factory=dict)
+    """The first letter of a study's id → the title of its part of the matrix; empty for no matrix."""
+    chapters: dict[int, str] = field(default_factory=dict)
+    """`item` of lines, tables and pictures → the title under which those of all studies stand together; empty if they
+    stand in their studies.
+    """
+    folded: bool = False
+    """Whether studies are unfolded on request."""
+
+
+WORDS = {
+    "evidence": ShelfWords(
+        title="Evidence",
+        link="the evidence alone",
+        noun=("study", "studies"),
+        check=("check of the evidence", "checks of the evidence"),
+        passes=("holds", "hold"),
+        nothing="Evidence without a check",
+    ),
+    "stability": ShelfWords(
+        title="Numerical stability",
+        link="numerical stability alone",
+        noun=("case", "cases"),
+        check=("stability check of this harness", "stability checks of this harness"),
+        passes=("passes", "pass"),
+        nothing="Numerical stability: nothing of this harness was tried",
+        groups={
+            "Q": "Quadrature and sampling",
+            "E": "Encodings",
+            "A": "The amplifier",
+            "O": "Optimiser and half precision",
+            "S": "Stiff and extreme scenes",
+            "C": "Cameras and sizes",
+            "R": "An independent reference",
+            "L": "Ladders",
+            "N": "What a scene does not need",
+        },
+        chapters=CHAPTERS,
+        folded=True,
+    ),
+    "speed": ShelfWords(
+        title="Speed",
+        link="speed of this machine",
+        noun=("question", "questions"),
+        check=("speed target", "speed targets"),
+        passes=("is met", "are met"),
+        nothing="Speed of training and rendering",
+        owner="machine",
+        outcomes="Targets",
+    ),
+}
+
+
+def page_of(shelf: str) -> str:
+    """Return the name of the page of a shelf, beside its record."""
+    return SHELVES[shelf].replace(".json", ".html")

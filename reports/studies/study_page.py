@@ -1,0 +1,347 @@
+"""A record of studies → a section of the report and a page of its own, both self-contained; every shelf alike.
+
+Each kind of finding is shown in one way: answers as sentences, checks as rows and as a matrix, effects as forests,
+lines as charts, tables and pictures as they are. `shelves` says the little in which shelves differ.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.records.study import Check, Picture, Series, Studies, StudyRecord, Table
+from reports.data.wording import counted, duration, listed, of_any_size
+from reports.drawing.figure import svg
+from reports.drawing.images import data_uri, read, smaller
+from reports.drawing.palette import key
+from reports.drawing.series_charts import Chart, charts
+from reports.drawing.traces import Panel
+from reports.page import shell
+from reports.page.grid import Grid, tables_grids
+from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, checks_grid, described, tone_of
+from reports.studies.forest import effects_grid, forest_key, forests
+from reports.studies.matrix import PENS, Group, groups, miniature
+from reports.studies.shelves import WORDS, ShelfWords, page_of
+from scenes.files.atomic import write_atomically
+
+AT_ONCE = 4
+"""The number of answers in sight besides the first."""
+BUDGET_BYTES = 3_000_000
+"""The bytes of all pictures together, in base64."""
+SIDES = (640, 480, 320, 240, 160, 96)
+SMALL = 200
+"""The pixels up to which a picture is shown enlarged with its pixels sharp."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    title: str
+    caption: str
+    source: str | None
+    """A data URI; None if the file is missing or no picture."""
+    wide: bool
+    sharp: bool
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is looked at: the lines, pictures and tables of a study, or of a chapter across studies."""
+
+    anchor: str
+    title: str
+    charts: list[Chart]
+    pictures: list[Shown]
+    tables: list[Grid]
+
+
+@dataclass(frozen=True)
+class StudyShown:
+    anchor: str
+    name: str
+    question: str
+    tally: list[tuple[Tone, str, int]]
+    """Tone, mark and number of its checks."""
+    failed: bool
+    answers: list[str]
+    more: list[str]
+    """The remaining answers, which are unfolded on request."""
+    about: list[tuple[str, str]]
+    checks: Grid | None
+    forests: list[Chart]
+    """The forests of the first metric over all scenes; the others are unfolded on request."""
+    other_forests: list[Chart]
+    key: str
+    effects: Grid | None
+    drawn: Drawn
+
+
+@dataclass(frozen=True)
+class ShelfShown:
+    shelf: str
+    words: ShelfWords
+    headline: str
+    sentences: list[str]
+    broken: list[tuple[str, str]]
+    """The anchor of the study, and what of ours fails."""
+    finished: bool
+    quick: bool
+    legend: list[tuple[Tone, str, str]]
+    """Tone, mark, meaning."""
+    miniature: list[Chart]
+    groups: list[Group]
+    tables: list[Grid]
+    """The targets, and the failures of forms that are not ours."""
+    chapters: list[Drawn]
+    studies: list[StudyShown]
+
+    @property
+    def contents(self) -> list[tuple[str, str]]:
+        """Return anchor and title of each section of the page."""
+        sections = [("matrix", "Case by case")] if self.groups else []
+        sections += [("outcomes", self.words.outcomes)] if self.tables else []
+        sections += [(one.anchor, one.title) for one in self.chapters]
+        if self.words.folded and self.studies:
+            return [*sections, ("studies", f"Every {self.words.noun[0]} in full")]
+        return sections + [(one.anchor, one.name) for one in self.studies]
+
+
+def shelf_shown(record: Studies, out: Path) -> ShelfShown:
+    """Return the section; `out` is the folder that its pictures are relative to."""
+    words = WORDS[record.shelf]
+    side = side_for(out, [one for study in record.studies for one in study.pictures])
+    tones = {tone_of(one) for _, one in record.checks()}
+    matrix = miniature(record)
+    return ShelfShown(
+        shelf=record.shelf,
+        words=words,
+        headline=headline(record),
+        sentences=sentences(record),
+        broken=[(anchor(study), broken_line(study, one)) for study, one in record.broken],
+        finished=record.finished,
+        quick=record.is_quick,
+        legend=[(tone, look.mark, look.meaning) for tone, look in LOOKS.items() if tone in tones],
+        miniature=[
+            Chart(
+                matrix.title,
+                [(LOOKS[tone].meaning, key(PENS[tone], line=False)) for tone in LOOKS if tone in tones],
+                svg(matrix, "matrix"),
+                [],
+                wide=True,
+            )
+        ]
+        if matrix
+        else [],
+        groups=groups(record),
+        tables=_tables(record),
+        chapters=_chapters(record, out, side),
+        studies=[_study(study, record, out, side) for study in record.studies],
+    )
+
+
+def _chart(panel: Panel, name: str) -> Chart:
+    return Chart(panel.title, [], svg(panel, name), [], wide=True)
+
+
+def headline(record: Studies) -> str:
+    """Return whether the checks that count pass: how many, how many fail, and how many have no figure."""
+    words = WORDS[record.shelf]
+    judged = [one for _, one in record.checks() if is_judged(one) and one.owner == words.owner]
+    passed = sum(one.holds for one in judged)
+    if not judged:
+        return words.nothing
+    noun, verb = (pair[len(judged) > 1] for pair in (words.check, words.passes))
+    if passed == len(judged):
+        return f"All {passed} {noun} {verb}" if passed > 1 else f"The one {noun} {verb}"
+    lost = sum(one.value is None for one in judged if not one.holds)
+    rest = f", {lost} without a figure" if lost else ""
+    return f"{passed} of {len(judged)} {noun} {words.passes[passed != 1]}{rest}"
+
+
+def is_judged(one: Check) -> bool:
+    """Return whether it was put to the test; a figure of the machine without a target was not."""
+    return one.status in ("pass", "fail") and (one.owner != "machine" or one.limit is not None)
+
+
+def broken_line(study: StudyRecord, one: Check) -> str:
+    return f"{study.info.id} {described(one)}"
+
+
+def sentences(record: Studies) -> list[str]:
+    """Return how much was tried and where, what is open, what was seen of forms that are not ours, what was not tried.
+
+    What of ours fails is in the headline.
+    """
+    checks = [one for _, one in record.checks()]
+    effects = sum(len(study.effects) for study in record.studies)
+    subjects = {one.subject for one in checks if one.subject}
+    parts = [
+        counted(many, noun)
+        for many, noun in ((len(checks), "check"), (len(subjects), "subject"), (effects, "effect"))
+        if many
+    ]
+    seconds = sum(study.seconds for study in record.studies)
+    took = f", in {duration(seconds)}" if seconds else ""
+    with_parts = f" with {listed(parts)}" if parts else ""
+    words = [
+        f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{took}{_machine(record.provenance)}."
+    ]
+    if unsettled := sum(one.status == "inconclusive" for one in checks):
+        words.append(f"Inconclusive: {counted(unsettled, 'check')}; each says why.")
+    forms = []
+    for owner, whose in (("paper", "the paper’s forms as printed"), ("usual", "the field’s usual forms")):
+        judged = [one for one in checks if one.owner == owner and is_judged(one)]
+        if judged:
+            forms.append(f"{whose} fail {sum(not one.holds for one in judged)} of {len(judged)} checks")
+    if forms:
+        first, *others = listed(forms)
+        words.append(f"{first.upper()}{''.join(others)}; these are properties of theirs, not failures.")
+    untried = [
+        f"{many} {look.meaning}"
+        for tone, look in LOOKS.items()
+        if tone in ("absent", "spared") and (many := sum(tone_of(one) == tone for one in checks))
+    ]
+    return [*words, *([f"Not tried: {listed(untried)}; each says why."] if untried else [])]
+
+
+def _machine(origin: dict[str, Any]) -> str:
+    """Return ` on X with 2 cores and 2 threads, without units for bfloat16 matrix products`, as far as it is known."""
+    processor, device, has_units = (origin.get(name) for name in ("processor", "device", "bfloat16_products"))
+    parts = [
+        counted(origin[name], noun)
+        for name, noun in (("cores", "core"), ("threads", "thread"))
+        if isinstance(origin.get(name), int)
+    ]
+    words = f" on {processor}" if isinstance(processor, str) else ""
+    words += f" with {listed(parts)}" if words and parts else ""
+    words += f", on its {device}" if isinstance(device, str) and device not in ("", "cpu") else ""
+    if isinstance(has_units, bool):
+        words += f", {'with' if has_units else 'without'} units for bfloat16 matrix products"
+    return words
+
+
+def _tables(record: Studies) -> list[Grid]:
+    """Return the targets of the machine, and what fails of forms that are not ours."""
+    words, tables = WORDS[record.shelf], []
+    targets = [(study, one) for study, one in record.checks() if one.owner == "machine" and one.limit is not None]
+    if targets:
+        tables.append(checks_grid("What was aimed at", targets, lambda study: name_of(study, words)))
+    for owner in ("paper", "usual"):
+        rows = [(study, one) for study, one in record.checks() if one.owner == owner and one.status == "fail"]
+        if rows:
+            title = f"What fails of {OWNERS[owner]}: {counted(len(rows), 'property', 'properties')}"
+            tables.append(checks_grid(title, rows, lambda study: name_of(study, words)))
+    return tables
+
+
+def name_of(study: StudyRecord, words: ShelfWords) -> str:
+    """Return the title, behind the id where readers know the study by that."""
+    return f"{study.info.id} {study.info.title}" if words.groups else study.info.title
+
+
+def _chapters(record: Studies, out: Path, side: int) -> list[Drawn]:
+    """Return the chapters with something to look at: in their own order, then numbers that this version does not
+    know.
+    """
+    titles = WORDS[record.shelf].chapters
+    if not titles:
+        return []
+    findings = [one for study in record.studies for one in (*study.series, *study.pictures, *study.tables)]
+    items = sorted({one.item for one in findings}, key=lambda item: (item not in titles, item))
+    chapters = [
+        _drawn(
+            f"chapter-{item}",
+            titles.get(item, f"Chapter {item}"),
+            [one for one in findings if one.item == item],
+            out,
+            side,
+        )
+        for item in items
+    ]
+    return [one for one in chapters if one.charts or one.pictures or one.tables]
+
+
+def _drawn(name: str, title: str, findings: list[Any], out: Path, side: int) -> Drawn:
+    return Drawn(
+        name,
+        title,
+        charts([one for one in findings if isinstance(one, Series)], name),
+        [picture_shown(one, out, side) for one in findings if isinstance(one, Picture)],
+        tables_grids([one for one in findings if isinstance(one, Table)], of_any_size),
+    )
+
+
+def _study(study: StudyRecord, record: Studies, out: Path, side: int) -> StudyShown:
+    words = WORDS[record.shelf]
+    name, info = anchor(study), study.info
+    tones = [tone_of(one) for one in study.checks]
+    panels = forests(study.effects, of_interest(record))
+    drawn = {key: _chart(panel, f"{name}-forest-{place}") for place, (key, panel) in enumerate(panels.items())}
+    metric, _, scene = next(iter(drawn), ("", "", ""))
+    about = [("how", info.method), ("scale", study.scale)]
+    about += [("passes if" if fact == "bar" else fact, text) for fact, text in info.facts.items()]
+    about += [("took", duration(study.seconds))] if study.seconds else []
+    return StudyShown(
+        anchor=name,
+        name=name_of(study, words),
+        question=info.question,
+        tally=[(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones],
+        failed="fails" in tones,
+        answers=study.answers[: 1 + AT_ONCE],
+        more=study.answers[1 + AT_ONCE :],
+        about=[(label, text) for label, text in about if text],
+        checks=checks_grid(f"Checks of {name_of(study, words)}", [(study, one) for one in study.checks])
+        if study.checks
+        else None,
+        forests=[chart for key, chart in drawn.items() if (key[0], key[2]) == (metric, scene)],
+        other_forests=[chart for key, chart in drawn.items() if (key[0], key[2]) != (metric, scene)],
+        key=forest_key(study.effects) if study.effects else "",
+        effects=effects_grid(study.effects) if study.effects else None,
+        drawn=_drawn(name, "", [] if words.chapters else study.findings, out, side),
+    )
+
+
+def of_interest(record: Studies) -> dict[str, float]:
+    """Return metric → the smallest effect of interest, as far as the record knows it."""
+    known: Any = record.settings.get("smallest_of_interest")
+    return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
+
+
+def picture_shown(one: Picture, out: Path, side: int) -> Shown:
+    pixels = read(out, one.path)
+    if pixels is None:
+        return Shown(one.title, one.caption, None, wide=False, sharp=False)
+    height, width = pixels.shape[:2]
+    source = data_uri(smaller(pixels, side))
+    return Shown(one.title, one.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL)
+
+
+def side_for(out: Path, pictures: list[Picture]) -> int:
+    """Return the longest side at which all pictures stay within the page's budget, by the size of their files."""
+    shapes = [found.shape[:2] for one in pictures if (found := read(out, one.path)) is not None]
+    for side in SIDES:
+        sizes = (height * width * min(1.0, side / max(height, width)) ** 2 for height, width in shapes)
+        if 4 * sum(sizes) <= BUDGET_BYTES:
+            return side
+    return SIDES[-1]
+
+
+def study_page(record: Studies, out: Path, beside_report: bool = False) -> str:
+    """Return the complete page as text; `beside_report` says that report.html lies in the same folder."""
+    shown = shelf_shown(record, out)
+    spent = [(study.name, duration(one.seconds)) for study, one in zip(shown.studies, record.studies, strict=True)]
+    total = [("all together", duration(sum(one.seconds for one in record.studies)))] if spent else []
+    return shell.render(
+        "study_page.html",
+        ("studies.css",),
+        title=shown.headline,
+        shelf=shown,
+        contents=shown.contents,
+        report=shell.RUN_PAGE if beside_report else "",
+        provenance=shell.groups_of(record.provenance, record.settings, [*total, *spent]),
+    )
+
+
+def write_study_page(record: Studies, out: Path, beside_report: bool = False) -> Path:
+    """Write the page into `out`, where the pictures of the record are; returns its path."""
+    path = out / page_of(record.shelf)
+    write_atomically(path, study_page(record, out, beside_report), fsync=False)
+    return path

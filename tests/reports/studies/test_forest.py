@@ -1,0 +1,61 @@
+"""Effects → forests: every difference is on the axis, no interval makes it useless, figures stand in their rows."""
+
+import pytest
+
+from harness.records.study import Effect
+from reports.studies.forest import effects_grid, forest_key, forests, limits_of
+
+
+def an_effect(difference: float | None, alone=None, together=None, **more) -> Effect:
+    parts = {"scene": "all", "metric": "psnr", "budget": "steps", "family": 8, "verdict": "inconclusive"}
+    parts |= {"name": "part", "against": "", "smallest_detectable": 0.4, "pairs": 9, "unpaired": 0, **more}
+    return Effect(difference=difference, interval=alone, simultaneous=together, **parts)
+
+
+def test_an_axis_holds_zero_every_difference_and_the_band_but_no_monstrous_interval():
+    effects = [an_effect(0.3, (-90.0, 90.0), (-900.0, 900.0)), an_effect(-1.0, (-1.1, -0.9), (-1.2, -0.8))]
+    low, high = limits_of(effects, 0.2)
+    assert -2.0 < low < -1.0 < 0.0 < 0.3 < high < 1.0
+    for few in ([], [an_effect(None)], [an_effect(0.0, (0.0, 0.0))]):
+        low, high = limits_of(few, 0.0)
+        assert low < 0.0 < high
+
+
+def test_a_row_has_its_marks_its_figures_and_its_verdict():
+    rows = [
+        an_effect(0.3, (0.1, 0.5), (-0.2, 0.8)),
+        an_effect(0.9, verdict="better", note="Eq. 4", unpaired=1),
+        an_effect(None, name="nothing", against="nerf"),
+    ]
+    (drawn,) = forests(rows, {"psnr": 0.2}).values()
+    traces = {trace.label: (trace.x, trace.y, trace.x_high) for trace in drawn.traces}
+    assert traces["interval alone"] == ((0.1,), (0.0,), (0.5,))
+    assert traces["interval of all together"] == ((-0.2,), (0.0,), (0.8,))
+    assert traces["difference, settled"][:2] == ((0.9,), (1.0,))
+    assert traces["difference, not settled"][:2] == ((0.3,), (0.0,))
+    assert traces["±0.2\u202fdB, the smallest effect of interest"][0] == (-0.2, 0.2, 0.2, -0.2)
+    assert drawn.rows == ("part", "part (Eq. 4; 1 pair not judged)", "nothing − nerf")
+    assert drawn.figures == ("+0.30  [+0.10, +0.50]  ?", "+0.90    ▲", "–    ?")
+    assert "part (Eq. 4; 1 pair not judged) +0.90    ▲ better" in drawn.alt
+
+
+def test_parts_stand_before_methods_and_single_scenes_in_the_table_alone():
+    methods = [an_effect(0.1, name="qnerf", against="nerf")]
+    parts = [an_effect(0.1, name=f"{scene} part", scene=scene) for scene in ("lego", "all")]
+    alone = [an_effect(0.1, metric="ssim", scene=scene) for scene in ("lego", "ship")]
+    drawn = forests([*methods, *parts, *alone], {})
+    assert list(drawn) == [("psnr", "steps", "all"), ("ssim", "steps", "lego"), ("ssim", "steps", "ship")]
+    assert drawn["psnr", "steps", "all"].rows == ("all part", "qnerf − nerf")
+    assert len(effects_grid([*methods, *parts, *alone]).rows) == 5
+
+
+@pytest.mark.parametrize(
+    ("families", "said"),
+    [
+        ([1], "each comparison stands for itself"),
+        ([12], "all of a family of 12 comparisons hold together in 95 % of repetitions"),
+        ([1, 12], "all of a family of 1 to 12 comparisons hold together in 95 % of repetitions"),
+    ],
+)
+def test_families_are_said_as_they_are(families, said):
+    assert said in forest_key([an_effect(0.1, family=family) for family in families])

@@ -1,0 +1,216 @@
+"""The page of a shelf: what must pass first, every finding in sight or folded, nothing read from elsewhere."""
+
+import html
+import re
+
+import matplotlib.image
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from harness.records.json_record import DamagedRecord
+from harness.records.study import (
+    Answer,
+    Check,
+    Effect,
+    Series,
+    Studies,
+    StudyInfo,
+    StudyRecord,
+    Table,
+    check,
+)
+from reports.data.studies_load import find_studies
+from reports.run.run_page import page
+from reports.studies.study_page import headline, of_interest, sentences, shelf_shown, study_page
+from tests.reports.fake_evidence import INTEREST, fake_evidence, study
+from tests.reports.fake_speed import fake_speed, write_fake_speed
+from tests.reports.fake_speed import hostile as hostile_speed
+from tests.reports.fake_stability import case, fake_stability, write_fake_stability
+from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
+
+INFO = StudyInfo("one", "One", "Why?", "So.")
+EMPTY = {shelf: Studies(shelf, {}, {}, finished=True) for shelf in ("evidence", "stability", "speed")}
+
+
+def one(status="pass", owner="ours", value=1e-7, subject="a") -> Check:
+    return Check("", value, high=1e-6, subject=subject, owner=owner, status=status)
+
+
+def seen(text: str) -> str:
+    """What a reader reads."""
+    words = re.sub(r"<style.*?</style>|<[^>]*>", " ", without_code(text), flags=re.DOTALL)
+    return re.sub(r"\s+", " ", html.unescape(words))
+
+
+def of(*checks: Check) -> Studies:
+    return fake_stability(studies=[case("Q1", "t", "b", *checks)])
+
+
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        (fake_evidence(), "2 of 3 checks of the evidence hold"),
+        (fake_evidence(with_failure=False), "All 3 checks of the evidence hold"),
+        (fake_stability(), "29 of 30 stability checks of this harness pass"),
+        (fake_stability(with_failure=False), "All 30 stability checks of this harness pass"),
+        (fake_speed(), "5 of 9 speed targets are met, 2 without a figure"),
+        (of(one("fail", "paper")), "Numerical stability: nothing of this harness was tried"),
+        (of(one()), "The one stability check of this harness passes"),
+        (of(one(), one("fail")), "1 of 2 stability checks of this harness passes"),
+        (of(one(), one("measured"), one("inconclusive")), "The one stability check of this harness passes"),
+        (EMPTY["evidence"], "Evidence without a check"),
+    ],
+)
+def test_the_headline_counts_what_must_pass(record, said):
+    assert headline(record) == said
+
+
+def test_the_sentences_say_what_is_open_and_what_is_a_property():
+    said = sentences(of(one(), one("inconclusive"), one("fail", "paper"), one("not_available", value=None)))
+    assert said[0].startswith("1 case with 4 checks and 1 subject, in 12 s")
+    assert said[1:] == [
+        "Inconclusive: 1 check; each says why.",
+        "The paper’s forms as printed fail 1 of 1 checks; these are properties of theirs, not failures.",
+        "Not tried: 1 not available here; each says why.",
+    ]
+    machine = "on AMD EPYC 9R14 with 2 cores and 2 threads, with units for bfloat16 matrix products"
+    assert machine in sentences(fake_speed())[0]
+    assert sentences(EMPTY["speed"]) == ["0 questions."]
+
+
+@pytest.mark.parametrize("shelf", EMPTY)
+def test_an_empty_record_is_a_page_and_a_study_without_anything_too(shelf, tmp_path):
+    outline = Outline(study_page(EMPTY[shelf], tmp_path))
+    assert {"matrix", "outcomes", "provenance"} & set(outline.ids) == set()
+    assert "Why?" in study_page(replace(EMPTY["evidence"], studies=[StudyRecord(INFO)]), tmp_path)
+
+
+def test_what_is_quick_unfinished_or_broken_is_said_first(tmp_path):
+    assert 'class="alert"' not in study_page(fake_evidence(with_failure=False, with_charts=False), tmp_path)
+    text = study_page(fake_evidence(with_charts=False, finished=False, settings={"quick": True}), tmp_path)
+    for said in ("A quick run.", "This run was not finished.", "What is ours must pass, and 1 check does not."):
+        assert said in text[: text.index("<main>")]
+
+
+def test_the_report_beside_it_is_linked(tmp_path):
+    assert "report.html" in Outline(study_page(EMPTY["speed"], tmp_path, beside_report=True)).links
+
+
+def test_every_check_is_in_the_details_with_its_reason(tmp_path):
+    text = study_page(fake_stability(with_charts=False), tmp_path)
+    for study_of in fake_stability().studies:
+        start = text.index(f'<div id="study-{study_of.info.id}">')
+        own = seen(text[start : text.index("</details>", start)])
+        for words in study_of.info.facts.values():
+            assert words in own, words
+        for found in study_of.checks:
+            for words in filter(None, (found.subject, found.what, found.why)):
+                assert words in own, (study_of.info.id, words)
+
+
+def test_a_few_findings_are_in_sight_and_the_others_unfold(tmp_path):
+    findings = [Answer(f"Finding {place}.") for place in range(9)]
+    said = seen(study_page(replace(EMPTY["evidence"], studies=[StudyRecord(INFO, findings=findings)]), tmp_path))
+    assert said.index("Finding 4.") < said.index("4 more findings") < said.index("Finding 5.")
+
+
+def test_lines_stand_in_their_study_or_where_a_shelf_has_them_in_chapters(tmp_path):
+    line = Series("p", 1, "a", "x", "y", [1.0, 2.0], [1.0, 2.0])
+    shown = {
+        shelf: shelf_shown(replace(empty, studies=[StudyRecord(INFO, findings=[line])]), tmp_path)
+        for shelf, empty in EMPTY.items()
+    }
+    assert {shelf: len(one.studies[0].drawn.charts) for shelf, one in shown.items()} == {
+        "evidence": 1,
+        "stability": 0,
+        "speed": 1,
+    }
+    assert [(len(one.charts), one.title) for one in shown["stability"].chapters] == [
+        (1, "Rounding: error against optical depth")
+    ]
+
+
+def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash(tmp_path):
+    table = Table("t", 2, "T", ["part", "ms", "note"], [["a", 1.234, None], ["b", 2, "x"]])
+    text = study_page(replace(EMPTY["speed"], studies=[StudyRecord(INFO, findings=[table])]), tmp_path)
+    assert '<td class="" data-value="1.234">1.23</td>' in text
+    assert '<td class="muted words">–</td>' in text
+
+
+def test_the_smallest_effects_of_interest_are_those_of_the_record():
+    assert of_interest(fake_evidence()) == INTEREST
+    assert of_interest(EMPTY["evidence"]) == {}
+
+
+def test_hostile_words_stay_words(tmp_path):
+    effect = Effect(
+        *(HOSTILE, HOSTILE, HOSTILE, HOSTILE, "steps", 0.1, (0.0, 0.2), (-0.1, 0.3), 8, "better", 0.4, 9, 0, HOSTILE)
+    )
+    hostile_study = study(
+        StudyInfo(HOSTILE, HOSTILE, HOSTILE, HOSTILE),
+        HOSTILE,
+        [HOSTILE, HOSTILE],
+        [check(HOSTILE, None, unit=HOSTILE, why=HOSTILE)],
+        [effect],
+        [Series(HOSTILE, 0, HOSTILE, HOSTILE, HOSTILE, [1.0, 2.0], [1.0, 2.0])],
+        [Table(HOSTILE, 0, HOSTILE, [HOSTILE], [[HOSTILE]])],
+    )
+    for record in (replace(EMPTY["evidence"], studies=[hostile_study]), hostile_speed(fake_speed(), HOSTILE)):
+        text = study_page(record, tmp_path)
+        assert foreign_scripts(text) == []
+        assert {"img", "iframe", "object"} & set(Outline(text).tags) == set()
+        assert text.count("&lt;script&gt;") > 10
+
+
+def test_pictures_outside_of_the_folder_are_not_read(tmp_path):
+    inner = write_fake_stability(tmp_path / "inner")
+    pictured = next(one for one in fake_stability().studies if one.pictures)
+    paths = ["../inner/stability/whole.png", "../../etc/passwd", str(inner / "stability" / "whole.png"), "stability"]
+    stray = [replace(pictured.pictures[0], path=path) for path in paths]
+    text = study_page(fake_stability(studies=[replace(pictured, findings=stray)]), tmp_path / "outer")
+    assert "data:image/png" not in without_code(text)
+    assert text.count("The picture is missing") == 4
+
+
+def test_the_page_of_a_whole_catalogue_with_pictures_stays_small(tmp_path):
+    out = write_fake_stability(tmp_path)
+    noise = np.random.default_rng(0).random((900, 900, 3)).astype(np.float32)
+    for name in ("whole", "chunks", "difference", "gone"):
+        matplotlib.image.imsave(out / "stability" / f"{name}.png", noise)
+    assert len(study_page(fake_stability(with_charts=False), out)) < 4_000_000
+
+
+def test_a_report_without_studies_has_no_trace_of_them(records):
+    text = page(records)
+    assert "stability" not in seen(text).lower()
+    assert not any(words in text for words in ("stability.html", "speed.html", "evidence.html", 'id="stability"'))
+
+
+def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
+    record = fake_stability()
+    found = find_studies(write_fake_stability(tmp_path, record), "stability")
+    assert [one for _, one in found.checks()] == [one for _, one in record.checks()]
+    lost = [line for study_of in found.studies for line in study_of.series if None in line.y]
+    assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
+    assert found.studies[1].tables[0].rows[2][4] == "not finite (nan)"
+    assert find_studies(tmp_path / "stability", "stability") is None
+
+
+@pytest.mark.parametrize(
+    ("studies", "said"),
+    [
+        ([StudyRecord(INFO), StudyRecord(INFO)], "'one' is there twice"),
+        ([Series("p", 9, "a", "x", "y", [1.0], [])], "series 'a' has 1 x but 0 y"),
+        ([Series("p", 9, "a", "x", "y", [1.0], [1.0], [], [1.0])], "1 x but 0 low"),
+        ([Table("t", 2, "T", ["a"], [["x", 1.0]])], "table 't' has 1 columns but a row of 2"),
+    ],
+)
+def test_a_record_that_is_not_what_it_should_be_is_named(tmp_path, studies, said):
+    if not isinstance(studies[0], StudyRecord):
+        studies = [StudyRecord(INFO, findings=studies)]
+    out = write_fake_speed(tmp_path, studies=studies)
+    with pytest.raises(DamagedRecord, match=re.escape(said)) as caught:
+        find_studies(out, "speed")
+    assert str(caught.value).startswith(str(out / "speed.json"))
+    assert "nox -s speed" in str(caught.value)

@@ -1,0 +1,206 @@
+"""python -m reports where there are records of studies: pages, exit codes, what is published, what is refused."""
+
+import json
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from harness.records.study import SHELVES, Picture, Series, Studies, read_studies, write_studies
+from reports.__main__ import main
+from reports.studies import publishing
+from tests.reports.fake_evidence import fake_evidence
+from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_speed import fake_speed
+from tests.reports.fake_stability import fake_stability
+from tests.reports.run.test_page import Outline
+from tests.reports.test_command import BUILD, HEAVY, fresh
+
+GOOD = {
+    "evidence": fake_evidence(with_failure=False, with_charts=False),
+    "stability": fake_stability(with_failure=False, with_charts=False),
+    "speed": fake_speed(),
+}
+BROKEN = {"evidence": fake_evidence(with_charts=False), "stability": fake_stability(with_charts=False)}
+DRAWN = {
+    "evidence": (fake_evidence(with_failure=False), ["bandwidth.png", "evidence_effects.png"]),
+    "stability": (fake_stability(with_failure=False), ["stability.png", "stability_curves.png"]),
+    "speed": (fake_speed(), ["speed.png"]),
+}
+each_shelf = pytest.mark.parametrize("shelf", SHELVES)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def written(folder: Path, record: Studies) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_studies(folder / SHELVES[record.shelf], record)
+    return folder
+
+
+@each_shelf
+def test_a_record_alone_gives_its_page_alone(tmp_path, capsys, shelf):
+    out = written(tmp_path / "out", GOOD[shelf])
+    assert main([str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(out / f"{shelf}.html")
+    assert names(out) == [f"{shelf}.html", SHELVES[shelf]]
+    assert "report.html" not in (out / f"{shelf}.html").read_text(encoding="utf-8")
+    assert main([str(out), "--quiet"]) == 0
+    assert capsys.readouterr().out == f"{out / f'{shelf}.html'}\n"
+
+
+@pytest.mark.parametrize(
+    ("shelf", "line"),
+    [
+        (
+            "evidence",
+            "calibration share of real A/A comparisons that are called better or worse: 0.0810, ",
+        ),
+        ("stability", "A2 harness: after a reload: 3.00·10⁻⁴, wanted ≤ 2·10⁻⁶"),
+    ],
+)
+def test_what_is_ours_and_fails_gives_3_and_is_named(tmp_path, capsys, shelf, line):
+    out = written(tmp_path / "out", BROKEN[shelf])
+    assert main([str(out)]) == 3
+    assert capsys.readouterr().out.splitlines()[1].startswith(line)
+    assert main([str(out), "--quiet"]) == 3
+    assert capsys.readouterr().out == f"{out / f'{shelf}.html'}\n"
+
+
+@pytest.mark.parametrize(
+    ("records", "diverged", "code"),
+    [
+        ([GOOD["stability"], GOOD["evidence"], GOOD["speed"]], False, 0),
+        ([GOOD["stability"]], True, 3),
+        ([BROKEN["stability"]], False, 3),
+        ([BROKEN["evidence"]], False, 3),
+    ],
+)
+def test_beside_a_run_there_are_both_and_each_leads_to_the_other(tmp_path, records, diverged, code):
+    out = write_fake_run(tmp_path / "run", ("chair", "drums"), pictures=False, with_diverged=diverged)
+    for record in records:
+        written(out, record)
+    assert main([str(out), "--quiet"]) == code
+    report = (out / "report.html").read_text(encoding="utf-8")
+    for record in records:
+        own = (out / f"{record.shelf}.html").read_text(encoding="utf-8")
+        assert f"{record.shelf}.html" in Outline(report).links
+        assert "report.html" in Outline(own).links
+        assert (f'<section id="{record.shelf}">' in report) == (record.shelf != "speed")
+
+
+@pytest.mark.parametrize("lost", ["records/cells", "records/run.json"])
+def test_records_that_are_no_run_do_not_stop_the_page(tmp_path, lost):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False)
+    for path in (out / lost).iterdir() if lost.endswith("cells") else [out / lost]:
+        path.unlink()
+    assert main([str(written(out, GOOD["stability"]))]) == 0
+    assert not (out / "report.html").exists()
+
+
+def test_none_of_them_is_one_clear_line(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 2
+    caught = capsys.readouterr()
+    assert caught.out == ""
+    assert caught.err.startswith(f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json in it; ")
+    assert len(caught.err.splitlines()) == 1
+
+
+@each_shelf
+@pytest.mark.parametrize("content", ["{", "[]", "{}", '{"schema": 99}', "\udcff", '{"schema": 1, "studies": 3}'])
+def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, shelf, content):
+    (out / SHELVES[shelf]).write_bytes(content.encode("utf-8", "surrogateescape"))
+    assert main([str(out)]) == 2
+    caught = capsys.readouterr()
+    assert caught.err.startswith(str(out / SHELVES[shelf]))
+    assert len(caught.err.splitlines()) == 1
+    assert not (out / "report.html").exists()
+    assert not (out / f"{shelf}.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("shelf", "place", "value", "said"),
+    [
+        ("evidence", "studies.1.findings.1.difference", float("nan"), "JSON is malformed"),
+        ("evidence", "studies.1.findings.1.interval", [2, 1], "has interval [2.0, 1.0], which runs backwards"),
+        ("evidence", "studies.1.info.id", "calibration", "'calibration' is there twice"),
+        ("evidence", "studies.0.findings.-1.rows", [["a"]], "has 3 columns but a row of 1"),
+        ("evidence", "settings.smallest_of_interest", {"psnr": None}, "smallest_of_interest: Expected `float`"),
+        ("evidence", "studies.0.findings.3.value", "high", "at `$.studies[0].findings[3].value`"),
+        ("evidence", "studies.1.findings.1.verdict", "great", "'great' - at `$.studies[1].findings[1].verdict`"),
+        ("stability", "studies.8.findings.5.value", "high", "at `$.studies[8].findings[5].value`"),
+        ("stability", "studies.8.findings.5.status", "lost", "Invalid enum value 'lost'"),
+        ("speed", "studies.0.findings.1.value", "fast", "Expected `float | null`, got `str`"),
+        ("speed", "studies.0.findings.1.value", float("inf"), "JSON is malformed"),
+    ],
+)
+def test_what_no_run_writes_is_named_with_the_remedy(tmp_path, capsys, shelf, place, value, said):
+    path = written(tmp_path, (BROKEN | GOOD)[shelf]) / SHELVES[shelf]
+    data = json.loads(path.read_text(encoding="utf-8"))
+    data.pop("digest")
+    *way, last = (int(part) if part.lstrip("-").isdigit() else part for part in place.split("."))
+    parent = reduce(getitem, way, data)
+    parent[last] = value
+    path.write_text(json.dumps(data), encoding="utf-8")
+    assert main([str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(str(path))
+    assert said in told
+    assert f"run `nox -s {shelf}` again" in told
+    assert len(told.splitlines()) == 1
+
+
+@each_shelf
+def test_publishing_writes_the_record_without_pictures_and_the_charts(tmp_path, shelf):
+    record, pictures = DRAWN[shelf]
+    out, docs = written(tmp_path / "out", record), tmp_path / "docs"
+    assert main([str(out), "--publish", str(docs)]) == 0
+    assert names(docs) == sorted([SHELVES[shelf], *pictures])
+    published = read_studies(docs / SHELVES[shelf])
+    assert published == publishing.without(read_studies(out / SHELVES[shelf]), Picture)
+    for name in pictures:
+        assert (docs / name).read_bytes().startswith(b"\x89PNG")
+        assert 5_000 < (docs / name).stat().st_size < 500_000
+
+
+def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
+    monkeypatch.setattr(publishing, "LARGEST", 1_000)
+    publishing.write_published(fake_evidence(), tmp_path)
+    published = read_studies(tmp_path / SHELVES["evidence"])
+    assert published == publishing.without(fake_evidence(), Series)
+
+
+@each_shelf
+def test_what_there_is_not_is_not_drawn(tmp_path, shelf):
+    publishing.write_published(replace(GOOD[shelf], studies=[]), tmp_path)
+    assert names(tmp_path) == [SHELVES[shelf]]
+
+
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        *((replace(one, settings={"quick": True}), "a quick run, too rough to publish") for one in GOOD.values()),
+        (replace(GOOD["evidence"], finished=False), "not finished"),
+    ],
+)
+def test_what_is_quick_or_unfinished_is_shown_and_not_published(tmp_path, capsys, record, said):
+    out = written(tmp_path / "out", record)
+    assert main([str(out), "--publish", str(tmp_path / "docs")]) == 2
+    caught = capsys.readouterr()
+    assert said in caught.err
+    assert len(caught.err.splitlines()) == 1
+    assert not (tmp_path / "docs").exists()
+    assert main([str(out)]) == 0
+
+
+@pytest.mark.slow
+@each_shelf
+def test_the_page_is_built_without_torch_and_mitsuba(tmp_path, shelf):
+    out = written(tmp_path / "out", GOOD[shelf])
+    done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))
+    assert done.stderr == ""
+    assert done.stdout.splitlines()[1:] == ["[]"]
