@@ -13,6 +13,7 @@ from reports.drawing.traces import Panel
 
 Key = dict[str, dict[str, Any]]
 """The name of each line → how it is plotted."""
+Drawing = tuple[Panel, Key]
 
 
 def key_of(panel: Panel) -> Key:
@@ -45,8 +46,9 @@ def key_of_pens(pens: dict[str, Pen]) -> Key:
     }
 
 
-def sheet(panels: Sequence[Panel], keys: Sequence[Key], across: int) -> Figure:
+def sheet(drawings: Sequence[Drawing], across: int) -> Figure:
     """Draw panels side by side. A label of all axes and a key of all panels stand once."""
+    panels, keys = [panel for panel, _ in drawings], [key for _, key in drawings]
     across = min(across, len(panels))
     down = math.ceil(len(panels) / across)
     wide, high = (max(panel.size[side] for panel in panels) for side in (0, 1))
@@ -56,7 +58,7 @@ def sheet(panels: Sequence[Panel], keys: Sequence[Key], across: int) -> Figure:
     grid = figure.subplots(down, across, squeeze=False)
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
-    for axes, panel, key in zip(grid.flat, panels, keys, strict=False):
+    for axes, (panel, key) in zip(grid.flat, drawings, strict=False):
         own = replace(panel, x_label="" if x_label else panel.x_label, y_label="" if y_label else panel.y_label)
         paint(axes, own)
         axes.set_title(panel.title, fontsize=9, loc="left", color=INK.light)

@@ -16,7 +16,7 @@ from reports.drawing.figure import STYLE, paint
 from reports.drawing.images import save
 from reports.drawing.palette import Pen
 from reports.drawing.series_charts import panel, panels_of, pens_in, with_points
-from reports.drawing.sheet import Key, key_of, key_of_pens, sheet
+from reports.drawing.sheet import Drawing, key_of, key_of_pens, sheet
 from reports.drawing.traces import Panel
 from reports.studies.forest import forests
 from reports.studies.matrix import miniature
@@ -29,7 +29,6 @@ LARGEST = 1_000_000
 """The largest size in bytes of a published record; a longer one is left without its lines."""
 CHAPTERS_DRAWN = (1, 2, 3, 9)
 """Rounding, truncation, gradients, ladders: the first chart of each is drawn."""
-Drawing = tuple[Panel, Key]
 
 
 def write_published(record: Studies, folder: Path) -> list[Path]:
@@ -45,7 +44,7 @@ def write_published(record: Studies, folder: Path) -> list[Path]:
         drawings = choose(record)
         if drawings:
             with matplotlib.rc_context(STYLE):
-                save(sheet(*zip(*drawings, strict=True), across), folder / name)
+                save(sheet(drawings, across), folder / name)
             written.append(folder / name)
     return written
 

@@ -192,8 +192,8 @@ def sentences(record: Studies) -> list[str]:
         if judged:
             forms.append(f"{whose} fail {sum(not one.holds for one in judged)} of {len(judged)} checks")
     if forms:
-        first, *others = listed(forms)
-        words.append(f"{first.upper()}{''.join(others)}; these are properties of theirs, not failures.")
+        text = listed(forms)
+        words.append(f"{text[0].upper()}{text[1:]}; these are properties of theirs, not failures.")
     untried = [
         f"{many} {look.meaning}"
         for tone, look in LOOKS.items()
@@ -244,7 +244,7 @@ def _chapters(record: Studies, out: Path, side: int) -> list[Drawn]:
     titles = WORDS[record.shelf].chapters
     if not titles:
         return []
-    findings = [one for study in record.studies for one in (*study.series, *study.pictures, *study.tables)]
+    findings = [one for study in record.studies for one in study.findings if isinstance(one, Series | Picture | Table)]
     items = sorted({one.item for one in findings}, key=lambda item: (item not in titles, item))
     chapters = [
         _drawn(
