@@ -146,21 +146,17 @@ def write_tiny_nerf(
     """Write `rgba`, straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
     written over black, which is what the notebook's renderer shows in empty space.
     """
-    colours, alphas = [], []
-    for image in rgba:
-        colours.append(image[..., :3] * image[..., 3:])
-        alphas.append(image[..., 3])
-    count = len(camera_to_world)
+    pairs = [(image[..., :3] * image[..., 3:], image[..., 3]) for image in rgba]
     arrays = {} if region.bounds is None else {"bounds": np.array(region.bounds)}
-    arrays |= dict(
-        images=np.array(colours, dtype=np.float32),
-        poses=camera_to_world,
-        focal=np.array(focal),
-        alpha=np.array(alphas, dtype=np.float32),
-        i_train=np.arange(train),
-        i_test=np.arange(train, count),
-        distances=np.array([region.near or NEAR, region.far or FAR]),
-    )
+    arrays |= {
+        "images": np.array([colour for colour, _ in pairs], dtype=np.float32),
+        "poses": camera_to_world,
+        "focal": np.array(focal),
+        "alpha": np.array([alpha for _, alpha in pairs], dtype=np.float32),
+        "i_train": np.arange(train),
+        "i_test": np.arange(train, len(camera_to_world)),
+        "distances": np.array([region.near or NEAR, region.far or FAR]),
+    }
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w") as target:
@@ -212,16 +208,6 @@ KNOWN = (
 )
 
 
-def read_blender(folder: Path) -> Source:
-    """Read the three files of the Blender format; `val` may be missing."""
-
-    def frames(split: str) -> Frames | None:
-        missing = split == "val" and not transforms_file(folder, split).exists()
-        return None if missing else read_transforms(folder, split)
-
-    return Source(folder.resolve().name, frames, _rgba, BLENDER_REGION)
-
-
 def _rgba(file: Path) -> np.ndarray:
     pixels = read_image(file)
     if pixels.shape[2] == 2:
@@ -242,7 +228,12 @@ def source_of(path: Path) -> Source:
     """
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):
-            return read_blender(path)
+
+            def frames(split: str) -> Frames | None:
+                missing = split == "val" and not transforms_file(path, split).exists()
+                return None if missing else read_transforms(path, split)
+
+            return Source(path.resolve().name, frames, _rgba, BLENDER_REGION)
         if (path / nerfstudio.NAME).is_file():
             return read_nerfstudio(path)
         raise InputError(f"{path}: no view set; {KNOWN}")

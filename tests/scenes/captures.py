@@ -29,17 +29,8 @@ def capture(folder: Path, count: int, poses: np.ndarray, channels: int = 3, **mo
         {"file_path": f"images/frame_{i:05d}.png", "transform_matrix": poses[i].tolist(), "colmap_im_id": i}
         for i in range(count)
     ]
-    lens = {
-        "w": 16,
-        "h": 8,
-        "fl_x": 20.0,
-        "fl_y": 20.0,
-        "cx": 8.0,
-        "cy": 4.0,
-        "k1": 0.0,
-        "p2": 0,
-        "camera_model": "OPENCV",
-    }
+    lens = {"w": 16, "h": 8, "fl_x": 20.0, "fl_y": 20.0, "cx": 8.0, "cy": 4.0, "k1": 0.0, "p2": 0}
+    lens |= {"camera_model": "OPENCV"}
     (folder / "transforms.json").write_text(json.dumps({**lens, "frames": frames[::-1], **more}))
     return folder
 

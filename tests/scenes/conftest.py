@@ -9,6 +9,8 @@ import pytest
 
 from scenes.modelling.scene import Description, Scene
 from scenes.rendering.variant import Variant
+from scenes.view_sets.export import export
+from tests.harness.ball import write_ball
 
 COUNTS = {"train": 3, "val": 1, "test": 2}
 SPP = {"train": 4, "val": 4, "test": 8}
@@ -81,3 +83,16 @@ def view_set(stored_once: Path, tmp_path: Path) -> Path:
     copy = tmp_path / stored_once.name
     shutil.copytree(stored_once, copy)
     return copy
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    """Somebody else's view set."""
+    return write_ball(tmp_path / "ball", size=12, train=4, test=2)
+
+
+@pytest.fixture
+def studio(tmp_path: Path, ball: Path) -> Path:
+    """The same with a `transforms.json`."""
+    export(ball, "nerfstudio", tmp_path / "studio")
+    return tmp_path / "studio"

@@ -17,6 +17,10 @@ from scenes.__main__ import main
         (["render", "lego", "--spp-test", "1"], "--spp-test 1"),
         (["sheet", "/no/such/folder/x.png"], "x.png"),
         (["sheet", "x.png", "teapot"], "unknown scene"),
+        (["repeats", ".", "teapot"], "unknown scene 'teapot'"),
+        (["repeats", ".", "materials", "--view", "200"], "view 200: choose 0 to 199"),
+        (["repeats", ".", "materials", "--count", "0"], "count 0: must lie between 1 and"),
+        (["repeats", ".", "materials", "--spp", "0"], "spp 0"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

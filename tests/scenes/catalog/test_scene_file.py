@@ -103,8 +103,8 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
         (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
         ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
         (f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)", "IsADirectoryError in line 3"),
-        ("from scenes.modelling.scene import Scene\nSCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
-        ("from scenes.modelling.scene import Scene\nSCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
+        (f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
+        (f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],
 )
 def test_python_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:

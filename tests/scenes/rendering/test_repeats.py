@@ -8,24 +8,6 @@ import pytest
 from scenes.__main__ import main
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ("teapot", "unknown scene 'teapot'"),
-        ("materials --view 200", "view 200: choose 0 to 199"),
-        ("materials --count 0", "count 0: must lie between 1 and"),
-        ("materials --spp 0", "spp 0"),
-        ("materials --resolution 0", "resolution 0"),
-    ],
-)
-def test_bad_input_is_one_line(options: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["repeats", str(tmp_path), *options.split(), "--variant", "scalar_rgb"]) == 2
-    complaint = capsys.readouterr().err
-    assert said in complaint
-    assert complaint.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_renders_are_independent_and_a_stream_gives_the_same_again(tmp_path: Path) -> None:
     def renders(folder: str, stream: str) -> np.ndarray:
         (tmp_path / folder).mkdir()

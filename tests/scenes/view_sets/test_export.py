@@ -15,20 +15,7 @@ from scenes.view_sets.nerfstudio import write_nerfstudio
 from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses
-from tests.harness.ball import write_ball
 from tests.scenes.captures import as_load_blender, capture
-
-
-@pytest.fixture
-def ball(tmp_path: Path) -> Path:
-    return write_ball(tmp_path / "ball", size=12, train=4, test=2)
-
-
-@pytest.fixture
-def studio(tmp_path: Path, ball: Path) -> Path:
-    export(ball, "nerfstudio", tmp_path / "studio")
-    return tmp_path / "studio"
-
 
 # --- by the rules of others, stated again
 

@@ -9,25 +9,11 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.view_sets.export import export
 from scenes.view_sets.images import write_png
 from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses
-from tests.harness.ball import write_ball
 from tests.scenes.captures import Edit, capture, edit
-
-
-@pytest.fixture
-def ball(tmp_path: Path) -> Path:
-    return write_ball(tmp_path / "ball", size=12, train=4, test=2)
-
-
-@pytest.fixture
-def studio(tmp_path: Path, ball: Path) -> Path:
-    export(ball, "nerfstudio", tmp_path / "studio")
-    return tmp_path / "studio"
-
 
 # --- pixels and rays
 

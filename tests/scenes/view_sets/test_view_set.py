@@ -4,8 +4,10 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from PIL import Image
 import scenes
 from scenes.files.errors import InputError
 from scenes.view_sets.images import read_channels, read_image, write_png
-from scenes.view_sets.manifest import DamagedViewSet, write_manifest
+from scenes.view_sets.manifest import DamagedViewSet, note, salvaged, write_manifest
 from scenes.view_sets.pixels import area_average, decode_srgb, over_white
 from scenes.view_sets.transforms import write_transforms
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -84,13 +86,9 @@ def test_counts_take_subsets_spread_over_azimuth(stored_once: Path) -> None:
     assert len(found.train.names) == 2
     assert len(found.test.names) == 1
     assert found.val.rgba.shape == (0, 16, 16, 4)
-    assert len(read_view_set(stored_once, train_count=999).train.names) == 3
-
-
-def test_geometry_is_read_where_it_is_asked_for(stored_once: Path) -> None:
-    found = read_view_set(stored_once)
-    assert found.train.depth is None
-    assert found.test.depth is not None
+    whole = read_view_set(stored_once, train_count=999)
+    assert len(whole.train.names) == 3
+    assert (whole.train.depth, whole.test.depth is None) == (None, False)  # geometry of the test views alone
 
 
 # --- folders of others
@@ -152,67 +150,35 @@ def test_ours_without_manifest_is_anyones(view_set: Path) -> None:
     assert found.train.rgba.shape == (3, 16, 16, 4)
 
 
-def no_alpha(folder: Path) -> None:
-    Image.new("RGB", (40, 40)).save(folder / "train/r_3.png")
-
-
-def grey(folder: Path) -> None:
-    Image.new("L", (40, 40)).save(folder / "train/r_3.png")
-
-
-def mixed_sizes(folder: Path) -> None:
-    write_png(folder / "train/r_3.png", np.zeros((40, 41, 4)))
-
-
-def sizes_differ(folder: Path) -> None:
-    for number in range(8):
-        write_png(folder / f"test/r_{number}.png", np.zeros((20, 20, 4)))
-
-
-def truncated(folder: Path) -> None:
-    file = folder / "train/r_3.png"
-    file.write_bytes(file.read_bytes()[:999])
-
-
-def text(folder: Path) -> None:
-    (folder / "train/r_3.png").write_text("hello")
-
-
-def missing(folder: Path) -> None:
-    (folder / "train/r_3.png").unlink()
-
-
-def no_test(folder: Path) -> None:
-    (folder / "transforms_test.json").unlink()
-
-
-def another_angle(folder: Path) -> None:
+def replaced(folder: Path, old: str, new: str) -> None:
+    """Other text in the listing of the test views."""
     file = folder / "transforms_test.json"
-    file.write_text(file.read_text().replace("0.6911112070083618", "0.5"))
-
-
-def leak(folder: Path) -> None:
-    file = folder / "transforms_test.json"
-    file.write_text(file.read_text().replace("./test/r_0", "./train/r_0"))
+    file.write_text(file.read_text().replace(old, new))
 
 
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (no_alpha, "r_3.png: 3 channels, no alpha"),
-        (grey, "r_3.png: 1 channels, no alpha"),
-        (mixed_sizes, "r_3.png: 41 × 40 pixels.*40 × 40"),
-        (sizes_differ, "test/r_0.png: 20 × 20 pixels"),
-        (truncated, "r_3.png: .*truncated"),
-        (text, "r_3.png: not an image"),
-        (missing, "no image .*r_3"),
-        (no_test, "transforms_test.json: missing"),
-        (another_angle, "camera_angle_x differs"),
-        (leak, "training and a test view"),
+        (lambda folder: Image.new("RGB", (40, 40)).save(folder / "train/r_3.png"), "r_3.png: 3 channels, no alpha"),
+        (lambda folder: Image.new("L", (40, 40)).save(folder / "train/r_3.png"), "r_3.png: 1 channels, no alpha"),
+        (lambda folder: write_png(folder / "train/r_3.png", np.zeros((40, 41, 4))), "r_3.png: 41 × 40 pixels.*40 × 40"),
+        (
+            lambda folder: [write_png(file, np.zeros((20, 20, 4))) for file in folder.glob("test/r_?.png")],
+            "test/r_0.png: 20 × 20 pixels",
+        ),
+        (
+            lambda folder: (folder / "train/r_3.png").write_bytes((folder / "train/r_3.png").read_bytes()[:999]),
+            "r_3.png: .*truncated",
+        ),
+        (lambda folder: (folder / "train/r_3.png").write_text("hello"), "r_3.png: not an image"),
+        (lambda folder: (folder / "train/r_3.png").unlink(), "no image .*r_3"),
+        (lambda folder: (folder / "transforms_test.json").unlink(), "transforms_test.json: missing"),
+        (lambda folder: replaced(folder, "0.6911112070083618", "0.5"), "camera_angle_x differs"),
+        (lambda folder: replaced(folder, "./test/r_0", "./train/r_0"), "training and a test view"),
     ],
 )
-def test_bad_folders_are_refused(foreign: Path, damage: object, said: str) -> None:
-    damage(foreign)  # type: ignore[operator]
+def test_bad_folders_are_refused(foreign: Path, damage: Callable[[Path], object], said: str) -> None:
+    damage(foreign)
     with pytest.raises(InputError, match=said) as caught:
         read_view_set(foreign)
     assert str(foreign) in str(caught.value)
@@ -249,14 +215,6 @@ def test_a_scratch_folder_that_cannot_be_written_is_named(foreign: Path) -> None
 # --- our own, damaged
 
 
-def test_another_version_is_refused(view_set: Path) -> None:
-    manifest = json.loads((view_set / "view_set.json").read_text())
-    manifest["schema"] = 99
-    (view_set / "view_set.json").write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match=r"schema 99.*render the view set again"):
-        read_view_set(view_set)
-
-
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "something else"}'])
 def test_a_manifest_that_is_none_is_refused(view_set: Path, content: str) -> None:
     (view_set / "view_set.json").write_text(content)
@@ -264,10 +222,17 @@ def test_a_manifest_that_is_none_is_refused(view_set: Path, content: str) -> Non
         read_view_set(view_set)
 
 
-def test_a_changed_manifest_is_noticed(view_set: Path) -> None:
+@pytest.mark.parametrize(
+    ("old", "new", "error", "said"),
+    [
+        ('"schema": 1', '"schema": 99', InputError, "schema 99.*render the view set again"),
+        ('"near": 2.0', '"near": 1.0', DamagedViewSet, "checksum"),
+    ],
+)
+def test_a_changed_manifest_is_noticed(view_set: Path, old: str, new: str, error: type[Exception], said: str) -> None:
     file = view_set / "view_set.json"
-    file.write_text(file.read_text().replace('"near": 2.0', '"near": 1.0'))
-    with pytest.raises(DamagedViewSet, match="checksum"):
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(error, match=said):
         read_view_set(view_set)
 
 
@@ -328,3 +293,42 @@ def test_facts_that_are_null_are_refused(view_set: Path, key: str) -> None:
     rewritten(view_set, **{key: None})
     with pytest.raises(DamagedViewSet, match=rf"got `null` - at `\$\.{key}`: render"):
         read_view_set(view_set)
+
+
+# --- views of a set that was not finished: those that are as they were written are taken, nothing else is
+
+
+GOOD = {"noise_mse": 1e-6, "seconds": 0.5, "seen": True, "lit": False}
+
+
+def donor(folder: Path, facts: dict[str, Any]) -> Path:
+    (folder / "train").mkdir(parents=True)
+    for suffix in ("png", "exr"):
+        (folder / "train" / f"r_0.{suffix}").write_bytes(suffix.encode())
+    note(folder, "an order", "train/r_0", facts)
+    return folder
+
+
+def test_what_was_noted_is_taken_with_its_files(tmp_path: Path) -> None:
+    (tmp_path / "new").mkdir()
+    found = salvaged(tmp_path / "new", [donor(tmp_path / "old", GOOD)], "an order", ["train/r_0"])
+    assert found == {"train/r_0": GOOD}
+    assert (tmp_path / "new" / "train" / "r_0.exr").read_bytes() == b"exr"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"noise_mse": None},
+        {"noise_mse": "0"},
+        {"noise_mse": True},
+        {"noise_mse": 10**400},
+        {"seconds": "1"},
+        {"lit": 7},
+    ],
+)
+def test_facts_that_nobody_notes_are_a_miss_though_their_digest_is_right(
+    tmp_path: Path, change: dict[str, Any]
+) -> None:
+    (tmp_path / "new").mkdir()
+    assert salvaged(tmp_path / "new", [donor(tmp_path / "old", GOOD | change)], "an order", ["train/r_0"]) == {}
