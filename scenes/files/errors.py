@@ -26,7 +26,7 @@ def readable(text: str) -> str:
     """Return `text` as a terminal can show it: printable, and its middle left out beyond `LONGEST` characters."""
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 3]} … {text[-LONGEST // 2 :]}"
-    return "".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in text)
+    return "".join(letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in text)
 
 
 def short(error: Exception, length: int = 300) -> str:

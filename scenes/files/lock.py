@@ -67,16 +67,16 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
     """
     until = time.monotonic() + seconds
     while True:
-        handle = _opened(path, os.O_CREAT, mode)
+        handle = os.open(path, FLAGS | os.O_CREAT, mode)
         held = False
         try:
-            found = os.fstat(handle)
-            if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+            ours = os.fstat(handle)
+            if not stat.S_ISREG(ours.st_mode) or ours.st_nlink > 1:
                 raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
             free = _try(handle)
             if free is None:
                 return Lock(path, None)
-            held = free and _is_still(path, found)
+            held = free and _is_still(path, ours)
             if held:
                 return Lock(path, handle)
             if not free and time.monotonic() >= until:
@@ -89,11 +89,9 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:
-    """Whether anybody has the lock; None if that cannot be known, for instance because there is no such file and none
-    is to be created.
-    """
+    """Whether anybody has the lock; None if that cannot be known, as where there is no such file and none is made."""
     try:
-        handle = _opened(path, os.O_CREAT if create else 0)
+        handle = os.open(path, FLAGS | (os.O_CREAT if create else 0), 0o644)
     except OSError:
         return None
     try:
@@ -103,10 +101,6 @@ def is_held(path: Path, create: bool = False) -> bool | None:
     finally:
         _close(handle)
     return None if free is None else not free
-
-
-def _opened(path: Path, flags: int, mode: int = 0o644) -> int:
-    return os.open(path, FLAGS | flags, mode)
 
 
 def _try(handle: int) -> bool | None:

@@ -21,9 +21,7 @@ LOCK = ".lock"
 
 @contextmanager
 def working_folder(cache: Path, name: str) -> Iterator[Path]:
-    """Yield a fresh temporary folder for one view set, marked as in use until the context is left; the user removes
-    it.
-    """
+    """Yield a fresh temporary folder for one view set, marked as in use until the context is left."""
     partial = cache / f".{name}.{secrets.token_hex(4)}{PARTIAL}"
     lock = acquire(_lock_of(partial))
     if not lock.is_held:
@@ -47,7 +45,7 @@ def remove_stale(cache: Path, but: str | None = None) -> None:
     """Remove temporary folders that killed processes left: those whose lock nobody has, or two days old if locks say
     nothing; those of the view set `but` stay while they are young, as the next process takes over what they hold.
     """
-    for partial in {*cache.glob(f".*{PARTIAL}"), *(one.with_suffix("") for one in cache.glob(f".*{PARTIAL}{LOCK}"))}:
+    for partial in {*cache.glob(f".*{PARTIAL}"), *(lock.with_suffix("") for lock in cache.glob(f".*{PARTIAL}{LOCK}"))}:
         held = is_held(_lock_of(partial))
         try:
             old = time.time() - partial.stat().st_mtime > STALE_SECONDS
@@ -63,8 +61,8 @@ def remove_stale(cache: Path, but: str | None = None) -> None:
 
 def abandoned(cache: Path, name: str) -> list[Path]:
     """Return the temporary folders of one view set whose process has died."""
-    found = sorted(cache.glob(f".{glob.escape(name)}.*{PARTIAL}"))
-    return [partial for partial in found if is_held(_lock_of(partial)) is False]
+    partials = sorted(cache.glob(f".{glob.escape(name)}.*{PARTIAL}"))
+    return [partial for partial in partials if is_held(_lock_of(partial)) is False]
 
 
 def _lock_of(partial: Path) -> Path:

@@ -56,9 +56,7 @@ def _end_late(asked: int) -> None:
 
 
 def _end_children() -> None:
-    """End the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens any
-    more.
-    """
+    """End the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens."""
     for worker in multiprocessing.active_children():
         worker.kill()
     for listing in Path("/proc/self/task").glob("*/children"):

@@ -61,8 +61,9 @@ def hazed(light: Description, share: float) -> Description:
     Shadows are softer, and there is less noise where light must find its way through water.
     """
     image = light["data"].astype(np.float64)
-    above = directions(*image.shape[:2])[..., 2] > 0
-    weight = np.where(above, np.sqrt(1 - directions(*image.shape[:2])[..., 2] ** 2), 0.0)[..., None]
+    up = directions(*image.shape[:2])[..., 2]
+    above = up > 0
+    weight = np.where(above, np.sqrt(1 - up**2), 0.0)[..., None]
     even = (weight * image).sum(axis=(0, 1)) / weight.sum()
     hazy = np.where(above[..., None], image + share * (even - image), image)
     return light | {"data": hazy.astype(np.float32)}

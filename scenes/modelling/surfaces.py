@@ -50,59 +50,34 @@ def cloth(colour: Colour, sheen: float = 0.6) -> Description:
     return {"type": "principled", "base_color": reflectance(colour), **look}
 
 
-def plastic(colour: Colour, roughness: float = 0.12) -> Description:
+VARNISH, RUBBER, GLAZE = 0.08, 0.45, 0.0
+"""The roughness of the coats of polished wood, of rubber and of ceramic."""
+BLACK_RUBBER = (0.018, 0.018, 0.02)
+
+
+def plastic(colour: Colour, roughness: float) -> Description:
     """A coloured body under a clear coat; roughness 0 is a mirror-smooth coat."""
     kind: Description = {"type": "roughplastic", "alpha": roughness} if roughness else {"type": "plastic"}
     return kind | {"diffuse_reflectance": reflectance(colour)}
 
 
-def rubber(colour: Colour = (0.018, 0.018, 0.02)) -> Description:
-    return plastic(colour, roughness=0.45)
+METALS: dict[str, Description] = {
+    "aluminium": {"material": "Al"},
+    "copper": {"material": "Cu"},
+    "gold": {"material": "Au"},
+    "silver": {"material": "Ag"},
+    # Mitsuba ships no table for these: CuZn as measured near 630, 545 and 460 nm, and what is redder
+    "brass": {"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))},
+    "bronze": {"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))},
+}
 
 
-def varnish(colour: Colour) -> Description:
-    """Polished wood or lacquer: smooth but not mirror-like."""
-    return plastic(colour, roughness=0.08)
-
-
-def ceramic(colour: Colour = (0.82, 0.80, 0.76)) -> Description:
-    """A glaze: a mirror-smooth coat."""
-    return plastic(colour, roughness=0.0)
-
-
-def polished(index: Description, roughness: float) -> Description:
-    """A conductor; roughness 0 is a mirror."""
-    if not roughness:
-        return {"type": "conductor"} | index
-    return {"type": "roughconductor", "alpha": roughness, "distribution": "ggx"} | index
-
-
-def metal(material: str, roughness: float = 0.0) -> Description:
-    """A metal by the name of its measured index: Ag, Al, Au, Cr, Cu, Mo, W …"""
-    return polished({"material": material}, roughness)
-
-
-def brass(roughness: float = 0.14) -> Description:
-    # Mitsuba ships no table for it: measured CuZn index near 630, 545 and 460 nm
-    return polished({"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))}, roughness)
-
-
-def bronze(roughness: float = 0.16) -> Description:
-    """A metal redder than brass: cymbals and bells."""
-    return polished({"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))}, roughness)
-
-
-def gold(roughness: float = 0.1) -> Description:
-    return metal("Au", roughness)
-
-
-def copper(roughness: float = 0.12) -> Description:
-    return metal("Cu", roughness)
-
-
-def steel(roughness: float = 0.2) -> Description:
-    """Brushed, whitish steel."""
-    return metal("Al", roughness)
+def metal(name: str, roughness: float = 0.0) -> Description:
+    """A metal of `METALS`; roughness 0 is a mirror. Aluminium looks like whitish steel."""
+    kind: Description = {"type": "conductor"}
+    if roughness:
+        kind = {"type": "roughconductor", "alpha": roughness, "distribution": "ggx"}
+    return kind | METALS[name]
 
 
 def glass(index: float = 1.5, roughness: float = 0.0) -> Description:

@@ -175,9 +175,9 @@ def build() -> Description:
     }
     centred = each(parts, lambda solid: solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935))
     materials = {
-        "frame": surfaces.varnish(surfaces.srgb("#8a4a20")),
+        "frame": surfaces.plastic(surfaces.srgb("#8a4a20"), surfaces.VARNISH),
         "cloth": surfaces.cloth(surfaces.texture(damask(), repeat=2.2)),
-        "nails": surfaces.brass(),
+        "nails": surfaces.metal("brass", 0.14),
     }
     return {"type": "scene", "light": studio()} | meshes(centred, materials)
 

@@ -169,12 +169,12 @@ def sparkle(pixels: int = 256) -> np.ndarray:
 
 
 MATERIALS: dict[str, Description] = {
-    "shell": surfaces.varnish(surfaces.texture(sparkle(), repeat=2.0)),
-    "hoop": surfaces.varnish(surfaces.srgb("#2a1a14")),
-    "chrome": surfaces.steel(0.1),
-    "steel": surfaces.steel(0.18),
-    "bronze": surfaces.bronze(0.17),
-    "rubber": surfaces.rubber(),
+    "shell": surfaces.plastic(surfaces.texture(sparkle(), repeat=2.0), surfaces.VARNISH),
+    "hoop": surfaces.plastic(surfaces.srgb("#2a1a14"), surfaces.VARNISH),
+    "chrome": surfaces.metal("aluminium", 0.1),
+    "steel": surfaces.metal("aluminium", 0.18),
+    "bronze": surfaces.metal("bronze", 0.17),
+    "rubber": surfaces.plastic(surfaces.BLACK_RUBBER, surfaces.RUBBER),
     "leather": surfaces.plastic((0.02, 0.02, 0.022), 0.3),
     "felt": surfaces.cloth((0.6, 0.57, 0.5), sheen=1.0),
     "print": surfaces.both_sides(surfaces.matte(surfaces.srgb("#141418"))),

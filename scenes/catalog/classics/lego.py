@@ -22,11 +22,11 @@ MATERIALS: dict[str, Description] = {
     "yellow": surfaces.plastic(surfaces.srgb("#f7c414"), 0.1),
     "grey": surfaces.plastic(surfaces.srgb("#a3a7a8"), 0.1),
     "dark": surfaces.plastic(surfaces.srgb("#4c5154"), 0.12),
-    "black": surfaces.rubber(surfaces.srgb("#26272a")),
+    "black": surfaces.plastic(surfaces.srgb("#26272a"), surfaces.RUBBER),
     "sand": surfaces.plastic(surfaces.srgb("#a08d6c"), 0.14),
     "red": surfaces.plastic(surfaces.srgb("#c4140c"), 0.1),
     "blue": surfaces.plastic(surfaces.srgb("#1d56b0"), 0.1),
-    "chrome": surfaces.steel(0.08),
+    "chrome": surfaces.metal("aluminium", 0.08),
     "lamp": surfaces.glass(1.5),
     "amber": surfaces.plastic(surfaces.srgb("#ff7a10"), 0.0),
 }

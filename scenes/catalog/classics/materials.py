@@ -25,20 +25,20 @@ def build() -> Description:
 def materials() -> dict[str, Description]:
     """The materials row by row; similar ones lie apart."""
     return {
-        "gold": surfaces.gold(0.06),
-        "red_lacquer": surfaces.ceramic(surfaces.srgb("#c01818")),
+        "gold": surfaces.metal("gold", 0.06),
+        "red_lacquer": surfaces.plastic(surfaces.srgb("#c01818"), surfaces.GLAZE),
         "chequered": surfaces.plastic(surfaces.texture(chequers()), 0.1),
         "glass": surfaces.glass(),
-        "copper": surfaces.copper(0.08),
+        "copper": surfaces.metal("copper", 0.08),
         "green_plastic": surfaces.plastic(surfaces.srgb("#2f9a35"), 0.18),
-        "mirror": surfaces.metal("Ag"),
+        "mirror": surfaces.metal("silver"),
         "blue_plastic": surfaces.plastic(surfaces.srgb("#1d4fc4"), 0.05),
-        "wood": surfaces.varnish(surfaces.texture(wood())),
+        "wood": surfaces.plastic(surfaces.texture(wood()), surfaces.VARNISH),
         "frosted_glass": surfaces.tinted(surfaces.glass(roughness=0.08), (0.70, 0.95, 0.92)),
         "chalk": surfaces.matte((0.42, 0.24, 0.62)),
-        "rubber": surfaces.rubber(),
-        "brushed_steel": surfaces.steel(0.3),
-        "marble": surfaces.ceramic(surfaces.texture(marble())),
+        "rubber": surfaces.plastic(surfaces.BLACK_RUBBER, surfaces.RUBBER),
+        "brushed_steel": surfaces.metal("aluminium", 0.3),
+        "marble": surfaces.plastic(surfaces.texture(marble()), surfaces.GLAZE),
     }
 
 

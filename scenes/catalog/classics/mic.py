@@ -127,13 +127,13 @@ def cable() -> Parts:
 
 MATERIALS: dict[str, Description] = {
     "foam": surfaces.cloth((0.022, 0.02, 0.02), sheen=1.0),
-    "wire": surfaces.steel(0.22),
-    "chrome": surfaces.steel(0.07),
-    "arm": surfaces.steel(0.14),
-    "brass": surfaces.brass(0.12),
-    "lacquer": surfaces.varnish(surfaces.srgb("#15181c")),
+    "wire": surfaces.metal("aluminium", 0.22),
+    "chrome": surfaces.metal("aluminium", 0.07),
+    "arm": surfaces.metal("aluminium", 0.14),
+    "brass": surfaces.metal("brass", 0.12),
+    "lacquer": surfaces.plastic(surfaces.srgb("#15181c"), surfaces.VARNISH),
     "iron": surfaces.plastic(surfaces.srgb("#2b2d31"), 0.22),
-    "rubber": surfaces.rubber(),
+    "rubber": surfaces.plastic(surfaces.BLACK_RUBBER, surfaces.RUBBER),
 }
 
 

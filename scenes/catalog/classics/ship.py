@@ -25,7 +25,7 @@ def build() -> Description:
         "hull": mesh(ship_hull.hull(), surfaces.plastic(surfaces.texture(ship_hull.planks()), roughness=0.3)),
         "spars": mesh(ship_rig.spars(), surfaces.plastic(surfaces.srgb("#8a5a2c"), roughness=0.3)),
         "fittings": mesh(merged([ship_hull.fittings(), ship_rig.tops()]), dark_wood),
-        "gilding": mesh(ship_hull.gilding(), surfaces.gold(0.2)),
+        "gilding": mesh(ship_hull.gilding(), surfaces.metal("gold", 0.2)),
         "rigging": mesh(ship_rig.rigging(), surfaces.matte(surfaces.srgb("#3b2c1d"))),
         "sails": mesh(set_sails, surfaces.thin(surfaces.texture(ship_rig.canvas()), 0.3, roughness=0.9)),
         "furled": mesh(furled, surfaces.matte((0.62, 0.54, 0.40))),

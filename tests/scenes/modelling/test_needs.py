@@ -45,28 +45,30 @@ def test_one_shiny_part_needs_it(kind: str) -> None:
     assert kind in need.reason
 
 
-def test_a_shape_without_material_is_diffuse() -> None:
-    assert not needs({"sky": SKY, "thing": {"type": "sphere"}})["view_direction"].needed
-
-
 def test_media_need_the_volumetric_integrator() -> None:
     found = needs(fog(1.0))
     assert found["participating_media"].needed
     assert found["view_direction"].needed
     assert "homogeneous" in found["participating_media"].reason
-    assert not needs(scene_of(DIFFUSE))["participating_media"].needed
 
 
-def test_only_surfaces_have_a_depth() -> None:
-    assert needs(scene_of(DIFFUSE))["depth_metric"].needed
-    assert not needs(fog(1.0))["depth_metric"].needed
-    assert needs(fog(1.0) | scene_of(DIFFUSE))["depth_metric"].needed
-    assert not needs({"sky": SKY})["depth_metric"].needed
-
-
-def test_a_shape_that_glows_is_a_surface_whatever_its_material() -> None:
-    lamp = {"type": "sphere", "bsdf": {"type": "null"}, "emitter": {"type": "area", "radiance": 3.0}}
-    assert needs({"lamp": lamp})["depth_metric"].needed
+@pytest.mark.parametrize(
+    ("name", "description", "needed"),
+    [
+        ("view_direction", {"sky": SKY, "thing": {"type": "sphere"}}, False),  # Mitsuba's usual material is diffuse
+        ("participating_media", scene_of(DIFFUSE), False),
+        ("depth_metric", scene_of(DIFFUSE), True),
+        ("depth_metric", fog(1.0), False),
+        ("depth_metric", fog(1.0) | scene_of(DIFFUSE), True),
+        ("depth_metric", {"sky": SKY}, False),
+        ("depth_metric", {"lamp": LAMP | {"bsdf": {"type": "null"}}}, True),
+        ("empty_space", fog(1.0), True),  # fills the box
+        ("empty_space", fog(1.0, "sphere"), False),
+        ("empty_space", scene_of(DIFFUSE), False),
+    ],
+)
+def test_what_follows_from_the_kinds_of_shapes(name: str, description: Description, needed: bool) -> None:
+    assert needs(description, BOX)[name].needed == needed
 
 
 @pytest.mark.parametrize(
@@ -88,12 +90,6 @@ def test_what_follows_from_the_optical_depth(description: Description, bin_is_st
     assert found["linear_quadrature"].needed == bin_is_stiff
     # what lies behind opaque matter is what can be left out
     assert found["behind_opaque"].needed == (not ray_is_opaque)
-
-
-def test_a_medium_that_fills_the_box_leaves_no_space_empty() -> None:
-    assert needs(fog(1.0), BOX)["empty_space"].needed
-    assert not needs(fog(1.0, "sphere"), BOX)["empty_space"].needed
-    assert not needs(scene_of(DIFFUSE), BOX)["empty_space"].needed
 
 
 @pytest.mark.parametrize(

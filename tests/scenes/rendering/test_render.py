@@ -9,7 +9,7 @@ import pytest
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Description
 from scenes.modelling.solids import ball, box, mesh
-from scenes.rendering.render import LoadedScene, RenderedView, RenderError, combine, even_spp, render_views, seed_from
+from scenes.rendering.render import LoadedScene, RenderedView, RenderError, even_spp, render_views, seed_from
 from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
@@ -240,16 +240,6 @@ def test_the_box_holds_all_shapes(scalar: Variant, description: Description) -> 
 def test_what_a_description_cannot_say_is_refused(scalar: Variant, entry: Description) -> None:
     with pytest.raises(RenderError, match=r"checkerboard|colour"):
         LoadedScene({"sky": WHITE_SKY, "thing": entry}, scalar, 4, 8, 8)
-
-
-def test_combining_two_halves() -> None:
-    a, b = np.zeros((1, 1, 4)), np.zeros((1, 1, 4))
-    a[0, 0], b[0, 0] = [0.2, 0.4, 0.6, 1.0], [0.4, 0.4, 0.2, 0.5]
-    view = combine(a, b, np.full((1, 1), 3.0), np.zeros((1, 1, 3)))
-    assert view.rgba[0, 0] == pytest.approx([0.3, 0.4, 0.4, 0.75])
-    assert view.variance[0, 0] == pytest.approx([0.01, 0.0, 0.04, 0.0625])
-    shown = [over_white(display_from_linear(half))[0, 0] for half in (a, b)]
-    assert view.noise_mse == pytest.approx(np.mean((shown[0] - shown[1]) ** 2) / 4, rel=1e-5)
 
 
 @pytest.mark.parametrize("fov", [0.0, -1.0, math.pi, math.nan])

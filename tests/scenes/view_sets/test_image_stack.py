@@ -32,20 +32,15 @@ def test_what_is_read_is_what_was_appended(tmp_path: Path, shape: tuple[int, ...
     assert stack.pixels(index[:0]).shape == (0, *shape[2:])
 
 
-@pytest.mark.parametrize("index", [5, -6])
-def test_an_image_that_is_not_there(tmp_path: Path, index: int) -> None:
-    with pytest.raises(IndexError):
-        ImageStack.of(images(), tmp_path)[index]
-
-
-def test_what_is_read_can_be_changed_without_changing_the_file(tmp_path: Path) -> None:
+def test_what_is_read_can_be_changed_and_an_image_that_is_not_there_or_of_another_size_is_refused(
+    tmp_path: Path,
+) -> None:
     stack = ImageStack.of(images(), tmp_path)
     stack[2][:] = 0.0
     assert np.array_equal(stack[2], images()[2])
-
-
-def test_an_image_of_another_size_is_refused(tmp_path: Path) -> None:
-    stack = ImageStack.of(images(), tmp_path)
+    for index in (5, -6):
+        with pytest.raises(IndexError):
+            stack[index]
     with pytest.raises(ValueError, match="among"):
         stack.append(np.zeros((6, 8, 4), np.float32))
     assert len(stack) == 5

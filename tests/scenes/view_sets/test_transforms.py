@@ -41,9 +41,7 @@ def test_what_is_written_is_read(folder: Path) -> None:
     assert frames.fov_x_radians == 0.69
     assert np.array_equal(frames.camera_to_world, POSES)
     assert [file.name for file in frames.files] == ["r_0.png", "r_1.png", "r_2.png"]
-
-
-def test_the_format_is_that_of_the_field(folder: Path) -> None:
+    # the format is that of the field
     data = json.loads((folder / "transforms_train.json").read_text())
     assert set(data) == {"camera_angle_x", "frames"}
     assert set(data["frames"][0]) == {"file_path", "rotation", "transform_matrix"}
