@@ -8,24 +8,25 @@ import json
 import math
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
+from msgspec import structs
 
 from baselines import fused_network
 from baselines.contract import Box
-from harness.gate.gates import FACTORS, Gate
-from harness.gate.limits import Limit
-from harness.gate.outcome import GateContext, Sample
-from harness.gate.process import classes_here, forced, in_child
+from harness.gate.gate_context import GateContext, complete
+from harness.gate.gates import FACTORS, STARTS, Start
+from harness.gate.limits import NONE_DIFFERS, Limit, judge
+from harness.gate.processor import classes_here, forced, in_child
 from harness.gate.references import Course, Courses, References
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
+from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.training import evaluate
 from harness.training.batches import Batches
@@ -38,6 +39,7 @@ STEPS = 24
 PIXELS_APART = 37
 """The stride of the pixels of a test view that are compared."""
 STREAM = "early"
+SETTINGS = "changed.settings"
 
 
 @dataclass(frozen=True)
@@ -53,29 +55,6 @@ class Precision:
 PRECISIONS = {
     "double": Precision(torch.float64, STEPS, (4, 12, 24)),
     "single": Precision(torch.float32, 5, (1, 3)),
-}
-
-
-@dataclass(frozen=True)
-class Start:
-    """A training whose first steps are recorded."""
-
-    method: str
-    fine_bins: int = 0
-    stirred: bool = False
-    """Whether the amplifier is moved away from the values at which it does nothing, and raw densities are of several
-    units.
-    """
-
-
-STARTS = {
-    "nerf": Start("nerf"),
-    "nerf_matched": Start("nerf_matched"),
-    "nerf_fine": Start("nerf", fine_bins=16),
-    "qnerf": Start("qnerf"),
-    "qnerf_stirred": Start("qnerf", stirred=True),
-    "qnerf_listing4": Start("qnerf_listing4"),
-    "qnerf_repaired": Start("qnerf_repaired"),
 }
 
 
@@ -96,7 +75,68 @@ REORDERINGS = {
 """The last one applies to single precision alone: single operations round to it."""
 
 
-def settings_of(start: Start, fused: bool = True) -> TrainSettings:
+def _answer(checks: dict[str, Check]) -> str:
+    failed = [name for name, check in checks.items() if check.is_broken]
+    return "Has anything changed? " + (f"yes: {', '.join(failed)}" if failed else "no more than the order of sums")
+
+
+@complete("changed", _answer)
+def measure(context: GateContext) -> Iterator[Check]:
+    """Compute the first steps again and compare them with the stored ones."""
+    asked, stored = context.of_kind("changed"), context.references
+    if SETTINGS in asked:
+        now = profile_settings()
+        others = sorted(key for key in now.keys() | stored.profiles.keys() if now.get(key) != stored.profiles.get(key))
+        why = ", ".join(f"{key} {stored.profiles.get(key)} → {now.get(key)}" for key in others)
+        yield judge(asked[SETTINGS], [len(others)], NONE_DIFFERS, why)
+    starts = tuple(start for start in STARTS if any(name.endswith(f".{start}") for name in asked))
+    for precision, seen in (in_child(courses, starts) if starts else {}).items():
+        limit = Limit(None, tolerance(precision, stored) * context.wider("changed"))
+        for start, new in seen.items():
+            if gate := asked.get(f"changed.{precision}.{start}"):
+                size, where = deviation(new, stored.courses[precision][start])
+                yield judge(gate, [size], limit, "unchanged" if size == 0.0 else where)
+
+
+def renew(context: GateContext) -> References:
+    """Return the references with new first steps, and with the deviations that other orders of the same sums cause."""
+    usual = in_child(courses)
+    reordered: dict[str, dict[str, float]] = {precision: {} for precision in PRECISIONS}
+
+    def compare(order: str, courses: Courses) -> None:
+        for precision, seen in courses.items():
+            reordered[precision][order] = float(f"{largest(seen, usual[precision]):.3g}")
+
+    for order, settings in REORDERINGS.items():
+        compare(order, in_child(courses, tuple(STARTS), settings))
+        context.show.line(f"changed: sums in another order, {order}")
+    for other in {"avx2", "avx512"} & set(classes_here()) - {context.of_class}:
+        with forced(other):
+            compare(f"class {other}", in_child(courses))
+    return structs.replace(context.references, profiles=profile_settings(), courses=usual, reordered=reordered)
+
+
+def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
+    """Return all that is recorded, in this process."""
+    torch.set_num_threads(order.threads)
+    usual = fused_network.BLOCK_BYTES
+    fused_network.BLOCK_BYTES = order.block_bytes
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            # a ball that needs no renderer, so that no renderer's rounding is in it
+            write_disc(Path(folder) / "views", 32, 12, 1, seed=1)
+            views = read_view_set(Path(folder) / "views", scratch=Path(folder))
+            return {
+                precision: {name: _course(STARTS[name], views, kind, order.fused) for name in names}
+                for precision, kind in PRECISIONS.items()
+                if order.fused or precision == "single"
+            }
+    finally:
+        fused_network.BLOCK_BYTES = usual
+        torch.set_num_threads(1)
+
+
+def _settings(start: Start, fused: bool) -> TrainSettings:
     """Return the default profile's settings, with a grid, a warm-up and a clipping that act within the first steps."""
     usual = PROFILES["reduced"].train
     return replace(
@@ -113,46 +153,17 @@ def settings_of(start: Start, fused: bool = True) -> TrainSettings:
     )
 
 
-def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
-    """Return all that is recorded, in this process."""
-    torch.set_num_threads(order.threads)
-    usual = fused_network.BLOCK_BYTES
-    fused_network.BLOCK_BYTES = order.block_bytes
-    try:
-        with drawn() as views:
-            return {
-                precision: {
-                    name: course(STARTS[name], views, precision, settings_of(STARTS[name], order.fused))
-                    for name in names
-                }
-                for precision in PRECISIONS
-                if order.fused or precision == "single"
-            }
-    finally:
-        fused_network.BLOCK_BYTES = usual
-        torch.set_num_threads(1)
-
-
-@contextmanager
-def drawn() -> Iterator[ViewSet]:
-    """Provide views of a ball that need no renderer, so that no renderer's rounding is in them."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_disc(Path(folder) / "views", 32, 12, 1, seed=1)
-        yield read_view_set(Path(folder) / "views", scratch=Path(folder))
-
-
-def course(start: Start, views: ViewSet, precision: str, settings: TrainSettings) -> Course:
+def _course(start: Start, views: ViewSet, kind: Precision, fused: bool) -> Course:
     """Return the first steps of one training."""
-    kind = PRECISIONS[precision]
     usual = torch.get_default_dtype()
     torch.set_default_dtype(kind.dtype)
     try:
-        return _course(start, views, kind, settings)
+        return _first_steps(start, views, kind, _settings(start, fused))
     finally:
         torch.set_default_dtype(usual)
 
 
-def _course(start: Start, views: ViewSet, kind: Precision, settings: TrainSettings) -> Course:
+def _first_steps(start: Start, views: ViewSet, kind: Precision, settings: TrainSettings) -> Course:
     cpu = torch.device("cpu")
     train, test = (
         replace(cameras, camera_to_world=cameras.camera_to_world.to(kind.dtype))
@@ -191,16 +202,16 @@ def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
     """
     if len(new.losses) != len(stored.losses) or new.renders.keys() != stored.renders.keys():
         return None, "the stored steps are others"
-    found = [
+    sizes = [
         (abs(ours - theirs) / abs(theirs), f"loss of step {step}")
         for step, (ours, theirs) in enumerate(zip(new.losses, stored.losses, strict=True))
     ]
     for step, theirs in stored.renders.items():
         off = np.asarray(new.renders[step]) - np.asarray(theirs)
-        found.append((float(np.sqrt(np.mean(off**2))), f"render after step {step}"))
-    if not all(math.isfinite(size) for size, _ in found):
+        sizes.append((float(np.sqrt(np.mean(off**2))), f"render after step {step}"))
+    if not all(math.isfinite(size) for size, _ in sizes):
         return None, "a loss or a render is not finite"
-    return max(found)
+    return max(sizes)
 
 
 def largest(new: Mapping[str, Course], stored: Mapping[str, Course]) -> float:
@@ -211,63 +222,24 @@ def largest(new: Mapping[str, Course], stored: Mapping[str, Course]) -> float:
     return max(size for size in sizes if size is not None)
 
 
+def tolerance(precision: str, stored: References) -> float:
+    """Return the deviation measured for reordered sums times the factor of `FACTORS`."""
+    return FACTORS[precision] * max(stored.reordered[precision].values())
+
+
 def profile_settings() -> dict[str, Any]:
     """Return what the profiles of the paper's two scales train, score and look at, setting by setting."""
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
 
     def walk(name: str, value: Any) -> None:
         if isinstance(value, dict):
             for key, inner in value.items():
                 walk(f"{name}.{key}", inner)
         else:
-            found[name] = value
+            settings[name] = value
 
     for profile in ("reduced", "full"):
-        settings = PROFILES[profile].settings()
         for part in ("budget", "train", "score", "views"):
-            walk(f"{profile}.{part}", settings[part])
-    return cast("dict[str, Any]", json.loads(json.dumps(found)))
-
-
-def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """Compute the first steps again and compare them with the stored ones."""
-    stored, found = situation.references, {}
-    names = {gate.name for gate in gates}
-    if "changed.settings" in names:
-        now = profile_settings()
-        others = [key for key in now.keys() | stored.profiles.keys() if now.get(key) != stored.profiles.get(key)]
-        why = ", ".join(f"{key} {stored.profiles.get(key)} → {now.get(key)}" for key in sorted(others))
-        found["changed.settings"] = Sample([float(len(others))], why)
-    starts = tuple(dict.fromkeys(name.split(".")[2] for name in names if name != "changed.settings"))
-    if starts:
-        for precision, seen in in_child(courses, starts).items():
-            limit = Limit(None, tolerance(precision, stored))
-            for start, course in seen.items():
-                size, where = deviation(course, stored.courses[precision][start])
-                note = "unchanged" if size == 0.0 else where
-                found[f"changed.{precision}.{start}"] = Sample([size], where, limit=limit, note=note)
-    return {name: sample for name, sample in found.items() if name in names}
-
-
-def tolerance(precision: str, stored: References) -> float:
-    """Return the deviation measured for reordered sums times the factor of `FACTORS`."""
-    return FACTORS[precision] * max(stored.reordered[precision].values()) * stored.wider("changed")
-
-
-def renew(situation: GateContext) -> References:
-    """Return the references with new first steps, and with the deviations that other orders of the same sums cause."""
-    name = situation.references.name
-    usual = in_child(courses)
-    reordered: dict[str, dict[str, float]] = {precision: {} for precision in PRECISIONS}
-
-    def compare(order: str, found: Courses) -> None:
-        for precision, seen in found.items():
-            reordered[precision][order] = float(f"{largest(seen, usual[precision]):.3g}")
-
-    for order, settings in REORDERINGS.items():
-        compare(order, in_child(courses, tuple(STARTS), settings))
-        situation.show.line(f"changed: sums in another order, {order}")
-    for other in {"avx2", "avx512"} & set(classes_here()) - {name}:
-        with forced(other):
-            compare(f"class {other}", in_child(courses))
-    return replace(situation.references, profiles=profile_settings(), courses=usual, reordered=reordered)
+            walk(f"{profile}.{part}", PROFILES[profile].settings()[part])
+    as_stored: dict[str, Any] = json.loads(json.dumps(settings))
+    return as_stored

@@ -7,6 +7,8 @@ the comparer, given cells without a difference, must not see one.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +17,15 @@ from torch import Tensor
 
 from baselines.catalog import CATALOG
 from baselines.contract import Rays
-from harness.gate.gates import TRAINED_METHODS, TRAINED_SCENES, Gate
-from harness.gate.outcome import GateContext, Sample
-from harness.gate.worse import gate_plan
+from harness.gate.gate_context import GateContext, complete
+from harness.gate.gates import TRAINED_METHODS
+from harness.gate.limits import NONE_DIFFERS, judge
+from harness.gate.worse import TRAIN
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
-from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
+from harness.plan.settings import GridSettings, ScoreSettings
 from harness.records.cells import CellRecord
-from harness.run_folder.folder_lock import scratch_folder
+from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.training.learner import Learner
 from harness.training.lockstep import box_of, train_group
@@ -35,44 +38,98 @@ COPY_STEPS = 40
 CPU = torch.device("cpu")
 
 
-def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    names = {gate.name for gate in gates}
-    found: dict[str, Sample] = {}
-    with scratch_folder(situation.out) as scratch:
-        views = drawn(scratch)
-        if "fairness.first_weights" in names:
-            found["fairness.first_weights"] = _counted(first_weights(TRAINED_METHODS, views))
-        if "fairness.batches" in names:
-            found["fairness.batches"] = _counted(other_batches(TRAINED_METHODS, views, scratch / "batches"))
-        cells: dict[str, list[CellRecord]] = {}
-        for method in TRAINED_METHODS:
-            copies = f"fairness.copies.{method}"
-            if copies in names or (method == "nerf" and "fairness.compared_copies" in names):
-                differing, cells[method] = copied(method, views, scratch / method)
-                found[copies] = _counted(differing)
-        if "fairness.compared_copies" in names:
-            found["fairness.compared_copies"] = _counted(seen_differences(cells["nerf"], "nerf", copy_of("nerf")))
-    return {name: sample for name, sample in found.items() if name in names}
+@complete("fairness")
+def measure(context: GateContext) -> Iterator[Check]:
+    """Train on a view set that needs no renderer, and count what is not equal."""
+    scratch = context.scratch
+    views = drawn(scratch)
+
+    @cache
+    def copies(method: str) -> tuple[int | None, list[CellRecord]]:
+        return copied(method, views, scratch / method)
+
+    for name, gate in context.of_kind("fairness").items():
+        match name.split(".")[1:]:
+            case ["first_weights"]:
+                differing = first_weights(TRAINED_METHODS, views)
+            case ["batches"]:
+                differing = other_batches(TRAINED_METHODS, views, scratch / "batches")
+            case ["copies", method]:
+                differing = copies(method)[0]
+            case _:
+                differing = seen_differences(copies("nerf")[1], "nerf")
+        yield judge(gate, [differing], NONE_DIFFERS, "nothing to compare" if differing is None else "")
 
 
-def _counted(differing: int | None) -> Sample:
-    return Sample(
-        [None if differing is None else float(differing)], "" if differing is not None else "nothing to compare"
-    )
+def drawn(folder: Path) -> ViewSet:
+    write_disc(folder / "views", 24, 8, 2, seed=1)
+    return read_view_set(folder / "views", scratch=folder)
 
 
 def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:
     """Return the gate's own training, shorter."""
-    plan = gate_plan((0,), TRAINED_SCENES, methods)
-    train = replace(plan.train, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
+    train = replace(TRAIN, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
     score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
     return GroupTask("drawn", seed, methods, train, score, Budget(COPY_STEPS, None), out)
 
 
-def drawn(folder: Path) -> ViewSet:
-    """Return a view set that needs no renderer."""
-    write_disc(folder / "views", 24, 8, 2, seed=1)
-    return read_view_set(folder / "views", scratch=folder)
+def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
+    """Return how many first weights differ between methods in tensors of the same name and shape; None without any
+    such.
+    """
+    train, box, budget = task_of(methods, 0, Path()).train, box_of(views, CPU), Budget(COPY_STEPS, None)
+    states = [
+        dict(learner_for(method, box, train, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods
+    ]
+    differing = [
+        int((first[name] != second[name]).sum())
+        for first, second in combinations(states, 2)
+        for name in first.keys() & second.keys()
+        if first[name].shape == second[name].shape and first[name].numel() > 1
+    ]
+    return sum(differing) if differing else None
+
+
+def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
+    """Return how many batches of lockstep training are not the first method's of the same step; None without two
+    methods.
+    """
+    given: dict[str, list[tuple[Tensor, ...]]] = {}
+    cells = list(train_group(task_of(methods, 0, out), views, {}, lambda share: None, watching([], given)))
+    if len(given) < 2 or any(cell.status != "done" for cell in cells):
+        return None
+    first = given[methods[0]]
+    differing = 0
+    for method in methods[1:]:
+        differing += abs(len(given[method]) - len(first))
+        for batch, other in zip(first, given[method], strict=False):
+            differing += not all(torch.equal(a, b) for a, b in zip(batch, other, strict=True))
+    return differing
+
+
+def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
+    """Return in how many weights and scores a method and its copy differ after training in lockstep with two seeds; the
+    cells.
+
+    The number is None if a cell did not end: there is then nothing to compare.
+    """
+    methods = (method, copy_of(method))
+    cells: list[CellRecord] = []
+    weights: dict[tuple[str, int], dict[str, Tensor]] = {}
+    with listed(methods[1], method):
+        for seed in (0, 1):
+            learners: list[Any] = []
+            cells += train_group(task_of(methods, seed, out), views, {}, lambda share: None, watching(learners))
+            weights |= {(learner.method, seed): dict(learner.fields.state_dict()) for learner in learners}
+    if any(cell.status != "done" for cell in cells) or len(cells) != 4:
+        return None, cells
+    differing = 0
+    for seed in (0, 1):
+        first, second = (weights[name, seed] for name in methods)
+        differing += sum(int((first[key] != second[key]).sum()) for key in first)
+        scores = [next(cell.scores for cell in cells if (cell.method, cell.seed) == (name, seed)) for name in methods]
+        differing += sum(scores[0][key] != scores[1][key] for key in scores[0])
+    return differing, cells
 
 
 def copy_of(method: str) -> str:
@@ -88,35 +145,6 @@ def listed(name: str, method: str) -> Iterator[None]:
         yield
     finally:
         del CATALOG[name]
-
-
-def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
-    """Return in how many weights and scores a method and its copy differ after training in lockstep with two seeds; the
-    cells.
-
-    The number is None if a cell did not end: there is then nothing to compare.
-    """
-    methods = (method, copy_of(method))
-    cells: list[CellRecord] = []
-    kept: dict[tuple[str, int], dict[str, Tensor]] = {}
-    with listed(methods[1], method):
-        for seed in (0, 1):
-            learners: list[Any] = []
-            cells += train_group(task_of(methods, seed, out), views, {}, _nothing, watching(learners))
-            kept |= {(one.method, seed): dict(one.fields.state_dict()) for one in learners}
-    if any(cell.status != "done" for cell in cells) or len(cells) != 4:
-        return None, cells
-    differing = 0
-    for seed in (0, 1):
-        first, second = (kept[name, seed] for name in methods)
-        differing += sum(int((first[key] != second[key]).sum()) for key in first)
-        scores = [next(cell.scores for cell in cells if (cell.method, cell.seed) == (name, seed)) for name in methods]
-        differing += sum(scores[0][key] != scores[1][key] for key in scores[0])
-    return differing, cells
-
-
-def _nothing(share: float) -> None:
-    pass
 
 
 def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
@@ -140,49 +168,11 @@ def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | Non
     return make
 
 
-def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
-    """Return how many batches of lockstep training are not the first method's of the same step; None without two
-    methods.
+def seen_differences(cells: list[CellRecord], method: str) -> int | None:
+    """Count comparisons of a method with its copy at equal steps with a difference that is not 0 or a verdict that is
+    better or worse; None without a comparison.
     """
-    given: dict[str, list[tuple[Tensor, ...]]] = {}
-    cells = list(train_group(task_of(methods, 0, out), views, {}, _nothing, watching([], given)))
-    if len(given) < 2 or any(cell.status != "done" for cell in cells):
-        return None
-    first = given[methods[0]]
-    differing = 0
-    for method in methods[1:]:
-        differing += abs(len(given[method]) - len(first))
-        differing += sum(
-            not all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
-            for one, other in zip(first, given[method], strict=False)
-        )
-    return differing
-
-
-def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
-    """Return how many first weights differ between methods in tensors of the same name and shape; None without any
-    such.
-    """
-    settings: TrainSettings = task_of(methods, 0, Path()).train
-    box, budget = box_of(views, CPU), Budget(COPY_STEPS, None)
-    states = [
-        dict(learner_for(method, box, settings, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods
-    ]
-    differing, shared = 0, 0
-    for number, first in enumerate(states):
-        for second in states[number + 1 :]:
-            for name in first.keys() & second.keys():
-                if first[name].shape == second[name].shape and first[name].numel() > 1:
-                    shared += 1
-                    differing += int((first[name] != second[name]).sum())
-    return differing if shared else None
-
-
-def seen_differences(cells: list[CellRecord], first: str, second: str) -> int | None:
-    """Count comparisons of copies at equal steps with a difference that is not 0 or a verdict that is better or
-    worse.
-    """
-    rows = [row for row in compare(cells, [first, second]) if row.budget == "steps" and row.pairs]
+    rows = [row for row in compare(cells, [method, copy_of(method)]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None
     return sum(row.difference != 0 or row.unpaired > 0 or row.verdict in ("better", "worse") for row in rows)

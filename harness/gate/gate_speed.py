@@ -6,26 +6,29 @@ A slower machine, or a busy one, is slower at both.
 
 import math
 import statistics
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
+from msgspec import structs
 from scipy.ndimage import gaussian_filter
 from scipy.stats import norm
 
 from baselines.plain import PlainField, plain_render, plain_step
-from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, TRAINED_SCENES, Gate, gates
-from harness.gate.limits import Limit
-from harness.gate.outcome import GateContext, Sample
-from harness.gate.process import in_child
+from harness.gate.gate_context import GateContext, complete
+from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
+from harness.gate.limits import Limit, judge
+from harness.gate.processor import in_child
 from harness.gate.references import References
-from harness.gate.worse import gate_plan
+from harness.gate.worse import TRAIN
+from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
-from harness.run_folder.folder_lock import scratch_folder
+from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.studies.speed.speed_context import interleaved, quotients
 from harness.training import evaluate
@@ -42,27 +45,25 @@ STREAM = "speed"
 CPU = torch.device("cpu")
 
 
-def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    stored = situation.references
-    found = in_child(ratios, tuple(gate.name for gate in gates), situation.out)
-    return {
-        name: Sample([ratio / centre_of(stored.speed[name])], limit=limit_of(stored.speed[name], stored.wider("speed")))
-        for name, ratio in found.items()
-        if name in stored.speed
-    }
+@complete("speed")
+def measure(context: GateContext) -> Iterator[Check]:
+    asked, stored = context.of_kind("speed"), context.references.speed
+    for name, quotient in in_child(ratios, tuple(asked)).items():
+        if before := stored.get(name):
+            yield judge(asked[name], [quotient / centre_of(before)], limit_of(before, context.wider("speed")))
 
 
-def renew(situation: GateContext) -> References:
+def renew(context: GateContext) -> References:
     """Measure in several processes, one after another: where data lies in memory differs by process and is part of the
     spread.
     """
     names = tuple(gate.name for gate in gates() if gate.kind == "speed")
-    found: dict[str, list[float]] = {name: [] for name in names}
+    speed: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):
-        for name, ratio in in_child(ratios, names, situation.out).items():
-            found[name].append(float(f"{ratio:.5g}"))
-        situation.show.line(f"speed: process {number + 1} of {RENEWAL_PROCESSES}")
-    return replace(situation.references, speed=found)
+        for name, quotient in in_child(ratios, names).items():
+            speed[name].append(float(f"{quotient:.5g}"))
+        context.show.line(f"speed: process {number + 1} of {RENEWAL_PROCESSES}")
+    return structs.replace(context.references, speed=speed)
 
 
 def centre_of(ratios: list[float]) -> float:
@@ -79,12 +80,12 @@ def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
     return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(norm.ppf(0.9)) * spread))
 
 
-def ratios(names: tuple[str, ...], out: Path, clock: Callable[[], float] = time.perf_counter) -> dict[str, float]:
+def ratios(names: tuple[str, ...]) -> dict[str, float]:
     """Return gate → median over the repetitions of seconds per seconds of the plain code."""
-    with scratch_folder(out) as scratch:
-        write_disc(scratch / "views", 40, 20, 2, seed=3)
-        views = read_view_set(scratch / "views", scratch=scratch)
-        return {name: ratio(*sides_of(name, views), clock) for name in names}
+    with tempfile.TemporaryDirectory() as folder:
+        write_disc(Path(folder) / "views", 40, 20, 2, seed=3)
+        views = read_view_set(Path(folder) / "views", scratch=Path(folder))
+        return {name: ratio(*sides_of(name, views)) for name in names}
 
 
 def ratio(
@@ -98,25 +99,27 @@ def ratio(
 def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[[], object]]:
     """Return what the gate of that name measures and the plain code beside it, as functions."""
     what, _, method = name.removeprefix("speed.").partition(".")
-    learner = trained(method or "nerf", views)
+    batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
+    learner = _trained(method or "nerf", views, batches)
     cameras = evaluate.cameras_of(views, views.test, CPU)
-    settings = gate_plan((0,), TRAINED_SCENES, (method,)).train
-    field = PlainField(settings.network, box_of(views, CPU), STREAM)
+    field = PlainField(TRAIN.network, box_of(views, CPU), STREAM)
     if what == "train":
-        batch_at = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba).stream(STREAM, settings.rays)
-        optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
-        first = batch_at(0)
+        optimiser = torch.optim.Adam(field.parameters(), lr=TRAIN.learning_rate)
+        first = batches.batch(STREAM, 0, TRAIN.rays)
 
         def plain() -> None:
-            plain_step(field, optimiser, *first, settings.bins, generator_for(STREAM, "plain"))
+            plain_step(field, optimiser, *first, TRAIN.bins, generator_for(STREAM, "plain"))
 
-        return partial(take_step, learner, batch_at), plain
+        def step() -> None:
+            learner.train_on(*batches.batch(STREAM, learner.step, TRAIN.rays))
+
+        return step, plain
     if what == "render":
         rays, white = cameras.all_rays(0), torch.ones(3)
         without = torch.no_grad()(plain_render)
         return (
             lambda: evaluate.render_view(learner, cameras, 0, 2048),
-            lambda: without(field, rays, settings.bins, white, None),
+            lambda: without(field, rays, TRAIN.bins, white, None),
         )
     image = evaluate.render_view(learner, cameras, 0, 2048)
     clipped = replace(image, colour=np.clip(image.colour, 0.0, 1.0))
@@ -128,11 +131,10 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
     return lambda: evaluate.view_scores(clipped, views.test, 0), filtered
 
 
-def trained(method: str, views: ViewSet) -> Learner:
+def _trained(method: str, views: ViewSet, batches: Batches) -> Learner:
     """Return a learner trained with the gate's settings, past the step from which the grid is in use."""
-    plan = gate_plan((0,), TRAINED_SCENES, (method,))
-    learner = Trainer(method, box_of(views, CPU), plan.train, plan.budget, STREAM, CPU)
-    batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
-    batch_at = batches.stream(STREAM, plan.train.rays)
-    learner.warm_up(*batch_at(0))
-    return train(learner, batch_at, at_step(STEPS_BEFORE))
+    learner = Trainer(method, box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU)
+    learner.warm_up(*batches.batch(STREAM, 0, TRAIN.rays))
+    for step in range(STEPS_BEFORE):
+        learner.train_on(*batches.batch(STREAM, step, TRAIN.rays))
+    return learner

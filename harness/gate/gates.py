@@ -1,11 +1,10 @@
 """The gates: one table made from a few literal settings."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 Kind = Literal["changed", "worse", "images", "fairness", "speed"]
-Rule = Literal["mean", "largest", "none_differs", "of_class"]
-KINDS: tuple[Kind, ...] = ("changed", "worse", "images", "fairness", "speed")
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 TRAINED_SCENES = ("lego", "drums", "hotdog")
 TRAINED_METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_repaired")
@@ -29,8 +28,10 @@ SLOWER_FOUND = 1.5
 """The slowdown that must be detected; the limit is the square root of it."""
 FACTORS = {"double": 1e4, "single": 10.0}
 """Precision → the factor by which the first steps may deviate by more than all measured reorderings."""
-WIDER = {"changed": 10.0, "worse": 2.0, "speed": 1.5}
-"""Kind → the factor by which its limits are wider on a class of processor that has no references."""
+WIDER: dict[Kind, float] = {"changed": 10.0, "worse": 2.0, "speed": 1.5}
+"""The kinds that are held to references of a class of processor → the factor by which their limits are wider on a class
+that has no references.
+"""
 
 IMAGE_SCENES = ("lego", "drums", "hotdog", "materials")
 IMAGE_VIEW = 30
@@ -49,116 +50,93 @@ RENEWAL_PROCESSES = 4
 
 
 @dataclass(frozen=True)
+class Start:
+    """A training whose first steps are recorded."""
+
+    method: str
+    fine_bins: int = 0
+    stirred: bool = False
+    """Whether the amplifier is moved away from the values at which it does nothing, and raw densities are of several
+    units.
+    """
+
+
+STARTS = {
+    "nerf": Start("nerf"),
+    "nerf_matched": Start("nerf_matched"),
+    "nerf_fine": Start("nerf", fine_bins=16),
+    "qnerf": Start("qnerf"),
+    "qnerf_stirred": Start("qnerf", stirred=True),
+    "qnerf_listing4": Start("qnerf_listing4"),
+    "qnerf_repaired": Start("qnerf_repaired"),
+}
+
+
+@dataclass(frozen=True)
 class Gate:
     """One figure that is compared with limits."""
 
     name: str
-    kind: Kind
+    """The kind and what distinguishes it within the kind, joined by dots."""
     what: str
-    unit: str
-    rule: Rule
-    """The rule by which limits follow from what was measured (`harness.gate.limits`, `harness.gate.references`)."""
+    unit: str = ""
     new: int = 1
     """The measurements that the gate's figure is made from."""
+
+    @property
+    def kind(self) -> Kind:
+        return cast("Kind", self.name.partition(".")[0])
+
+    @property
+    def is_largest(self) -> bool:
+        """Whether its figure is the largest of the measurements; otherwise it is their mean."""
+        return self.name.endswith(".largest")
 
 
 def gates() -> tuple[Gate, ...]:
     """Return all gates, in the order in which they are shown."""
-    return (*_changed(), *_worse(), *_images(), *_fairness(), *_speed())
-
-
-STARTS = ("nerf", "nerf_matched", "nerf_fine", "qnerf", "qnerf_stirred", "qnerf_listing4", "qnerf_repaired")
-"""The trainings whose first steps are recorded (`harness.gate.early`)."""
-
-
-def _changed() -> list[Gate]:
-    found = [
-        Gate("changed.settings", "changed", "settings of the profiles that are not the stored ones", "", "none_differs")
-    ]
-    for precision in ("double", "single"):
-        for start in STARTS:
-            what = f"{start}: largest relative deviation of the first losses and renders, in {precision} precision"
-            found.append(Gate(f"changed.{precision}.{start}", "changed", what, "", "of_class"))
-    return found
-
-
-def _worse() -> list[Gate]:
-    found = []
+    table = [Gate("changed.settings", "settings of the profiles that are not the stored ones")]
+    what = "largest relative deviation of the first losses and renders"
+    for precision in FACTORS:
+        table += [Gate(f"changed.{precision}.{name}", f"{name}: {what}, in {precision} precision") for name in STARTS]
+    what = "cell by cell against the stored one of the same seed, mean over cells"
     for method in ("all", *TRAINED_METHODS):
-        for score, unit in SCORES.items():
-            of = "all methods" if method == "all" else method
-            what = f"{score} of {of}, cell by cell against the stored one of the same seed, mean over cells"
-            found.append(Gate(f"worse.{method}.{score}", "worse", what, unit, "of_class"))
+        of = "all methods" if method == "all" else method
+        table += [Gate(f"worse.{method}.{score}", f"{score} of {of}, {what}", unit) for score, unit in SCORES.items()]
     for method, against in HEADLINES:
         what = f"PSNR of {method} less that of {against} over scenes, against the stored one"
-        found.append(Gate(f"worse.headline.{method}_{against}", "worse", what, "dB", "of_class"))
+        table.append(Gate(f"worse.headline.{method}_{against}", what, "dB"))
     what = "numbers of the stored cells' comparisons that the comparer now gives otherwise"
-    return [*found, Gate("worse.headline.statistics", "worse", what, "", "none_differs")]
-
-
-def _images() -> list[Gate]:
-    found = []
+    table.append(Gate("worse.headline.statistics", what))
     for scene in IMAGE_SCENES:
-        found += [
-            Gate(
-                f"images.{scene}.bias",
-                "images",
-                f"{scene}: brightness less the reference's, pixels weighted by their precision",
-                "%",
-                "mean",
-                IMAGE_BATCHES,
-            ),
-            Gate(
-                f"images.{scene}.pixels",
-                "images",
-                f"{scene}: mean square of the pixels' deviations in standard errors, each cut at 25",
-                "",
-                "mean",
-            ),
-            Gate(
-                f"images.{scene}.largest",
-                "images",
-                f"{scene}: largest deviation of a pixel of one render, in standard deviations",
-                "σ",
-                "largest",
-                IMAGE_BATCHES,
-            ),
-        ]
+        what = f"{scene}: brightness less the reference's, pixels weighted by their precision"
+        table.append(Gate(f"images.{scene}.bias", what, "%", IMAGE_BATCHES))
+        what = f"{scene}: mean square of the pixels' deviations in standard errors, each cut at 25"
+        table.append(Gate(f"images.{scene}.pixels", what))
+        what = f"{scene}: largest deviation of a pixel of one render, in standard deviations"
+        table.append(Gate(f"images.{scene}.largest", what, "σ", IMAGE_BATCHES))
     what = "all scenes: brightness less the reference's, scenes weighted by their precision"
-    return [*found, Gate("images.all.bias", "images", what, "%", "mean", IMAGE_BATCHES)]
-
-
-def _fairness() -> list[Gate]:
-    def gate(name: str, what: str) -> Gate:
-        return Gate(f"fairness.{name}", "fairness", what, "", "none_differs")
-
-    return [
-        gate("first_weights", "first weights that differ where methods share name and shape"),
-        gate("batches", "batches that are not those of the first method at the same step"),
-        *(
-            gate(f"copies.{method}", f"weights and scores in which two copies of {method} differ")
-            for method in TRAINED_METHODS
-        ),
-        gate("compared_copies", "comparisons of copies that see a difference"),
+    table.append(Gate("images.all.bias", what, "%", IMAGE_BATCHES))
+    table.append(Gate("fairness.first_weights", "first weights that differ where methods share name and shape"))
+    table.append(Gate("fairness.batches", "batches that are not those of the first method at the same step"))
+    for method in TRAINED_METHODS:
+        what = f"weights and scores in which two copies of {method} differ"
+        table.append(Gate(f"fairness.copies.{method}", what))
+    table.append(Gate("fairness.compared_copies", "comparisons of copies that see a difference"))
+    timed = {f"train.{method}": f"a training step of {method} beside a plain one" for method in TRAINED_METHODS}
+    timed |= {f"render.{method}": f"a view of {method} beside a plain one" for method in ("nerf", "qnerf")}
+    timed["score"] = "all scores of a view beside a fixed filter"
+    table += [
+        Gate(f"speed.{name}", f"{what}, times as long as when it was stored", "×") for name, what in timed.items()
     ]
-
-
-def _speed() -> list[Gate]:
-    def gate(name: str, what: str) -> Gate:
-        return Gate(f"speed.{name}", "speed", f"{what}, times as long as when it was stored", "×", "of_class")
-
-    return [
-        *(gate(f"train.{method}", f"a training step of {method} beside a plain one") for method in TRAINED_METHODS),
-        *(gate(f"render.{method}", f"a view of {method} beside a plain one") for method in ("nerf", "qnerf")),
-        gate("score", "all scores of a view beside a fixed filter"),
-    ]
+    return tuple(table)
 
 
 def settings_of(kind: Kind) -> dict[str, Any]:
     """Return the settings that limits of a kind are only valid for, as JSON, without those whose change shows as a
     failing gate.
     """
-    found: dict[Kind, dict[str, Any]] = {
+    settings: dict[Kind, dict[str, Any]] = {
         "changed": {"starts": list(STARTS)},
         "worse": {
             "steps": STEPS,
@@ -176,4 +154,4 @@ def settings_of(kind: Kind) -> dict[str, Any]:
         },
         "speed": {"repeats": SPEED_REPEATS},
     }
-    return found.get(kind, {})
+    return settings.get(kind, {})

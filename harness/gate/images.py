@@ -3,15 +3,16 @@
 Images are `[batches, height, width, 4]`, linear and premultiplied; a batch is one independent render.
 """
 
-import hashlib
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
+from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import (
     IMAGE_BATCHES,
     IMAGE_RESOLUTION,
@@ -20,17 +21,20 @@ from harness.gate.gates import (
     IMAGE_VIEW,
     REFERENCE_BATCHES,
     RENEWAL_BLOCKS,
-    Gate,
 )
-from harness.gate.outcome import GateContext, Pictures, Sample
+from harness.gate.limits import Limit, LimitsFile, judge
+from harness.records.json_record import file_digest
+from harness.records.study import Check
 from scenes.files.errors import InputError
-from scenes.view_sets.images import read_channels, write_channels
+from scenes.view_sets.images import read_channels, write_channels, write_png
 from scenes.view_sets.pixels import display_from_linear, over_white
 
 LARGEST_SQUARE = 25.0
 """The value at which a pixel's squared deviation is cut, so that the mean is about all pixels; single ones have a test
 of their own.
 """
+ENLARGED = 6
+"""The pixels of a picture along each side of one of the image's."""
 
 
 @dataclass(frozen=True)
@@ -111,82 +115,79 @@ Renders = dict[str, np.ndarray]
 """Scene → [batches, height, width, 4], linear and premultiplied."""
 
 
-def scenes_of(gates: Iterable[Gate]) -> tuple[str, ...]:
-    """Return the scenes whose renders these gates need."""
-    names = {gate.name.split(".")[1] for gate in gates}
-    return tuple(scene for scene in IMAGE_SCENES if scene in names or "all" in names)
+def scenes_of(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the scenes whose renders the gates of these names need."""
+    named = {name.split(".")[1] for name in names}
+    return tuple(scene for scene in IMAGE_SCENES if scene in named or "all" in named)
 
 
-def measure(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Sample]:
-    """Render and compare. Raises `InputError` as `references_for`."""
-    scenes = scenes_of(gates)
-    references = references_for(situation, gates)
-    shown = rendered(scenes, "gate", IMAGE_BATCHES, situation.out)
-    spreads = {
-        scene: limit.spread
-        for scene in scenes
-        if (limit := situation.limits.limits.get(f"images.{scene}.bias")) is not None and limit.spread
-    }
-    return samples(gates, shown, references, spreads)
-
-
-def references_for(situation: GateContext, gates: tuple[Gate, ...]) -> dict[str, Reference]:
+def references_for(context: GateContext) -> dict[str, Reference]:
     """Read the references. Raises `InputError` for one that is missing, damaged or not the one of the limits."""
-    return {scene: stored(situation, scene) for scene in scenes_of(gates)}
+    scenes = scenes_of(context.of_kind("images"))
+    return {scene: _stored(context.limits, context.images, scene) for scene in scenes}
 
 
-def samples(
-    gates: Iterable[Gate], renders: Renders, references: dict[str, Reference], spreads: dict[str, float]
-) -> dict[str, Sample]:
-    """Return one sample for each gate; `spreads` of the biases weigh the scenes."""
-    shifts = {scene: biases(renders[scene], references[scene]) for scene in renders}
-    found = {}
-    for gate in gates:
-        _, scene, test = gate.name.split(".")
-        if scene == "all":
-            known = sorted(spreads)
-            if set(known) != set(renders):
-                found[gate.name] = Sample([], "the scenes' own limits, which weigh them, are missing")
-            else:
-                found[gate.name] = Sample(
-                    pooled([shifts[one] for one in known], [spreads[one] for one in known]).tolist()
-                )
+@complete("images")
+def measure(context: GateContext) -> Iterator[Check]:
+    """Render and compare; what fails leaves pictures. Raises `InputError` as `references_for`."""
+    references = references_for(context)
+    renders = rendered(tuple(references), "gate", IMAGE_BATCHES, context.scratch)
+    figures = figures_of(renders, references, context.limits.limits)
+    for name, gate in context.of_kind("images").items():
+        if name not in figures:
+            yield judge(gate, [], "the scenes' own limits, which weigh them, are missing")
             continue
-        values = values_of(test, renders[scene], references[scene])
-        found[gate.name] = Sample(values, pictures=pictures_of(renders[scene], references[scene], test))
-    return found
+        check = judge(gate, figures[name], context.limits.limit_of(gate))
+        _, scene, test = name.split(".")
+        if check.is_broken and scene in renders:
+            folder = context.out / "failed" / name
+            leave_pictures(folder, renders[scene], references[scene], test)
+            check = structs.replace(check, why="; ".join(filter(None, (check.why, f"pictures: {folder}"))))
+        yield check
 
 
-def values_of(test: str, renders: np.ndarray, reference: Reference) -> list[float | None]:
-    """Return the figures of one test: one per render, or one of all."""
-    if test == "bias":
-        return list(biases(renders, reference))
-    if test == "largest":
-        return list(largest(renders, reference))
-    return [mean_square(renders, reference)]
+def figures_of(
+    renders: Renders, references: dict[str, Reference], limits: Mapping[str, Limit]
+) -> dict[str, list[float]]:
+    """Return the measurements for each gate of these scenes; the spreads of the biases' limits weigh the scenes."""
+    figures = {}
+    for scene, images in renders.items():
+        figures[f"images.{scene}.bias"] = biases(images, references[scene]).tolist()
+        figures[f"images.{scene}.pixels"] = [mean_square(images, references[scene])]
+        figures[f"images.{scene}.largest"] = largest(images, references[scene]).tolist()
+    scenes = sorted(renders)
+    known = [limits.get(f"images.{scene}.bias") for scene in scenes]
+    spreads = [limit.spread for limit in known if limit is not None and limit.spread]
+    if len(spreads) == len(scenes):
+        shifts = [np.array(figures[f"images.{scene}.bias"]) for scene in scenes]
+        figures["images.all.bias"] = pooled(shifts, spreads).tolist()
+    return figures
 
 
-def renew(situation: GateContext) -> dict[str, list[float]]:
+def renew(context: GateContext) -> dict[str, list[float]]:
     """Render references anew, store them, and measure further renders against them, which limits are made of.
 
     All scenes are renewed together: an image and its limits belong together.
     """
-    reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, situation.out)
-    further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, situation.out)
-    found: dict[str, list[float]] = {}
-    shifts, references = {}, {}
-    for scene in IMAGE_SCENES:
-        # as it is read back, in single precision
-        references[scene] = reference = store(situation.images, scene, reference_renders[scene])
-        shifts[scene] = biases(further[scene], reference)
-        found[f"images.{scene}.bias"] = shifts[scene].tolist()
-        found[f"images.{scene}.largest"] = largest(further[scene], reference).tolist()
-        found[f"images.{scene}.pixels"] = [
-            mean_square(block, reference) for block in np.split(further[scene], RENEWAL_BLOCKS)
-        ]
+    reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, context.scratch)
+    further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, context.scratch)
+    # as it is read back, in single precision
+    references = {scene: store(context.images, scene, reference_renders[scene]) for scene in IMAGE_SCENES}
+    return values_for_limits(further, references)
+
+
+def values_for_limits(further: Renders, references: dict[str, Reference]) -> dict[str, list[float]]:
+    """Return the measurements that the limits of all gates of these scenes are made of."""
+    values: dict[str, list[float]] = {}
+    shifts = {scene: biases(further[scene], references[scene]) for scene in further}
+    for scene, reference in references.items():
+        blocks = np.split(further[scene], RENEWAL_BLOCKS)
+        values[f"images.{scene}.bias"] = shifts[scene].tolist()
+        values[f"images.{scene}.largest"] = largest(further[scene], reference).tolist()
+        values[f"images.{scene}.pixels"] = [mean_square(block, reference) for block in blocks]
     spreads = [float(shifts[scene].std(ddof=1)) for scene in sorted(shifts)]
-    found["images.all.bias"] = pooled([shifts[scene] for scene in sorted(shifts)], spreads).tolist()
-    return found
+    values["images.all.bias"] = pooled([shifts[scene] for scene in sorted(shifts)], spreads).tolist()
+    return values
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
@@ -195,23 +196,17 @@ def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Ren
     """
     folder = out / "renders" / stream
     folder.mkdir(parents=True, exist_ok=True)
-    ended = _render(scenes, stream, count, folder, ())
+    command = [sys.executable, "-m", "scenes", "repeats", str(folder), *scenes, "--stream", stream]
+    for name, value in {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP, "count": count}.items():
+        command += [f"--{name}", str(value)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode < 0:
-        ended = _render(scenes, stream, count, folder, ("--variant", "scalar_rgb"))
+        ended = subprocess.run([*command, "--variant", "scalar_rgb"], capture_output=True, text=True, check=False)
     if ended.returncode == 2:
         raise InputError(ended.stderr.strip().removeprefix("scenes: "))
     if ended.returncode:
         raise RuntimeError(f"rendering ended with exit code {ended.returncode}: {ended.stderr[-2000:]}")
     return {scene: np.load(folder / f"{scene}.npy", allow_pickle=False).astype(np.float64) for scene in scenes}
-
-
-def _render(
-    scenes: tuple[str, ...], stream: str, count: int, folder: Path, options: tuple[str, ...]
-) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "scenes", "repeats", str(folder), *scenes, "--stream", stream]
-    for name, value in {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP, "count": count}.items():
-        command += [f"--{name}", str(value)]
-    return subprocess.run([*command, *options], capture_output=True, text=True, check=False)
 
 
 def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
@@ -241,31 +236,31 @@ def read_reference(folder: Path, scene: str) -> Reference:
         raise InputError(f"{file}: no mean and variance of renders ({error}); {remedy}") from error
 
 
-def stored(situation: GateContext, scene: str) -> Reference:
+def _stored(limits: LimitsFile, folder: Path, scene: str) -> Reference:
     """Return the reference that the limits were measured against; raises `InputError` for another one."""
-    facts = situation.limits.kinds.get("images")
-    reference = read_reference(situation.images, scene)
-    name = f"{scene}.exr"
-    if facts is not None and facts.files.get(name) != digest(situation.images / name):
+    reference, file = read_reference(folder, scene), folder / f"{scene}.exr"
+    facts = limits.kinds.get("images")
+    if facts is not None and facts.files.get(file.name) != file_digest(file):
         raise InputError(
-            f"{situation.images / name}: not the image that the limits were measured against; get both back from "
-            "version control, or renew both with `python -m harness gate --renew --only images`"
+            f"{file}: not the image that the limits were measured against; get both back from version control, or "
+            "renew both with `python -m harness gate --renew --only images`"
         )
     return reference
 
 
-def digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def pictures_of(renders: np.ndarray, reference: Reference, test: str) -> Pictures:
-    """Return the renders' mean, or for `largest` the render that deviates most; the difference is in standard
-    deviations, grey if nothing differs, black and white at ± 5.
+def leave_pictures(folder: Path, renders: np.ndarray, reference: Reference, test: str) -> None:
+    """Write the renders' mean, or for `largest` the render that deviates most, the reference and their difference as
+    PNG: in standard deviations, grey if nothing differs, black and white at ± 5.
     """
     if test == "largest":
         image = renders[int(np.argmax(largest(renders, reference)))]
         z = (image - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
     else:
         image, z = renders.mean(axis=0), standardised(renders, reference)
-    first, second = (over_white(display_from_linear(np.nan_to_num(one))) for one in (image, reference.mean))
-    return Pictures(first, second, np.clip(0.5 + np.nan_to_num(z[..., :3]) / 10.0, 0.0, 1.0))
+    shown, expected = (over_white(display_from_linear(np.nan_to_num(pixels))) for pixels in (image, reference.mean))
+    difference = 0.5 + np.nan_to_num(z[..., :3]) / 10.0
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, pixels in {"image": shown, "reference": expected, "difference": difference}.items():
+        enlarged = np.clip(pixels, 0.0, 1.0).repeat(ENLARGED, axis=0).repeat(ENLARGED, axis=1)
+        opaque = np.ones((*enlarged.shape[:2], 1))
+        write_png(folder / f"{name}.png", np.concatenate([enlarged, opaque], axis=-1))

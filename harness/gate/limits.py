@@ -1,4 +1,4 @@
-"""Limits of images derived from measurements (`gates/limits.json`), and the changes that they detect.
+"""Limits of images derived from measurements (`gates/limits.json`), and how a figure is held to a limit.
 
 A limit is a prediction interval: new renders of the same code lie outside with a probability of `LEVEL`, if spreads are
 normal, their own uncertainty included (Student). How far that holds in the outer tail is not known from a few
@@ -8,27 +8,29 @@ measurements; no measurement is ever left out. The file holds for every processo
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from msgspec import field, structs
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from harness.gate.gates import Gate, Kind, settings_of
-from harness.records.json_record import load_json
+from harness.gate.gates import Gate, Kind, gates, settings_of
+from harness.records.json_record import DamagedRecord, Record, plain, read_record
+from harness.records.study import Check, check
 from harness.verdicts.statistics import POWER, shift_found
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 LEVEL = 0.01 / 80
 EULER = 0.5772156649
+SCHEMA = 1
+DIGITS = 5
 
 
-@dataclass(frozen=True)
-class Limit:
+class Limit(Record, frozen=True):
     """The limits of one gate: at least `low`, at most `high`."""
 
     low: float | None
@@ -42,8 +44,30 @@ class Limit:
     """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
     `spread`; for `largest` the deviation itself."""
 
+    def __post_init__(self) -> None:
+        if self.low is None and self.high is None:
+            raise ValueError("there is neither a lower nor an upper limit")
 
-NONE_DIFFERS = Limit(None, 0.0, detects=1.0)
+
+NONE_DIFFERS = Limit(None, 0.0)
+
+
+def judge(gate: Gate, values: Sequence[float | None], limit: Limit | str, why: str = "") -> Check:
+    """Hold the figure of the new measurements `values` to its limit; in place of a limit, why there is none.
+
+    It fails without a limit, and without a figure: a value that is missing or not finite is never left out.
+    """
+    sample = [value for value in values if value is not None and math.isfinite(value)]
+    figure = None
+    if sample and len(sample) == len(values):
+        figure = float(np.max(sample) if gate.is_largest else np.mean(sample))
+    if isinstance(limit, str):
+        unheld = check(gate.what, figure, unit=gate.unit, why=limit, subject=gate.name, id=gate.name)
+        return structs.replace(unheld, status="fail")
+    detects = "" if limit.detects is None else f"detects {limit.detects:.3g}{gate.unit and f' {gate.unit}'}"
+    reason = why or ("no finite figure" if figure is None else "")
+    why = "; ".join(filter(None, (reason, detects)))
+    return check(gate.what, figure, limit.low, limit.high, gate.unit, why, subject=gate.name, id=gate.name)
 
 
 def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
@@ -54,12 +78,12 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
     sample = np.asarray(values, dtype=np.float64)
     if sample.size < 3 or not np.isfinite(sample).all():
         raise ValueError(f"{gate.name}: three or more finite measurements are needed, got {values}")
-    if gate.rule == "largest":
+    if gate.is_largest:
         if sample.min() <= 0:
             raise ValueError(f"{gate.name}: measurements must be above 0, got {values}")
         sample = np.log(sample)
     centre, spread, many = float(sample.mean()), float(sample.std(ddof=1)), int(sample.size)
-    if gate.rule == "largest":
+    if gate.is_largest:
         return _largest(centre, spread, many, gate.new)
     error = spread * math.sqrt(1 / gate.new + 1 / many)
     beyond = _quantile(1 - LEVEL / 2, many - 1)
@@ -86,29 +110,7 @@ def _quantile(share: float, freedom: int) -> float:
     return float(student.ppf(share, freedom))
 
 
-def figure_of(gate: Gate, values: Sequence[float | None]) -> float | None:
-    """Return the gate's figure from its new measurements; None if one is missing or not finite: that is never left
-    out.
-    """
-    sample = [value for value in values if value is not None and math.isfinite(value)]
-    if len(sample) != len(values) or not sample:
-        return None
-    return float(np.max(sample) if gate.rule == "largest" else np.mean(sample))
-
-
-def excess_of(figure: float, limit: Limit) -> float:
-    """Return by how much the figure is beyond its limit; 0 or less if it is within."""
-    beyond = [limit.low - figure] if limit.low is not None else []
-    beyond += [figure - limit.high] if limit.high is not None else []
-    return max(beyond)
-
-
-SCHEMA = 1
-DIGITS = 5
-
-
-@dataclass(frozen=True)
-class KindFacts:
+class KindFacts(Record, frozen=True):
     """The place and the tools with which the limits of a kind were measured."""
 
     settings: dict[str, Any]
@@ -118,89 +120,72 @@ class KindFacts:
     """File that belongs to them → SHA-256."""
 
 
-@dataclass(frozen=True)
-class LimitsFile:
-    kinds: dict[str, KindFacts] = field(default_factory=dict)
-    values: dict[str, list[float]] = field(default_factory=dict)
-    """Gate → the measurements at renewal; limits follow from them (`harness.gate.limits.limit_from`)."""
+def unfit(kind: Kind, kinds: Mapping[Kind, KindFacts]) -> str:
+    """Return why a kind cannot be held to what is stored, with the remedy; empty if it can."""
+    remedy = f"renew with `python -m harness gate --renew --only {kind}` and review what changed"
+    if kind not in kinds:
+        return f"nothing is stored for it; {remedy}"
+    if kinds[kind].settings != settings_of(kind):
+        return f"what is stored was measured with other settings of the gate; {remedy}"
+    return ""
+
+
+class LimitsFile(Record, frozen=True):
+    """The limits in force, and what they were made of."""
+
+    kinds: dict[Kind, KindFacts] = field(default_factory=dict)
     limits: dict[str, Limit] = field(default_factory=dict)
-    """The limits in force."""
+    values: dict[str, list[float]] = field(default_factory=dict)
+    """Gate → the measurements at renewal, which its limit follows from (`limit_from`)."""
+    schema: int = SCHEMA
 
-    def limit_of(self, gate: Gate) -> tuple[Limit | None, str]:
-        """Return the limit, or None and why there is none, with the remedy."""
-        remedy = f"renew with `python -m harness gate --renew --only {gate.name}` and review what changed"
-        if gate.name not in self.limits:
-            return None, f"there is no limit for it; {remedy}"
-        facts = self.kinds.get(gate.kind)
-        if facts is None or facts.settings != json.loads(json.dumps(settings_of(gate.kind))):
-            return None, f"its limit was measured with other settings of the gate; {remedy}"
-        return self.limits[gate.name], ""
+    def limit_of(self, gate: Gate) -> Limit | str:
+        """Return the limit, or why there is none, with the remedy."""
+        return unfit(gate.kind, self.kinds) or self.limits.get(gate.name) or unfit(gate.kind, {})
 
-    def renewed(
-        self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts, table: Sequence[Gate]
-    ) -> "LimitsFile":
+    def renewed(self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts) -> "LimitsFile":
         """Return the file with new measurements of one kind; every limit is computed anew."""
-        kept = self.values | {name: [_rounded(one) for one in found] for name, found in values.items()}
-        kept = {gate.name: kept[gate.name] for gate in table if gate.name in kept}
-        limits = {gate.name: _tidy(limit_from(gate, kept[gate.name])) for gate in table if gate.name in kept}
-        return replace(self, kinds={**self.kinds, kind: facts}, values=kept, limits=limits)
+        measured = self.values | {name: [_rounded(value) for value in some] for name, some in values.items()}
+        table = [gate for gate in gates() if gate.name in measured]
+        return LimitsFile(
+            {**self.kinds, kind: facts},
+            {gate.name: _tidy(limit_from(gate, measured[gate.name])) for gate in table},
+            {gate.name: measured[gate.name] for gate in table},
+        )
 
 
-def read_limits(file: Path) -> LimitsFile:
-    """Read the limits. Raises `InputError`, with the remedy, for a file that is missing or damaged."""
-    remedy = "make it with `python -m harness gate --renew`, review it, and commit it"
-    restore = f"get it back from version control, or {remedy}"
+Stored = TypeVar("Stored")
+
+
+def read_stored(file: Path, kind: type[Stored]) -> Stored:
+    """Read a reviewed file of gates. Raises `InputError`, with the remedy, for one that is missing or damaged."""
+    remedy = "get it back from version control, or make it with `python -m harness gate --renew`, review and commit it"
+    if not file.exists():
+        raise InputError(f"{file}: there is no such file; {remedy}")
     try:
-        data = load_json(file)
-    except FileNotFoundError as error:
-        raise InputError(f"--limits {file}: there is no such file; {remedy}") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"--limits {file}: {error}; {restore}") from error
-    try:
-        if data["schema"] != SCHEMA:
-            raise ValueError(f"schema {data['schema']}, this version reads {SCHEMA}")
-        kinds = {name: KindFacts(**facts) for name, facts in data["kinds"].items()}
-        limits = {name: Limit(**{key: _number(value) for key, value in one.items()}) for name, one in
-                  data["limits"].items()}  # fmt: skip
-        values = {name: [float(one) for one in found] for name, found in data["values"].items()}
-        for name, limit in limits.items():
-            if limit.low is None and limit.high is None:
-                raise ValueError(f"{name} has neither a lower nor an upper limit")
-        return LimitsFile(kinds, values, limits)
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
-        raise InputError(f"--limits {file}: damaged ({error}); {restore}") from error
+        return read_record(file, kind, SCHEMA, remedy=remedy)
+    except DamagedRecord as error:
+        raise InputError(error) from error
 
 
-def write_limits(file: Path, limits: LimitsFile) -> None:
-    """Write the limits. Raises `OSError` if they cannot be written."""
-    text = {
-        "schema": SCHEMA,
-        "kinds": {name: asdict(facts) for name, facts in sorted(limits.kinds.items())},
-        "limits": {name: asdict(limit) for name, limit in limits.limits.items()},
-        "values": limits.values,
-    }
-    write_atomically(file, a_line_each(text))
+def write_stored(file: Path, record: Record) -> None:
+    """Write JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
 
-
-def a_line_each(data: dict[str, Any]) -> str:
-    """Return JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
-
-    def rows(found: dict[str, Any]) -> str:
-        lines = [f"  {json.dumps(name)}: {json.dumps(one, allow_nan=False)}" for name, one in found.items()]
+    def rows(value: object) -> str:
+        if not isinstance(value, dict):
+            return json.dumps(value, ensure_ascii=False)
+        lines = [f"  {json.dumps(name)}: {json.dumps(entry, allow_nan=False)}" for name, entry in value.items()]
         return "{\n" + ",\n".join(lines) + "\n }" if lines else "{}"
 
-    parts = [
-        f" {json.dumps(key)}: {rows(value) if isinstance(value, dict) else json.dumps(value, ensure_ascii=False)}"
-        for key, value in data.items()
-    ]
-    return "{\n" + ",\n".join(parts) + "\n}\n"
+    parts = [f" {json.dumps(key)}: {rows(value)}" for key, value in plain(record).items()]
+    write_atomically(file, "{\n" + ",\n".join(parts) + "\n}\n")
 
 
 def changes(before: LimitsFile, after: LimitsFile) -> list[str]:
     """Return old → new, a line for each gate whose limits changed."""
     lines = []
     for name in dict.fromkeys([*before.limits, *after.limits]):
-        old, new = (_words(found.limits.get(name)) for found in (before, after))
+        old, new = (_words(file.limits.get(name)) for file in (before, after))
         if old != new:
             lines.append(f"{name}: {old} → {new}")
     return lines
@@ -213,17 +198,10 @@ def _words(limit: Limit | None) -> str:
     return f"{low} … {high}"
 
 
-def _number(value: Any) -> Any:
-    if value is not None and (
-        isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
-    ):
-        raise ValueError(f"{value!r} is not a finite number")
-    return value
-
-
 def _tidy(limit: Limit) -> Limit:
-    return Limit(**{name: value if name == "measured" else _rounded(value) for name, value in asdict(limit).items()})
+    numbers = {name: _rounded(value) for name, value in structs.asdict(limit).items() if isinstance(value, float)}
+    return structs.replace(limit, **numbers)
 
 
-def _rounded(value: Any) -> Any:
-    return None if value is None else float(f"{value:.{DIGITS}g}")
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

@@ -1,16 +1,19 @@
 """The end of a stopped command, and workers that end with it."""
 
+import atexit
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from typing import TypeVar
 
 from scenes.files.stopping import SIGNALS
 
 ON = "go on with --resume --out"
+Result = TypeVar("Result")
 
 
 @contextmanager
@@ -22,13 +25,37 @@ def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
         raise KeyboardInterrupt(kept()) from None
 
 
-def end_workers() -> None:
-    """End all children of `multiprocessing` at once: they may be in the middle of something long."""
-    workers = multiprocessing.active_children()
-    for worker in workers:
-        worker.kill()
-    for worker in workers:
-        worker.join()
+def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[Result]:
+    """Yield the results of `calls` in their order, made by fresh processes of one thread, which end with this one.
+
+    Raises what a call raises, and `BrokenProcessPool` if its process dies.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin_worker) as pool:
+        try:
+            yield from pool.map(_result_of, calls)
+        except BaseException:
+            # the pool would wait for what they are in the middle of
+            for worker in multiprocessing.active_children():
+                worker.kill()
+                worker.join()
+            raise
+
+
+def _begin_worker() -> None:
+    from harness.machine.device import keep_freed_memory, use_threads
+
+    end_with_parent()
+    use_threads(1)
+    keep_freed_memory()
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    atexit.register(os._exit, 0)
+
+
+def _result_of(call: Callable[[], Result]) -> Result:
+    return call()
 
 
 def end_with_parent() -> None:

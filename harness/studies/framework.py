@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from harness.records.study import (
-    SHELVES,
     Answer,
     Check,
     Finding,
@@ -39,7 +38,7 @@ class Study:
 
     info: StudyInfo
     measure: str
-    """The generator of findings of a context, as `module:function` below `harness.studies`; imported when it is
+    """The generator of findings of a context, as `module:function` in the shelf's package; imported when it is
     measured.
     """
     seconds: float
@@ -60,15 +59,18 @@ class Shelf:
     """The folders under OUT that are this shelf's alone and tell whose OUT is."""
     beside: bool = False
     """Whether OUT may hold a run, in whose report the shelf then appears."""
+    package: str = "harness.studies"
+    resumes: bool = True
+    """Whether what was kept when it was stopped can be resumed, and reported."""
 
     @property
     def file(self) -> str:
-        return SHELVES[self.name]
+        return f"{self.name}.json"
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
         """Return the generator behind a study; what is heavy is imported here, one study at a time."""
         module, _, function = self.studies[name].measure.partition(":")
-        found: Callable[[Any], Iterator[Found]] = getattr(import_module(f"harness.studies.{module}"), function)
+        found: Callable[[Any], Iterator[Found]] = getattr(import_module(f"{self.package}.{module}"), function)
         return found
 
 
@@ -103,7 +105,8 @@ def run(
 
     def kept() -> str:
         complete = sum(one.info.id in asked for one in record.studies)
-        return f"{complete} of {len(asked)} {shelf.noun} are kept; `python -m reports {out}` reports them; {ON} {out}"
+        then = f"; `python -m reports {out}` reports them; {ON} {out}" if shelf.resumes else f" in {path}"
+        return f"{complete} of {len(asked)} {shelf.noun} are kept{then}"
 
     with told_when_stopped(kept), scratch_folder(out) as scratch:
         if resume and repaired is not None:

@@ -122,21 +122,22 @@ def finished(folder: Path) -> None:
 
 def limits(folder: Path) -> None:
     from harness.gate.gates import gates
-    from harness.gate.limits import changes, read_limits
+    from harness.gate.limits import LimitsFile, changes, read_stored
 
-    found = read_limits(folder / "limits.json")
+    found = read_stored(folder / "limits.json", LimitsFile)
     for gate in gates():
         found.limit_of(gate)
     changes(found, found)
 
 
-def classes(folder: Path) -> None:
-    from harness.gate.gates import gates
+def _class(folder: Path) -> None:
+    from harness.gate.gates import KINDS
+    from harness.gate.limits import unfit
     from harness.gate.references import references_for
 
     found = references_for(folder / "classes", "avx2")
-    for gate in gates():
-        found.missing(gate)
+    for kind in KINDS:
+        unfit(kind, found.kinds)
 
 
 def reference(folder: Path) -> None:

@@ -4,17 +4,16 @@ Paired cells share scene, method, seed and therefore every batch, and every firs
 concerns rendering alone is tried on one set of weights, rendered both ways.
 """
 
-import multiprocessing
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from baselines.contract import Precision
-from harness.machine.stopping import end_with_parent, end_workers
+from harness.machine.stopping import in_workers
 from harness.plan.needed import kept, with_needs
 from harness.plan.profiles import Plan
 from harness.plan.settings import TrainSettings
@@ -91,16 +90,8 @@ class CellArms:
 
 
 def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
-    """Yield the cells in the order of the tasks, trained on `workers` processes of one thread, which end with this
-    one.
-    """
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=end_with_parent) as pool:
-        try:
-            yield from pool.map(trained_cell, tasks)
-        except BaseException:
-            end_workers()  # the pool would wait for the cells that are in training
-            raise
+    """Yield the cells in the order of the tasks, trained on `workers` processes of one thread."""
+    return in_workers([partial(trained_cell, task) for task in tasks], workers)
 
 
 def trained_cell(task: CellTask) -> CellArms:
@@ -108,10 +99,7 @@ def trained_cell(task: CellTask) -> CellArms:
     import torch
 
     from harness.execution.ground_truth import read_views
-    from harness.machine.device import keep_freed_memory, use_threads
 
-    use_threads(1)
-    keep_freed_memory()
     views = read_views(task.view_set, task.plan.views, task.scratch)
     device = torch.device(task.device)
     ended = {name: _ended(task, arm, views, device) for name, arm in task.arms.items()}

@@ -1,19 +1,23 @@
-"""Limits, references and samples that make every gate pass, in the place of what measures them."""
+"""Limits, references and figures that make every gate pass, in the place of what measures them."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from harness.__main__ import main
-from harness.gate import gate_run
-from harness.gate.gates import KINDS, Gate, gates, settings_of
-from harness.gate.limits import KindFacts, Limit, LimitsFile, write_limits
-from harness.gate.outcome import GateContext, Pictures, Sample
-from harness.gate.process import class_here
-from harness.gate.references import Course, References, write_references
+from harness.gate import early, fairness, gate_speed, images, worse
+from harness.gate.gate_context import GateContext, complete
+from harness.gate.gates import KINDS, WIDER, Gate, Kind, gates, settings_of
+from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, write_stored
+from harness.gate.processor import class_here
+from harness.gate.references import Course, References
+from harness.records.study import Check
 
 CENTRE = 25.0
+MODULES: dict[Kind, Any] = dict(zip(get_args(Kind), (early, worse, images, fairness, gate_speed), strict=True))
 
 
 def measured_values() -> dict[str, list[float]]:
@@ -24,14 +28,14 @@ def measured_values() -> dict[str, list[float]]:
     }
 
 
-def facts(kind: str) -> KindFacts:
-    return KindFacts(settings_of(kind), {}, 1.0)  # type: ignore[arg-type]
+def facts(kind: Kind) -> KindFacts:
+    return KindFacts(settings_of(kind), {}, 1.0)
 
 
 def references(name: str) -> References:
     return References(
         name,
-        kinds={kind: facts(kind) for kind in ("changed", "worse", "speed")},
+        kinds={kind: facts(kind) for kind in WIDER},
         courses={"double": {"nerf": Course([0.5], {"1": [0.25]})}},
         reordered={"double": {"two threads": 1e-14}},
         cells={"lego/nerf/1000": {"psnr": [20.0, 20.1, 20.2]}},
@@ -43,29 +47,39 @@ def references(name: str) -> References:
 @pytest.fixture
 def limits(tmp_path: Path) -> Path:
     file = tmp_path / "gates" / "limits.json"
-    write_limits(file, LimitsFile().renewed("images", measured_values(), facts("images"), gates()))
-    write_references(tmp_path / "gates" / "classes", references(class_here()))
+    write_stored(file, LimitsFile().renewed("images", measured_values(), facts("images")))
+    write_stored(tmp_path / "gates" / "classes" / f"{class_here()}.json", references(class_here()))
     return file
 
 
-def sound(gate: Gate) -> Sample:
-    """As each kind gives it: what depends on the class of the processor brings its limit along."""
-    picture = np.full((4, 4, 3), 0.25)
-    limit = Limit(CENTRE - 1.0, CENTRE + 1.0) if gate.rule == "of_class" else None
-    value = 0.0 if gate.rule == "none_differs" else CENTRE
-    return Sample([value] * gate.new, pictures=Pictures(picture, 2 * picture, picture), limit=limit)
+def sound(gate: Gate, limits: LimitsFile, values: list[float | None] | None = None, why: str = "") -> Check:
+    """Within the limit that its kind has."""
+    counts = gate.kind == "fairness" or gate.name in ("changed.settings", "worse.headline.statistics")
+    limit = NONE_DIFFERS if counts else Limit(CENTRE - 1.0, CENTRE + 1.0)
+    return judge(
+        gate,
+        [0.0 if counts else CENTRE] * gate.new if values is None else values,
+        limits.limit_of(gate) if gate.kind == "images" else limit,
+        why,
+    )
 
 
 @pytest.fixture
-def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, Sample]:
-    """Gates that give something else than what is sound, by name."""
-    changed: dict[str, Sample] = {}
+def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | None], str]]:
+    """Gates that measure something else than what is sound, by name: their values, and why."""
+    changed: dict[str, tuple[list[float | None], str]] = {}
 
-    def measure(situation: GateContext, of_kind: tuple[Gate, ...]) -> dict[str, Sample]:
-        return {gate.name: changed.get(gate.name, sound(gate)) for gate in of_kind}
+    def measure(kind: Kind) -> Any:
+        def measured(context: GateContext) -> Iterator[Check]:
+            for name, gate in context.of_kind(kind).items():
+                yield sound(gate, context.limits, *changed.get(name, ()))
 
-    monkeypatch.setattr(gate_run, "MEASURES", dict.fromkeys(KINDS, measure))
-    monkeypatch.setattr(gate_run, "INPUTS", {})
+        return measured
+
+    for kind in KINDS:
+        answer = getattr(MODULES[kind], "_answer", lambda checks: "")
+        monkeypatch.setattr(MODULES[kind], "measure", complete(kind, answer)(measure(kind)))
+    monkeypatch.setattr(images, "references_for", lambda context: {})
     return changed
 
 

@@ -199,7 +199,7 @@ def _depth(patch: Patch) -> None:
     _argument(patch, quadrature, "_of_depth", 0)
 
 
-def seen(usual: Courses, key: tuple[str, str, str], stored: References, names: tuple[str, ...] = STARTS) -> Row:
+def seen(usual: Courses, key: tuple[str, str, str], stored: References, names: tuple[str, ...] = tuple(STARTS)) -> Row:
     """The gates that see one mutation, by the tolerances of a class."""
     settings = early.profile_settings()
     with pytest.MonkeyPatch.context() as patch:

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.gate import early, gate_speed, worse
 from harness.gate.gates import SLOWER_FOUND
-from harness.gate.references import References, read_references
+from harness.gate.references import References, rank_line, read_references
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "gate-your-ci.md"
@@ -28,33 +28,19 @@ def spread_table(stored: list[References]) -> str:
     """What rounding makes, what is allowed, and what is found."""
     rows: list[tuple[str, list[str]]] = []
     for precision in early.PRECISIONS:
-        moved = [max(one.reordered[precision].values()) for one in stored]
-        rows.append(
-            (
-                f"first steps in {precision} precision: sums in another order move them by",
-                [f"{one:.0e}" for one in moved],
-            )
-        )
+        moved = [f"{max(one.reordered[precision].values()):.0e}" for one in stored]
+        rows.append((f"first steps in {precision} precision: sums in another order move them by", moved))
         rows.append(("… a gate fails beyond", [f"{early.tolerance(precision, one):.0e}" for one in stored]))
     limits = [worse.loss_limit("all", "psnr", one) for one in stored]
-    rows.append(
-        (
-            f"mean PSNR over {limits[0].measured} cells: standard error by rounding alone, dB",
-            [f"{one.spread:.4f}" for one in limits],
-        )
-    )
-    rows.append(
-        ("… a loss that is found in nine of ten draws of the rounding, dB", [f"{one.detects:.2f}" for one in limits])
-    )
-    apart = between_classes(*stored)
-    rows.append(("… cells of the two classes differ by, dB RMS", [f"{apart:.3f}"] * len(stored)))
+    what = f"mean PSNR over {limits[0].measured} cells: standard error by rounding alone, dB"
+    rows.append((what, [f"{limit.spread:.4f}" for limit in limits]))
+    what = "… a loss that is found in nine of ten draws of the rounding, dB"
+    rows.append((what, [f"{limit.detects:.2f}" for limit in limits]))
+    apart = f"{between_classes(*stored):.3f}"
+    rows.append(("… cells of the two classes differ by, dB RMS", [apart] * len(stored)))
     slow = [max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in one.speed.values()) for one in stored]
-    rows.append(
-        (
-            f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})",
-            [f"{one:.2f}" for one in slow],
-        )
-    )
+    what = f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})"
+    rows.append((what, [f"{factor:.2f}" for factor in slow]))
     head = ["| | " + " | ".join(CLASSES) + " |", "|---|" + "---|" * len(CLASSES)]
     return "\n".join([*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows)])
 
@@ -87,15 +73,6 @@ def seen_by(found: list[str]) -> str:
     counts = {kind: sum(name.startswith(kind) for name in found) for kind in ("changed.double", "changed.single")}
     words = [f"{many} × `{kind}`" for kind, many in counts.items() if many]
     return ", ".join([*words, *(["`changed.settings`"] if "changed.settings" in found else [])]) or "—"
-
-
-def rank_line(rank: dict[str, Any]) -> str:
-    run = rank["run"]
-    return (
-        f"Against the {run['profile']} run of commit {run['commit']}: Spearman {rank['spearman']:.2f}, Kendall "
-        f"{rank['kendall']:.2f} over {rank['pairs']} pairs of a scene and a method; {rank['same_order']} of "
-        f"{rank['compared']} pairs of methods stand in the same order on their scene."
-    )
 
 
 def between(name: str) -> re.Pattern[str]:

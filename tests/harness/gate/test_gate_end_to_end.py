@@ -9,6 +9,7 @@ from harness.__main__ import main
 from harness.command import gate_command
 from harness.gate import early, images
 from harness.gate.images import Renders
+from harness.records.study import read_studies
 from tests.harness.gate.mutations import MUTATIONS
 
 ROOT = Path(__file__).parents[3]
@@ -26,7 +27,7 @@ def test_sound_code_passes_and_broken_code_does_not(
 
     assert gate("sound", *GATES) == 0, capsys.readouterr().out
     assert (tmp_path / "sound" / "junit.xml").exists()
-    assert not (tmp_path / "sound" / "renders").exists()
+    assert sorted(file.name for file in (tmp_path / "sound").iterdir()) == ["gate.json", "junit.xml"]
 
     rendered = images.rendered
     monkeypatch.setattr(early, "in_child", lambda function, *given: function(*given))
@@ -36,9 +37,8 @@ def test_sound_code_passes_and_broken_code_does_not(
         return {scene: image * np.array([1.002, 1.002, 1.002, 1.0]) for scene, image in rendered(*given).items()}  # type: ignore[arg-type]
 
     monkeypatch.setattr(images, "rendered", brighter)
-    capsys.readouterr()
     assert gate("broken", *GATES) == 4
-    failed = {line.split()[1] for line in capsys.readouterr().out.splitlines() if line.startswith("FAIL")}
+    failed = {check.id for _, check in read_studies(tmp_path / "broken" / "gate.json").broken}
     assert {"changed.double.nerf", "images.materials.bias"} <= failed
     assert not any(name.startswith("fairness") for name in failed)
     for name in failed - {"changed.double.nerf"}:

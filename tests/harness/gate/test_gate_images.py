@@ -7,21 +7,12 @@ import numpy as np
 import pytest
 
 from harness.gate import images
-from harness.gate.gates import IMAGE_BATCHES, IMAGE_SCENES, Gate, gates
-from harness.gate.images import (
-    Reference,
-    Renders,
-    biases,
-    largest,
-    mean_square,
-    pooled,
-    read_reference,
-    samples,
-    standardised,
-)
-from harness.gate.limits import LEVEL, LimitsFile, limit_from
-from harness.gate.outcome import GateOutcome, judged
+from harness.gate.gates import IMAGE_BATCHES, IMAGE_SCENES, gates
+from harness.gate.images import Reference, Renders, biases, largest, mean_square, read_reference, standardised
+from harness.gate.limits import LEVEL, Limit, judge, limit_from
+from harness.records.study import Check
 from scenes.files.errors import InputError
+from scenes.view_sets.images import read_image
 
 SIZE, SPP, REFERENCE_RENDERS = 24, 256, 96
 SCENES = ("lego", "drums")
@@ -55,30 +46,21 @@ def references() -> dict[str, Reference]:
 
 
 @pytest.fixture(scope="module")
-def limits(references: dict[str, Reference]) -> dict[str, object]:
+def limits(references: dict[str, Reference]) -> dict[str, Limit]:
     """As a renewal makes them."""
-    values: dict[str, list[float]] = {}
-    by_scene = {}
-    for number, scene in enumerate(SCENES):
-        further = renders(number, 10 * IMAGE_BATCHES, 2)
-        by_scene[scene] = biases(further, references[scene])
-        values[f"images.{scene}.bias"] = by_scene[scene].tolist()
-        values[f"images.{scene}.largest"] = largest(further, references[scene]).tolist()
-        values[f"images.{scene}.pixels"] = [mean_square(block, references[scene]) for block in np.split(further, 10)]
-    spreads = [float(by_scene[scene].std(ddof=1)) for scene in sorted(SCENES)]
-    values["images.all.bias"] = pooled([by_scene[scene] for scene in sorted(SCENES)], spreads).tolist()
+    further = {scene: renders(number, 10 * IMAGE_BATCHES, 2) for number, scene in enumerate(SCENES)}
+    values = images.values_for_limits(further, references)
     return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}
 
 
-def outcomes(references: dict[str, Reference], limits: dict, shown: Renders) -> dict[str, GateOutcome]:
-    spreads = {scene: limits[f"images.{scene}.bias"].spread for scene in SCENES}
-    found = samples(GATES, shown, references, spreads)
-    return {gate.name: judged(gate, found[gate.name], limits[gate.name], "") for gate in GATES}
+def judged(references: dict[str, Reference], limits: dict[str, Limit], shown: Renders) -> dict[str, Check]:
+    figures = images.figures_of(shown, references, limits)
+    return {gate.name: judge(gate, figures[gate.name], limits[gate.name]) for gate in GATES}
 
 
-def failing(found: dict[str, GateOutcome]) -> set[str]:
+def failing(checks: dict[str, Check]) -> set[str]:
     """Which tests fail, for any scene."""
-    return {name.rpartition(".")[2] for name, one in found.items() if one.status == "fail"}
+    return {name.rpartition(".")[2] for name, check in checks.items() if check.is_broken}
 
 
 def fresh(stream: int) -> Renders:
@@ -132,10 +114,9 @@ def all_alike(shown: Renders) -> Renders:
     return {scene: np.repeat(image[:1], len(image), axis=0) for scene, image in shown.items()}
 
 
-def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict) -> None:
-    found = [outcomes(references, limits, fresh(stream)) for stream in range(40)]
-    failed = sum(one.status == "fail" for each in found for one in each.values())
-    assert failed <= 1
+def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict[str, Limit]) -> None:
+    checks = [check for stream in range(40) for check in judged(references, limits, fresh(stream)).values()]
+    assert sum(check.is_broken for check in checks) <= 1
     assert 40 * len(GATES) * LEVEL < 0.05
 
 
@@ -155,19 +136,22 @@ def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict
     ],
 )
 def test_what_is_broken_is_caught(
-    broken: Callable[[Renders], Renders], caught_by: str, references: dict[str, Reference], limits: dict
+    broken: Callable[[Renders], Renders], caught_by: str, references: dict[str, Reference], limits: dict[str, Limit]
 ) -> None:
-    caught = [caught_by in failing(outcomes(references, limits, broken(fresh(stream)))) for stream in range(20)]
+    caught = [caught_by in failing(judged(references, limits, broken(fresh(stream)))) for stream in range(20)]
     assert np.mean(caught) >= 0.8
 
 
-def test_a_shift_shows_in_the_pictures(references: dict[str, Reference], limits: dict) -> None:
-    found = outcomes(references, limits, shifted(fresh(0)))["images.lego.pixels"]
-    assert found.pictures is not None
-    assert found.pictures.image.shape == found.pictures.reference.shape == (SIZE, SIZE, 3)
-    assert np.abs(found.pictures.difference - 0.5).max() == pytest.approx(0.5)
+def test_a_shift_shows_in_the_pictures(references: dict[str, Reference], tmp_path: Path) -> None:
+    images.leave_pictures(tmp_path / "failed", shifted(fresh(0))["lego"], references["lego"], "pixels")
+    shown, expected, difference = (
+        read_image(tmp_path / "failed" / f"{name}.png")[..., :3] for name in ("image", "reference", "difference")
+    )
+    assert shown.shape == expected.shape == (images.ENLARGED * SIZE, images.ENLARGED * SIZE, 3)
+    assert np.allclose(shown, np.roll(expected, images.ENLARGED, axis=1), atol=0.05)
+    assert np.abs(difference - 0.5).max() == pytest.approx(0.5)
     # nothing is there in the corners, and nothing differs
-    assert found.pictures.difference[0, 0].tolist() == [0.5, 0.5, 0.5]
+    assert difference[0, 0] == pytest.approx(0.5, abs=0.003)
 
 
 def test_statistics_against_slow_sums(references: dict[str, Reference]) -> None:
@@ -222,11 +206,9 @@ def test_a_reference_that_nothing_can_be_held_to(mean: np.ndarray, variance: np.
         Reference(mean, variance, 96, 256)
 
 
-def test_scenes_whose_weights_are_missing_fail(references: dict[str, Reference]) -> None:
-    gate = next(one for one in GATES if one.name == "images.all.bias")
-    found = samples((gate,), fresh(0), references, {"lego": 0.1})
-    assert found[gate.name].values == []
-    assert "missing" in found[gate.name].why
+def test_scenes_whose_weights_are_missing_have_no_common_figure(references: dict[str, Reference]) -> None:
+    known = {"images.lego.bias": Limit(-1.0, 1.0, spread=0.1)}
+    assert "images.all.bias" not in images.figures_of(fresh(0), references, known)
 
 
 def test_references_are_stored_and_read(
@@ -247,9 +229,5 @@ def test_references_are_stored_and_read(
 
 
 def test_all_scenes_are_rendered_where_all_are_judged() -> None:
-    def scenes(*names: str) -> tuple[str, ...]:
-        return images.scenes_of(Gate(name, "images", "", "", "mean") for name in names)
-
-    assert scenes("images.all.bias") == IMAGE_SCENES
-    assert scenes("images.drums.bias", "images.drums.largest") == ("drums",)
-    assert LimitsFile().limits == {}
+    assert images.scenes_of(["images.all.bias"]) == IMAGE_SCENES
+    assert images.scenes_of(["images.drums.bias", "images.drums.largest"]) == ("drums",)

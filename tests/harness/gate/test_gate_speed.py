@@ -10,7 +10,7 @@ import pytest
 
 from harness.gate import gate_speed
 from harness.gate.gates import SLOWER_FOUND, SPEED_REPEATS, gates
-from harness.gate.outcome import Sample, judged
+from harness.gate.limits import judge
 from harness.gate.references import read_references
 from scenes.view_sets.view_set import ViewSet
 
@@ -70,7 +70,7 @@ def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate
     failed = {factor: 0 for factor in (1.0, SLOWER_FOUND)}
     for factor in failed:
         for noise in limit.spread * generator.standard_normal(500):  # type: ignore[operator]
-            failed[factor] += judged(gate, Sample([factor * math.exp(noise)], limit=limit), None, "").status == "fail"
+            failed[factor] += judge(gate, [factor * math.exp(noise)], limit).is_broken
     assert failed[1.0] < 50
     assert failed[SLOWER_FOUND] > 450
 

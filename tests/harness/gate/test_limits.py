@@ -1,20 +1,19 @@
 """Limits of images: how often they fail where nothing changed and what they find, by simulation; what never passes."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from harness.gate import limits
 from harness.gate.gates import Gate
-from harness.gate.limits import NONE_DIFFERS, Limit, excess_of, figure_of, limit_from
-from harness.gate.outcome import Sample, judged, line_of
+from harness.gate.limits import NONE_DIFFERS, Limit, judge, limit_from
+from harness.studies.framework import line_of
 from harness.verdicts.statistics import POWER
 
-MEAN = Gate("images.lego.bias", "images", "brightness", "%", "mean", 2)
-LARGEST = Gate("images.lego.largest", "images", "largest", "σ", "largest", 16)
-COUNT = Gate("fairness.batches", "fairness", "batches", "", "none_differs")
+MEAN = Gate("images.lego.bias", "brightness", "%", 2)
+LARGEST = Gate("images.lego.largest", "largest", "σ", 16)
+COUNT = Gate("fairness.batches", "batches")
 EASY = 0.002
 """A level at which a simulation sees alarms."""
 
@@ -26,12 +25,9 @@ def easy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def alarms(gate: Gate, measured: np.ndarray, new: np.ndarray) -> float:
     """Share of repetitions in which a limit made of a row of `measured` does not hold for the same row of `new`."""
-    found = []
-    for row, fresh in zip(measured, new, strict=True):
-        figure = figure_of(gate, fresh.tolist())
-        assert figure is not None
-        found.append(excess_of(figure, limit_from(gate, row.tolist())) > 0)
-    return float(np.mean(found))
+    pairs = zip(measured, new, strict=True)
+    checks = [judge(gate, fresh.tolist(), limit_from(gate, row.tolist())) for row, fresh in pairs]
+    return float(np.mean([check.is_broken for check in checks]))
 
 
 @pytest.mark.usefixtures("easy")
@@ -78,25 +74,25 @@ def test_a_ratio_that_is_none_makes_no_limit() -> None:
 @pytest.mark.parametrize("gate", [MEAN, LARGEST, COUNT])
 def test_what_is_no_number_never_passes(gate: Gate, values: list[float | None]) -> None:
     limit = NONE_DIFFERS if gate is COUNT else Limit(None, 1e300)
-    outcome = judged(gate, Sample(values, "seed 3 diverged"), limit, "")
-    assert (outcome.status, outcome.figure, outcome.why) == ("fail", None, "seed 3 diverged")
-    assert "no figure" in line_of(outcome)
+    check = judge(gate, values, limit, "seed 3 diverged")
+    assert (check.is_broken, check.value, check.why) == (True, None, "seed 3 diverged")
+    assert "no figure" in line_of(check)
 
 
-def test_a_gate_that_was_not_measured_or_has_no_limit_fails() -> None:
-    assert judged(MEAN, None, Limit(0, 50), "").status == "fail"
-    lacking = judged(MEAN, Sample([25.0, 25.0]), None, "there is no limit for it; renew")
-    assert lacking.status == "fail"
-    assert lacking.figure == 25.0
-    assert "there is no limit for it; renew" in line_of(lacking)
+def test_a_gate_without_a_limit_fails_with_its_figure() -> None:
+    check = judge(MEAN, [25.0, 25.0], "there is no limit for it; renew")
+    assert (check.is_broken, check.value, check.why) == (True, 25.0, "there is no limit for it; renew")
+    with pytest.raises(ValueError, match="neither a lower nor an upper limit"):
+        Limit(None, None)
 
 
-@pytest.mark.parametrize(("figure", "excess"), [(24.0, 0.5), (26.5, 0.5), (24.5, None), (26.0, None), (25.0, None)])
-def test_beyond_either_limit_is_a_failure_and_says_by_how_much(figure: float, excess: float | None) -> None:
-    outcome = judged(replace(MEAN, new=1), Sample([figure]), Limit(24.5, 26.0), "")
-    assert outcome.status == ("pass" if excess is None else "fail")
-    assert outcome.excess == (None if excess is None else pytest.approx(excess))
-    line = line_of(outcome)
-    assert f"{figure:.4g} %" in line
-    assert "24.5 … 26 %" in line
-    assert ("excess 0.5 %" in line) == (excess is not None)
+@pytest.mark.parametrize(("figure", "passes"), [(24.0, False), (26.5, False), (24.5, True), (26.0, True), (25.0, True)])
+def test_beyond_either_limit_is_a_failure(figure: float, passes: bool) -> None:
+    check = judge(MEAN, [figure], Limit(24.5, 26.0))
+    assert check.is_broken == (not passes)
+    assert f"{figure:.3g} % (at least 24.5, at most 26)" in line_of(check)
+
+
+def test_the_figure_is_the_mean_or_the_largest() -> None:
+    assert judge(MEAN, [1.0, 3.0], Limit(0, 50)).value == 2.0
+    assert judge(LARGEST, [1.0, 3.0], Limit(0, 50)).value == 3.0

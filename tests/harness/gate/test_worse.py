@@ -1,13 +1,12 @@
 """Is it worse? Differences from stored cells against the spread of rounding, by simulation and on the stored cells."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from msgspec.structs import force_setattr
+from msgspec.structs import force_setattr, replace
 
 from harness.gate import worse
 from harness.gate.gates import (
@@ -16,15 +15,15 @@ from harness.gate.gates import (
     SCORES,
     TRAINED_METHODS,
     TRAINED_SCENES,
-    Gate,
+    WIDER,
     gates,
     settings_of,
 )
 from harness.gate.limits import KindFacts
-from harness.gate.outcome import GateOutcome, judged
 from harness.gate.references import References, read_references
 from harness.gate.worse import Scores
 from harness.plan.schedule import Budget
+from harness.records.study import Check
 from tests.harness import tiny
 from tests.harness.cells import diverged
 
@@ -57,9 +56,8 @@ def scores_with(psnr: np.ndarray, ssim: float = 0.8, depth: float = 0.2) -> Scor
     return {key: {"psnr": float(one), "ssim": ssim, "depth_rmse": depth} for key, one in zip(KEYS, psnr, strict=True)}
 
 
-def outcome(name: str, new: Scores, stored: References) -> GateOutcome:
-    _, method, score = name.split(".")
-    return judged(BY_NAME[name], worse.loss_sample(method, score, new, stored), None, "")
+def loss(name: str, new: Scores, stored: References) -> Check:
+    return worse.loss_check(BY_NAME[name], new, stored)
 
 
 def test_other_rounding_passes_and_two_tenths_of_a_decibel_fail() -> None:
@@ -68,8 +66,8 @@ def test_other_rounding_passes_and_two_tenths_of_a_decibel_fail() -> None:
     for _ in range(60):
         stored, truth = stored_with(generator)
         rounded = truth + ROUNDING * generator.standard_normal(len(KEYS))
-        failed["rounded"] += outcome("worse.all.psnr", scores_with(rounded), stored).status == "fail"
-        failed["worse"] += outcome("worse.all.psnr", scores_with(rounded - 0.2), stored).status == "fail"
+        failed["rounded"] += loss("worse.all.psnr", scores_with(rounded), stored).is_broken
+        failed["worse"] += loss("worse.all.psnr", scores_with(rounded - 0.2), stored).is_broken
     assert failed == {"rounded": 0, "worse": 60}
 
 
@@ -80,8 +78,8 @@ def test_two_tenths_are_found_though_other_random_numbers_were_drawn() -> None:
     for _ in range(150):
         stored, _ = stored_with(generator)
         redrawn = 25.0 + 0.3 * generator.standard_normal(len(KEYS))
-        failed["redrawn"] += outcome("worse.all.psnr", scores_with(redrawn), stored).status == "fail"
-        failed["worse"] += outcome("worse.all.psnr", scores_with(redrawn - 0.2), stored).status == "fail"
+        failed["redrawn"] += loss("worse.all.psnr", scores_with(redrawn), stored).is_broken
+        failed["worse"] += loss("worse.all.psnr", scores_with(redrawn - 0.2), stored).is_broken
     assert failed["redrawn"] < 0.1 * 150
     assert failed["worse"] > 0.9 * 150
 
@@ -91,34 +89,33 @@ def test_rounding_gets_the_interval_that_it_makes() -> None:
     inside = []
     for _ in range(400):
         stored, truth = stored_with(generator)
-        sample = worse.loss_sample(
-            "all", "psnr", scores_with(truth + ROUNDING * generator.standard_normal(len(KEYS))), stored
-        )
+        rounded = truth + ROUNDING * generator.standard_normal(len(KEYS))
+        check = loss("worse.all.psnr", scores_with(rounded), stored)
         error = worse.rounding_error([scores["psnr"] for scores in stored.cells.values()])
-        assert sample.values[0] is not None
-        inside.append(abs(sample.values[0]) < 1.96 * error)
+        assert check.value is not None
+        inside.append(abs(check.value) < 1.96 * error)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.035)
 
 
 def test_what_is_said() -> None:
     stored, truth = stored_with(np.random.default_rng(4))
     again = scores_with(np.array([stored.cells[key]["psnr"][0] for key in KEYS]))
-    assert outcome("worse.all.psnr", again, stored).why == "unchanged"
-    small, large = (outcome("worse.all.psnr", scores_with(truth - loss), stored) for loss in (0.05, 0.2))
+    assert loss("worse.all.psnr", again, stored).why.startswith("unchanged; detects 0.1")
+    small, large = (loss("worse.all.psnr", scores_with(truth - less), stored) for less in (0.05, 0.2))
     assert (small.status, large.status) == ("pass", "fail")
     assert small.why.startswith("changed, -0.0")
-    assert small.why.endswith(" dB: not worse")
-    assert large.why.endswith(" dB: worse")
-    better = outcome("worse.all.psnr", scores_with(truth + 1.0), stored)
+    assert " dB: not worse; detects" in small.why
+    assert " dB: worse; detects" in large.why
+    better = loss("worse.all.psnr", scores_with(truth + 1.0), stored)
     assert better.status == "pass"
 
 
 def test_a_score_of_which_less_is_better_is_worse_where_it_grows() -> None:
     stored, truth = stored_with(np.random.default_rng(5))
     new = scores_with(truth, ssim=0.8 - 2 * LARGEST_LOSS["ssim"], depth=0.2 + 2 * LARGEST_LOSS["depth_rmse"])
-    assert outcome("worse.all.ssim", new, stored).status == "fail"
-    assert outcome("worse.all.depth_rmse", new, stored).status == "fail"
-    assert outcome("worse.all.depth_rmse", scores_with(truth, depth=0.1), stored).status == "pass"
+    assert loss("worse.all.ssim", new, stored).is_broken
+    assert loss("worse.all.depth_rmse", new, stored).is_broken
+    assert loss("worse.all.depth_rmse", scores_with(truth, depth=0.1), stored).status == "pass"
 
 
 def test_one_method_that_lost_fails_by_its_name_and_in_the_headline() -> None:
@@ -126,7 +123,7 @@ def test_one_method_that_lost_fails_by_its_name_and_in_the_headline() -> None:
     stored = compared(stored)
     lost = truth - np.array([0.5 if "/qnerf/" in key else 0.0 for key in KEYS])
     new = scores_with(lost)
-    failed = [method for method in TRAINED_METHODS if outcome(f"worse.{method}.psnr", new, stored).status == "fail"]
+    failed = [method for method in TRAINED_METHODS if loss(f"worse.{method}.psnr", new, stored).is_broken]
     assert failed == ["qnerf"]
     cells = [
         worse.cell_with(
@@ -136,10 +133,9 @@ def test_one_method_that_lost_fails_by_its_name_and_in_the_headline() -> None:
     ]
     for against in ("nerf", "nerf_matched"):
         gate = BY_NAME[f"worse.headline.qnerf_{against}"]
-        sample = worse.headline_sample(f"qnerf_{against}", cells, stored)
-        found = judged(gate, sample, None, "")
-        assert found.status == "fail"
-        assert found.figure == pytest.approx(-0.5, abs=0.05)
+        check = worse.headline_check(gate, cells, stored)
+        assert check.is_broken
+        assert check.value == pytest.approx(-0.5, abs=0.05)
 
 
 @pytest.mark.parametrize("what", ["diverged", "missing", "no score"])
@@ -153,11 +149,11 @@ def test_a_cell_without_a_score_is_never_left_out(what: str) -> None:
         del scores[KEYS[5]]
     else:
         scores[KEYS[5]]["psnr"] = None
-    found = outcome("worse.all.psnr", scores, stored)
-    assert (found.status, found.figure) == ("fail", None)
-    assert KEYS[5] in found.why
+    check = loss("worse.all.psnr", scores, stored)
+    assert (check.status, check.value) == ("fail", None)
+    assert KEYS[5] in check.why
     other = next(name for name in TRAINED_METHODS if name != method)
-    assert outcome(f"worse.{other}.psnr", scores, stored).status == "pass"
+    assert loss(f"worse.{other}.psnr", scores, stored).status == "pass"
 
 
 def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,19 +178,16 @@ def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(monkeyp
 def test_limits_are_wider_on_a_class_of_which_nothing_is_stored() -> None:
     stored, _ = stored_with(np.random.default_rng(9))
     low = worse.loss_limit("all", "psnr", stored).low
-    wide = worse.loss_limit("all", "psnr", replace(stored, known=False)).low
+    wide = worse.loss_limit("all", "psnr", stored, WIDER["worse"]).low
     assert low == -LARGEST_LOSS["psnr"]
     assert wide == 2 * low
 
 
 def test_nothing_is_trained_that_no_gate_asks_for() -> None:
-    def named(*names: str) -> list[Gate]:
-        return [BY_NAME[name] for name in names]
-
-    assert worse.methods_of(named("worse.qnerf.psnr")) == ("qnerf",)
-    assert worse.methods_of(named("worse.headline.qnerf_nerf_matched")) == ("nerf_matched", "qnerf")
-    assert worse.methods_of(named("worse.headline.statistics")) == ()
-    assert worse.methods_of(named("worse.all.ssim")) == TRAINED_METHODS
+    assert worse.methods_of(["worse.qnerf.psnr"]) == ("qnerf",)
+    assert worse.methods_of(["worse.headline.qnerf_nerf_matched"]) == ("nerf_matched", "qnerf")
+    assert worse.methods_of(["worse.headline.statistics"]) == ()
+    assert worse.methods_of(["worse.all.ssim"]) == TRAINED_METHODS
 
 
 def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from harness.gate.process import OWN, class_here, classes_here, environment_of, forced, in_child, in_children
+from harness.gate.processor import OWN, class_here, classes_here, environment_of, forced, in_child
 from scenes.files.errors import InputError
 
 
@@ -18,10 +18,11 @@ def test_a_child_is_of_the_class_that_is_forced() -> None:
     assert {key: os.environ.get(key) for key in OWN} == OWN
 
 
-def test_children_answer_in_order_and_say_what_failed() -> None:
-    assert in_children(divmod, [(7, 2), (9, 4)]) == [(3, 1), (2, 1)]
-    with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+def test_a_child_answers_and_says_what_failed(capfd: pytest.CaptureFixture[str]) -> None:
+    assert in_child(divmod, 7, 2) == (3, 1)
+    with pytest.raises(ZeroDivisionError):
         in_child(divmod, 1, 0)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_class_that_this_processor_cannot_be_is_bad_input() -> None:

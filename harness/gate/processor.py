@@ -1,17 +1,17 @@
-"""Measuring in a fresh process: which instructions torch uses is settled when it is imported, and by its environment.
+"""The class of a processor, which decides the order in which its library sums, and so the last bits of every number.
 
-The class of a processor is what decides the order in which its library sums, and so the last bits of every number.
+Which instructions torch uses is settled when it is imported, and by its environment: another class is measured in a
+process of its own.
 """
 
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from functools import partial
 from typing import Any, TypeVar
 
-from harness.machine.stopping import end_with_parent
+from harness.machine.stopping import in_workers
 from scenes.files.errors import InputError
 
 Result = TypeVar("Result")
@@ -75,48 +75,6 @@ def _set(environment: Mapping[str, str | None]) -> None:
 
 
 def in_child(function: Callable[..., Result], *given: Any) -> Result:
-    """Run `function(*given)` in a fresh process. Raises `RuntimeError` with its error output if it fails."""
-    return in_children(function, [given])[0]
-
-
-def in_children(function: Callable[..., Result], given: Sequence[tuple[Any, ...]]) -> list[Result]:
-    """Run `function` on each of `given`, in fresh processes side by side."""
-    context = get_context("spawn")
-    children = []
-    try:
-        for one in given:
-            ours, theirs = context.Pipe(duplex=False)
-            process = context.Process(target=_answer, args=(theirs, function, one), daemon=True)
-            process.start()
-            theirs.close()
-            children.append((ours, process))
-        return [_received(ours) for ours, _ in children]
-    finally:
-        for _, process in children:
-            process.kill()  # it has said what it had to
-            process.join()
-
-
-def _received(connection: Connection) -> Any:
-    try:
-        failed, answer = connection.recv()
-    except EOFError:
-        failed, answer = True, "it ended without an answer"
-    if failed:
-        raise RuntimeError(f"the process that measures: {answer}")
-    return answer
-
-
-def _answer(connection: Connection, function: Callable[..., Any], given: tuple[Any, ...]) -> None:
-    end_with_parent()
-    from harness.machine.device import keep_freed_memory, use_threads
-
-    use_threads(1)
-    keep_freed_memory()
-    try:
-        connection.send((False, function(*given)))
-    except Exception as error:
-        connection.send((True, f"{type(error).__name__}: {error}"))
-    connection.close()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
-    os._exit(0)
+    """Return `function(*given)`, called in a fresh process of one thread."""
+    (result,) = in_workers([partial(function, *given)], 1)
+    return result
