@@ -33,7 +33,7 @@ from harness.studies.drawn_views import write_disc
 from harness.studies.speed.speed_context import interleaved, quotients
 from harness.training import evaluate
 from harness.training.batches import Batches
-from harness.training.learner import Learner, at_step, take_step, train
+from harness.training.learner import at_step, take_step, train
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -99,21 +99,20 @@ def ratio(
 def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[[], object]]:
     """Return what the gate of that name measures and the plain code beside it, as functions."""
     what, _, method = name.removeprefix("speed.").partition(".")
-    batches = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba)
-    learner = _trained(method or "nerf", views, batches)
+    batch_at = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba).stream(STREAM, TRAIN.rays)
+    learner = Trainer(method or "nerf", box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU)
+    learner.warm_up(*batch_at(0))
+    train(learner, batch_at, at_step(STEPS_BEFORE))  # past the step from which the grid is in use
     cameras = evaluate.cameras_of(views, views.test, CPU)
     field = PlainField(TRAIN.network, box_of(views, CPU), STREAM)
     if what == "train":
         optimiser = torch.optim.Adam(field.parameters(), lr=TRAIN.learning_rate)
-        first = batches.batch(STREAM, 0, TRAIN.rays)
+        first = batch_at(0)
 
         def plain() -> None:
             plain_step(field, optimiser, *first, TRAIN.bins, generator_for(STREAM, "plain"))
 
-        def step() -> None:
-            learner.train_on(*batches.batch(STREAM, learner.step, TRAIN.rays))
-
-        return step, plain
+        return partial(take_step, learner, batch_at), plain
     if what == "render":
         rays, white = cameras.all_rays(0), torch.ones(3)
         without = torch.no_grad()(plain_render)
@@ -129,12 +128,3 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
             gaussian_filter(clipped.colour.astype(np.float64), (1.5, 1.5, 0))
 
     return lambda: evaluate.view_scores(clipped, views.test, 0), filtered
-
-
-def _trained(method: str, views: ViewSet, batches: Batches) -> Learner:
-    """Return a learner trained with the gate's settings, past the step from which the grid is in use."""
-    learner = Trainer(method, box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU)
-    learner.warm_up(*batches.batch(STREAM, 0, TRAIN.rays))
-    for step in range(STEPS_BEFORE):
-        learner.train_on(*batches.batch(STREAM, step, TRAIN.rays))
-    return learner
