@@ -250,7 +250,7 @@ def from_plain(kind: type[One], data: Any, path: Path) -> One:
     unknown: settings that silently differ would render another picture.
     """
     try:
-        settings = msgspec.convert(data, kind)
+        settings: Any = msgspec.convert(data, kind)
         if unlike := _unlike(asdict(settings), data):
             raise ValueError(f"{kind.__name__}: {unlike}")
     except (msgspec.ValidationError, ValueError) as error:
