@@ -136,7 +136,7 @@ def _afterwards(options: argparse.Namespace) -> "tuple[Verify | None, Serve | No
     """Return the measurements that follow once a run is trained."""
     verify = serve = None
     if options.verify_omissions:
-        from harness.studies.choices.verification import verify_run
+        from harness.studies.choices.omissions import verify_run
 
         verify = verify_run
     if not options.no_serving:

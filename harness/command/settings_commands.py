@@ -44,17 +44,17 @@ def _add_file(command: argparse.ArgumentParser) -> None:
 
 
 def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.machine.device import use_threads
+    from harness.machine.device import available_cores
     from harness.studies.choices.sweep import SweepRow, as_json, sweep
 
     plan, device = planned_by(options)
-    use_threads(1)  # small products: a second thread costs more than it gains
+    workers = available_cores() if device.type == "cpu" else 1
 
     def line(row: SweepRow) -> str:
         return f"{row.scene} {row.method} at {row.learning_rate:g}: {_decibels(row.psnr_val)} on validation views"
 
     folders = _folders(options, plan, show)
-    rows = _shown(sweep(plan, folders, device, options.out.parent), line, show)
+    rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type), line, show)
     result = _written(options.out, as_json(rows, plan))
     show.line(f"best: {result['best']}")
     return 0
@@ -99,7 +99,7 @@ def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
 def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import available_cores
     from harness.machine.provenance import provenance
-    from harness.studies.choices.verification import as_json, line_of, too_costly, verified
+    from harness.studies.choices.omissions import as_json, too_costly, verified
 
     plan, device = planned_by(options)
     folders = _folders(options, plan, show)
@@ -107,9 +107,9 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
     omissions, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
     _written(options.out, as_json(omissions, controls, plan, provenance(device)))
     for omission in omissions:
-        show.line(line_of(omission))
+        show.line(omission.line)
     for control in controls:
-        show.line(f"control, needed: {line_of(control)}")
+        show.line(f"control, needed: {control.line}")
     return 3 if too_costly(omissions) else 0
 
 

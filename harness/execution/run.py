@@ -36,7 +36,7 @@ from harness.verdicts.survival import targets
 Verify = Callable[
     [Plan, list[CellRecord], list[SceneRecord], dict[str, Path], Machine, Path, Progress], list[SceneRecord]
 ]
-"""The function `harness.studies.choices.verification.verify_run`: returns the scenes' records, with the savings and
+"""The function `harness.studies.choices.omissions.verify_run`: returns the scenes' records, with the savings and
 costs of omissions.
 """
 Serve = Callable[[Path, str, Path, Progress], None]

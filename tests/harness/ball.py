@@ -1,6 +1,7 @@
 """A posed-image folder in the Blender format, drawn by a formula: a coloured ball, no renderer needed."""
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -59,4 +60,13 @@ def write_ball(folder: Path, size: int = 24, train: int = 10, test: int = 3) -> 
         write_transforms(
             folder / f"transforms_{split}.json", FOV_X_RADIANS, [f"./{split}/r_{i}" for i in range(count)], poses
         )
+    return folder
+
+
+def ball_with_validation_views(folder: Path) -> Path:
+    """Its validation views are its test views."""
+    write_ball(folder)
+    shutil.copytree(folder / "test", folder / "val")
+    poses = (folder / "transforms_test.json").read_text()
+    (folder / "transforms_val.json").write_text(poses.replace("./test/", "./val/"))
     return folder

@@ -4,27 +4,30 @@ Paired cells share scene, method, seed and therefore every batch, and every firs
 concerns rendering alone is tried on one set of weights, rendered both ways.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
+import torch
 
 from baselines.contract import Precision
+from harness.execution.ground_truth import read_views
 from harness.machine.stopping import in_workers
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept, with_needs
 from harness.plan.profiles import Plan
 from harness.plan.settings import TrainSettings
+from harness.training import evaluate
+from harness.training.lockstep import stream_of, trained_alone
+from harness.training.trainer import Diverged, Trainer
+from harness.verdicts.statistics import PairedDifference, paired_difference
+from scenes.files.errors import InputError
+from scenes.view_sets.view_set import ViewSet
 
-if TYPE_CHECKING:
-    import torch
-
-    from harness.machine.stopwatch import Stopwatch
-    from harness.training.evaluate import View
-    from harness.training.trainer import Trainer
-    from scenes.view_sets.view_set import ViewSet
+PLANNED = "as planned"
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Arm:
     """None: as planned."""
     position_bands: int | None = None
     """None: as planned; 0: raw coordinates alone."""
+    rate: float = 1.0
+    """The factor of the learning rates, first and last alike."""
     rendered_with: tuple[str, ...] = ()
     """The needs that are put back, one at a time, to render the same weights again."""
 
@@ -50,9 +55,11 @@ class CellTask:
     seed: int
     view_set: Path
     scratch: Path
+    """A folder on a disk for decoded images."""
     plan: Plan
     arms: Mapping[str, Arm]
     device: str = "cpu"
+    scored_on: Literal["val", "test"] = "test"
 
 
 @dataclass(frozen=True)
@@ -72,10 +79,10 @@ class Ended:
     """A trained cell."""
 
     psnr: float | None
-    """The mean over the test views; None if training diverged."""
-    train_seconds: float
-    render_seconds: float
-    """The seconds of rendering all test views."""
+    """The mean over the views that are scored; None if training diverged."""
+    train_seconds: float = 0.0
+    render_seconds: float = 0.0
+    """The seconds of rendering all of these views."""
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
 
 
@@ -96,14 +103,25 @@ def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
 
 def trained_cell(task: CellTask) -> CellArms:
     """Train every arm, one after the other. A cell that diverges has no score."""
-    import torch
-
-    from harness.execution.ground_truth import read_views
-
-    views = read_views(task.view_set, task.plan.views, task.scratch)
-    device = torch.device(task.device)
-    ended = {name: _ended(task, arm, views, device) for name, arm in task.arms.items()}
+    views = views_of(task.view_set, task.plan, task.scratch, task.scored_on)
+    ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
     return CellArms(task.scene, task.method, task.seed, ended)
+
+
+def views_of(folder: Path, plan: Plan, scratch: Path, scored_on: Literal["val", "test"]) -> ViewSet:
+    """Read a view set. Raises `InputError` if it has no views to score on."""
+    views = read_views(folder, plan.views, scratch, scored_on)
+    if scored_on == "val" and not views.val.names:
+        raise InputError(f"{folder}: has no validation views (transforms_val.json), which are scored here")
+    return views
+
+
+def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifference | None:
+    """Return the first score less the second over the pairs that have both, as every comparison of settings weighs
+    it; None without a pair.
+    """
+    differences = [first - second for first, second in pairs if first is not None and second is not None]
+    return paired_difference(np.array(differences)) if differences else None
 
 
 def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
@@ -111,37 +129,31 @@ def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
         train = replace(train, precision=arm.precision)
     if arm.position_bands is not None:
         train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
-    return kept(train, arm.need)
+    rates = {name: getattr(train, name) * arm.rate for name in ("learning_rate", "last_learning_rate")}
+    return kept(replace(train, **rates), arm.need)
 
 
-def _ended(task: CellTask, arm: Arm, views: "ViewSet", device: "torch.device") -> Ended:
-    from harness.machine.stopwatch import Stopwatch
-    from harness.training import evaluate
-    from harness.training.lockstep import stream_of, trained_alone
-    from harness.training.trainer import Diverged, Trainer
-
-    plan = task.plan
+def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
+    plan, device = task.plan, torch.device(task.device)
     views = with_needs(views, arm.need, arm.no_need)
-    train = _settings(plan.train, arm)
+    stream = stream_of(task.scene, task.seed)
+    split = views.val if task.scored_on == "val" else views.test
     try:
-        trainer = trained_alone(task.method, views, stream_of(task.scene, task.seed), train, plan.budget, device)
-        cameras = evaluate.cameras_of(views, views.test, device)
+        trainer = trained_alone(task.method, views, stream, _settings(plan.train, arm), plan.budget, device)
+        cameras = evaluate.cameras_of(views, split, device)
         watch = Stopwatch(device)
         images = _timed(evaluate.render_split(trainer, cameras, plan.score.chunk), watch)
-        psnr = evaluate.quick_scores(images, views.test)["psnr"]
+        psnr = evaluate.quick_scores(images, split)["psnr"]
         again = {}
         if isinstance(trainer, Trainer):
             again = {name: _rerendered(trainer, name, views, plan.score.chunk) for name in arm.rendered_with}
         return Ended(psnr, trainer.clock.seconds, watch.seconds, again)
     except Diverged:
-        return Ended(None, 0.0, 0.0)
+        return Ended(None)
 
 
-def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> Rerendered:
+def _rerendered(trainer: Trainer, name: str, views: ViewSet, chunk: int) -> Rerendered:
     """Render view by view, with `name` left out and with it put back, in turns; the trainer ends as it began."""
-    from harness.machine.stopwatch import Stopwatch
-    from harness.training import evaluate
-
     cameras = evaluate.cameras_of(views, views.test, trainer.device)
     before = (trainer.settings, trainer.grid)
     grid = None if name == "empty_space" else trainer.grid
@@ -149,7 +161,7 @@ def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> 
     watches = {part: Stopwatch(trainer.device) for part in states}
     largest = 0.0
 
-    def images() -> Iterator["View"]:
+    def images() -> Iterator[evaluate.View]:
         nonlocal largest
         for index in range(len(cameras)):
             seen = {}
@@ -165,7 +177,7 @@ def _rerendered(trainer: "Trainer", name: str, views: "ViewSet", chunk: int) -> 
     return Rerendered(psnr, watches["in"].seconds, watches["out"].seconds, largest)
 
 
-def _timed(images: Iterator["View"], watch: "Stopwatch") -> Iterator["View"]:
+def _timed(images: Iterator[evaluate.View], watch: Stopwatch) -> Iterator[evaluate.View]:
     """Yield the same images; `watch` runs while one is made."""
     while True:
         with watch.running():

@@ -10,15 +10,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from harness.plan.profiles import Plan
-from harness.studies.choices.arms import Arm, CellArms, CellTask, trained_cells
+from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
+from harness.verdicts.statistics import verdict
 
 Change = Literal["grid", "precision"]
 SMALLEST_OF_INTEREST_DB = 0.2
 """The smallest difference of interest, as in every verdict of the harness."""
-PLANNED = "as planned"
 
 
 @dataclass(frozen=True)
@@ -57,53 +55,44 @@ def pairs(
         yield from pairs_of(cell, changes)
 
 
-def pairs_of(cell: CellArms, changes: list[Change]) -> list[ScorePair]:
+def pairs_of(cell: CellArms, changes: list[Change]) -> Iterator[ScorePair]:
     planned = cell.ended[PLANNED]
     again = planned.rerendered.get("empty_space")
-    return [
-        ScorePair(
-            cell.scene,
-            cell.method,
-            cell.seed,
-            change,
-            planned.psnr,
-            cell.ended[change].psnr,
-            again.psnr if again is not None and change == "grid" else None,
-        )
-        for change in changes
-    ]
+    for change in changes:
+        same_weights = again.psnr if again is not None and change == "grid" else None
+        changed = cell.ended[change].psnr
+        yield ScorePair(cell.scene, cell.method, cell.seed, change, planned.psnr, changed, same_weights)
 
 
-def as_json(found: list[ScorePair], plan: Plan) -> dict[str, Any]:
+def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
     """Return the pairs, and for each change and method the mean difference with its interval and verdict."""
     return {
         "what": "test PSNR with a change minus test PSNR as planned, paired over cells; equivalent: 95 % interval "
         f"within ±{SMALLEST_OF_INTEREST_DB} dB",
         "settings": plan.settings(),
         "summary": [
-            _summary(found, change, method)
-            for change in dict.fromkeys(one.change for one in found)
+            _summary([row for row in rows if (row.change, row.method) == (change, method)])
+            for change in dict.fromkeys(row.change for row in rows)
             for method in plan.methods
         ],
-        "pairs": [asdict(one) for one in found],
+        "pairs": [asdict(row) for row in rows],
     }
 
 
-def _summary(found: list[ScorePair], change: Change, method: str) -> dict[str, Any]:
-    from harness.verdicts.statistics import paired_difference, verdict
-
-    chosen = [one for one in found if one.change == change and one.method == method]
-    differences = [b - a for one in chosen if (a := one.psnr) is not None and (b := one.psnr_changed) is not None]
-    rendered = [b - a for one in chosen if (a := one.psnr) is not None and (b := one.psnr_same_weights) is not None]
-    result = paired_difference(np.array(differences)) if differences else None
+def _summary(rows: list[ScorePair]) -> dict[str, Any]:
+    result = weigh((row.psnr_changed, row.psnr) for row in rows)
     return {
-        "change": change,
-        "method": method,
-        "pairs": len(differences),
-        "diverged": len(chosen) - len(differences),
+        "change": rows[0].change,
+        "method": rows[0].method,
+        "pairs": result.units if result else 0,
+        "diverged": len(rows) - (result.units if result else 0),
         "difference": result.mean if result else None,
         "interval": result.interval if result else None,
-        "largest": max(map(abs, differences)) if differences else None,
+        "largest": _largest((row.psnr_changed, row.psnr) for row in rows),
         "verdict": verdict(result, SMALLEST_OF_INTEREST_DB, higher_is_better=True) if result else "inconclusive",
-        "same_weights_largest": max(map(abs, rendered)) if rendered else None,
+        "same_weights_largest": _largest((row.psnr_same_weights, row.psnr) for row in rows),
     }
+
+
+def _largest(pairs: Iterator[tuple[float | None, float | None]]) -> float | None:
+    return max((abs(a - b) for a, b in pairs if a is not None and b is not None), default=None)

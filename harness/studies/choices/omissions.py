@@ -1,27 +1,40 @@
-"""What leaving something out does to scores and clocks: cells trained with and without it, the rest the same.
+"""What leaving something out does to scores and clocks: cells trained with and without it, the rest the same
+(`python -m harness study omissions`, `run --verify-omissions`).
 
-What concerns rendering alone is judged on one set of weights, rendered both ways.
+What concerns rendering alone is judged on one set of weights, rendered both ways; the volumetric integrator, on renders
+of the scene itself.
 """
 
-from dataclasses import dataclass, replace
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 import numpy as np
+from msgspec import structs
 
 from baselines.catalog import CATALOG
+from harness.execution.executors import device_here
+from harness.execution.ground_truth import read_views
+from harness.execution.progress import Progress
 from harness.plan.needed import needs_of
-from harness.plan.profiles import Plan
-from harness.studies.choices.arms import Arm, CellArms, CellTask
+from harness.plan.profiles import Machine, Plan
+from harness.records.cells import CellRecord, LeftOut, SceneRecord
+from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
+from scenes.files.errors import InputError
 from scenes.modelling.needs import PARTS, Unit
-
-if TYPE_CHECKING:
-    from scenes.view_sets.view_set import ViewSet
+from scenes.view_sets.view_set import ViewSet
 
 Verdict = Literal["within its bound", "costs more", "inconclusive"]
 TRAINED = ("view_direction", "outside_box", "empty_space", "fine_pass")
 """The needs whose omission changes what is trained."""
+RENDERED = ("behind_opaque",)
+"""The needs whose omission changes how a trained method is rendered, and nothing else."""
 CONTROLS = {
     "no view_direction": ("view_direction", ""),
     "no bands": ("high_bands", "every band of the encoding, the needed ones too"),
@@ -29,8 +42,9 @@ CONTROLS = {
 """An arm that leaves something out although it is needed → its need, and what it is. The effect of the first may take
 long training to show; the second must cost visibly, or nothing here could.
 """
-RENDERED = ("behind_opaque",)
-"""The needs whose omission changes how a trained method is rendered, and nothing else."""
+INTEGRATOR_VIEWS = 6
+INTEGRATOR_SPP = 64
+"""The fewest samples: with fewer, noise is larger than the bound."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +84,110 @@ class Omission:
     def unit(self) -> Unit:
         return PARTS[self.name].unit
 
+    @property
+    def line(self) -> str:
+        """Return a line such as `lego: samples outside the box: +1.2 dB [+0.4, +2.0], 3.1 s saved (training and
+        rendering the test views): within its bound (0.2 dB)`.
+        """
+        between = "" if self.interval is None else f" [{self.interval[0]:+.4g}, {self.interval[1]:+.4g}]"
+        change = "nothing measured" if self.difference is None else f"{self.difference:+.4g}{between} {self.unit}"
+        saved = "" if self.seconds_saved is None else f", {self.seconds_saved:.2f} s saved ({self.clock})"
+        return f"{self.scene}: {self.title}: {change}{saved}: {self.verdict} ({self.bound:.2g} {self.unit})"
 
-def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdict:
+
+def verified(
+    plan: Plan,
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    say: Callable[[str], None],
+    device: str = "cpu",
+    controls: bool = False,
+) -> tuple[list[Omission], list[Omission]]:
+    """Return what is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
+
+    Every cell of the plan is trained once as planned and once more for each omission of its scene.
+    """
+    views = {scene: read_views(folder, plan.views, scratch) for scene, folder in folders.items()}
+    cells = []
+    for cell in trained_cells(cell_tasks(plan, views, folders, scratch, controls, device), workers):
+        cells.append(cell)
+        scores = (
+            f"{name} {'diverged' if arm.psnr is None else f'{arm.psnr:.2f} dB'} in {arm.train_seconds:.1f} s"
+            for name, arm in cell.ended.items()
+        )
+        say(f"{cell.scene} {cell.method} seed {cell.seed}: {', '.join(scores)}")
+    omissions = omissions_of(cells)
+    for scene in folders:
+        need = needs_of(views[scene]).get("participating_media")
+        # not of a view set or a scene from elsewhere
+        if not plan.view_set and not plan.scene_file and need is not None and not need.needed:
+            omissions.append(_of_integrator(plan, scene))
+    order = list(folders)
+    return sorted(omissions, key=lambda omission: order.index(omission.scene)), controls_of(cells)
+
+
+def verify_run(
+    plan: Plan,
+    cells: list[CellRecord],
+    scenes: list[SceneRecord],
+    folders: dict[str, Path],
+    machine: Machine,
+    out: Path,
+    show: Progress,
+) -> list[SceneRecord]:
+    """Return `scenes` with what leaving out saved and changed, by one method."""
+    trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
+    if not trained:
+        return scenes
+    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
+    omissions, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
+    for omission in too_costly(omissions):
+        show.line(f"left out at too high a price: {omission.line}")
+    by_scene = {scene.name: [each for each in omissions if each.scene == scene.name] for scene in scenes}
+    return [structs.replace(scene, left_out=filled(scene.left_out, by_scene[scene.name])) for scene in scenes]
+
+
+def too_costly(omissions: list[Omission]) -> list[Omission]:
+    return [omission for omission in omissions if omission.verdict == "costs more"]
+
+
+def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
+    """Return the `rows` of one scene with what was measured on it."""
+    by_name = {omission.name: omission for omission in omissions}
+    measured = ("seconds_saved", "difference", "interval", "clock", "verdict")
+    return [
+        structs.replace(row, **{name: getattr(by_name[row.name], name) for name in measured})
+        if row.name in by_name
+        else row
+        for row in rows
+    ]
+
+
+def as_json(
+    omissions: list[Omission], controls: list[Omission], plan: Plan, provenance: dict[str, Any]
+) -> dict[str, Any]:
+    def rows(table: list[Omission]) -> list[dict[str, Any]]:
+        return [{**asdict(row), "what": row.title, "bound": row.bound, "unit": row.unit} for row in table]
+
+    return {
+        "what": "each scene with everything left out that it does not need, against the same with one of these done; "
+        "controls: something left out that is needed",
+        "provenance": provenance,
+        "settings": plan.settings(),
+        "omissions": rows(omissions),
+        "controls": rows(controls),
+    }
+
+
+def judged(costs: PairedDifference | None, bound: float) -> Verdict:
     """Return the verdict; `costs` says how much worse the result became.
 
-    within its bound   the whole interval lies below the bound; the mean, where `exact` says that nothing is random
+    within its bound   the whole interval lies below the bound
     costs more         the whole interval lies above it
     inconclusive       anything else, and a difference of scores that has no interval
     """
-    if exact:
-        return "within its bound" if costs.mean <= bound else "costs more"
-    if costs.interval is None:
+    if costs is None or costs.interval is None:
         return "inconclusive"
     low, high = costs.interval
     if high <= bound:
@@ -88,7 +195,7 @@ def judged(costs: PairedDifference, bound: float, exact: bool = False) -> Verdic
     return "costs more" if low > bound else "inconclusive"
 
 
-def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:
+def verifiable(views: ViewSet, plan: Plan, method: str) -> tuple[str, ...]:
     """Return what this scene does not need, plan and method would otherwise have, and training or rendering can try."""
     train, parts = plan.train, CATALOG[method].parts
     # a voxel grid has no such sampling, and Listing 4 takes every point of the whole ray
@@ -99,39 +206,35 @@ def verifiable(views: "ViewSet", plan: Plan, method: str) -> tuple[str, ...]:
         "outside_box": train.accelerations.clipping,
         "behind_opaque": train.accelerations.early_stop,
     }
-    found = needs_of(views)
+    needs = needs_of(views)
     return tuple(
         name
         for name in (*TRAINED, *RENDERED)
-        if name in found and not found[name].needed and has.get(name, True) and (sampled or name == "view_direction")
+        if name in needs and not needs[name].needed and has.get(name, True) and (sampled or name == "view_direction")
     )
 
 
 def cell_tasks(
-    plan: Plan, folders: dict[str, Path], scratch: Path, controls: bool = False, device: str = "cpu"
+    plan: Plan,
+    views: dict[str, ViewSet],
+    folders: dict[str, Path],
+    scratch: Path,
+    controls: bool = False,
+    device: str = "cpu",
 ) -> list[CellTask]:
     """Return each cell of the plan with everything left out that its scene does not need, and again with each of these.
 
     With `controls`, the first scene is also trained without bands, and without the view direction if it needs that.
     """
-    from harness.execution.ground_truth import read_views
-
     tasks = []
-    names: dict[tuple[str, str], tuple[str, ...]] = {}
-    needed: dict[str, bool] = {}
-    for scene, folder in folders.items():
-        views = read_views(folder, plan.views, scratch)
-        names |= {(scene, method): verifiable(views, plan, method) for method in plan.methods}
-        direction = needs_of(views).get("view_direction")
-        needed[scene] = direction is not None and direction.needed
     for scene, method, seed in plan.cells():
-        mine = names[scene, method]
-        again = tuple(name for name in mine if name in RENDERED)
-        arms = {"as planned": Arm(rendered_with=again)}
-        arms |= {name: Arm(need=(name,)) for name in mine if name in TRAINED}
+        names = verifiable(views[scene], plan, method)
+        arms = {PLANNED: Arm(rendered_with=tuple(name for name in names if name in RENDERED))}
+        arms |= {name: Arm(need=(name,)) for name in names if name in TRAINED}
         if controls and scene == plan.scenes[0] and CATALOG[method].parts is not None:
             arms["no bands"] = Arm(position_bands=0)
-            if needed[scene]:
+            direction = needs_of(views[scene]).get("view_direction")
+            if direction is not None and direction.needed:
                 arms["no view_direction"] = Arm(no_need=("view_direction",))
         tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
@@ -139,66 +242,110 @@ def cell_tasks(
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
     """Return one omission per scene, method and part, in the order in which the cells have them."""
-    found = []
-    for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
-        chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
-        for name in [name for name in chosen[0].ended if name in TRAINED]:
-            found.append(_of_training(chosen, name, "as planned", name))
-        for name in dict.fromkeys(name for cell in chosen for name in cell.ended["as planned"].rerendered):
-            found.append(_of_rendering(chosen, name))
-    return found
+    omissions = []
+    for chosen in _by_method(cells):
+        omissions += [_of_training(chosen, name, PLANNED, name) for name in chosen[0].ended if name in TRAINED]
+        rerendered = dict.fromkeys(name for cell in chosen for name in cell.ended[PLANNED].rerendered)
+        omissions += [_of_rendering(chosen, name) for name in rerendered]
+    return omissions
 
 
 def controls_of(cells: list[CellArms]) -> list[Omission]:
     """Return what leaving out costs if the part is needed."""
-    found = []
-    for scene, method in dict.fromkeys((cell.scene, cell.method) for cell in cells):
-        chosen = [cell for cell in cells if (cell.scene, cell.method) == (scene, method)]
-        for arm, (name, what) in CONTROLS.items():
-            if arm in chosen[0].ended:
-                found.append(replace(_of_training(chosen, name, arm, "as planned"), what=what))
-    return found
+    return [
+        replace(_of_training(chosen, name, arm, PLANNED), what=what)
+        for chosen in _by_method(cells)
+        for arm, (name, what) in CONTROLS.items()
+        if arm in chosen[0].ended
+    ]
+
+
+def _by_method(cells: list[CellArms]) -> list[list[CellArms]]:
+    """Return the cells of each scene and method."""
+    keys = dict.fromkeys((cell.scene, cell.method) for cell in cells)
+    return [[cell for cell in cells if (cell.scene, cell.method) == key] for key in keys]
 
 
 def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -> Omission:
     """Compare the arms named by `without`, which lack the part, and `with_it`, which have it."""
     pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
-    whole = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
-    differences = np.array([(a.psnr or 0.0) - (b.psnr or 0.0) for a, b in whole])
-    result = paired_difference(differences) if len(whole) else None
-    verdict = judged(paired_difference(-differences), PARTS[name].bound) if result else "inconclusive"
+    result = weigh((a.psnr, b.psnr) for a, b in pairs)
+    verdict = judged(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)
     if any(a.psnr is None and b.psnr is not None for a, b in pairs):
         verdict = "costs more"  # a cell that ends for lack of the part is worth less than any score
-    training = [b.train_seconds - a.train_seconds for a, b in whole]
-    rendering = [b.render_seconds - a.render_seconds for a, b in whole]
+    scored = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
+    training = float(np.mean([b.train_seconds - a.train_seconds for a, b in scored])) if scored else None
+    rendering = float(np.mean([b.render_seconds - a.render_seconds for a, b in scored])) if scored else None
     return Omission(
-        cells[0].scene,
-        cells[0].method,
-        name,
-        float(np.mean(training) + np.mean(rendering)) if whole else None,
-        "training and rendering the test views",
-        result.mean if result else None,
-        result.interval if result else None,
-        len(whole),
-        len(pairs) - len(whole),
-        verdict,
-        float(np.mean(training)) if whole else None,
+        scene=cells[0].scene,
+        method=cells[0].method,
+        name=name,
+        seconds_saved=training + rendering if training is not None and rendering is not None else None,
+        clock="training and rendering the test views",
+        difference=result.mean if result else None,
+        interval=result.interval if result else None,
+        pairs=len(scored),
+        diverged=len(pairs) - len(scored),
+        verdict=verdict,
+        train_seconds_saved=training,
     )
 
 
 def _of_rendering(cells: list[CellArms], name: str) -> Omission:
-    every = [cell.ended["as planned"] for cell in cells]
-    whole = [one.rerendered[name] for one in every if name in one.rerendered]
-    largest = max(one.largest_change for one in whole) if whole else 0.0
+    """Judge the largest change of a colour: nothing in it is random."""
+    planned = [cell.ended[PLANNED] for cell in cells]
+    again = [arm.rerendered[name] for arm in planned if name in arm.rerendered]
+    largest = max(each.largest_change for each in again)
     return Omission(
-        cells[0].scene,
-        cells[0].method,
-        name,
-        float(np.mean([one.seconds - one.seconds_with for one in whole])) if whole else None,
-        "rendering the test views",
-        largest if whole else None,
-        None,
-        len(whole),
-        len(every) - len(whole),
-        judged(PairedDifference(largest, None, None, len(whole)), PARTS[name].bound, True) if whole else "inconclusive",
+        scene=cells[0].scene,
+        method=cells[0].method,
+        name=name,
+        seconds_saved=float(np.mean([each.seconds - each.seconds_with for each in again])),
+        clock="rendering the test views",
+        difference=largest,
+        interval=None,
+        pairs=len(again),
+        diverged=len(planned) - len(again),
+        verdict="within its bound" if largest <= PARTS[name].bound else "costs more",
+    )
+
+
+def _of_integrator(plan: Plan, scene: str) -> Omission:
+    views = plan.views
+    samples = ((views.train + views.val) * views.spp_train + views.test * views.spp_test) * views.resolution**2
+    count, spp = min(INTEGRATOR_VIEWS, views.test), max(views.spp_test, INTEGRATOR_SPP)
+    return omission_of_integrators(compared_integrators(scene, views.resolution, count, spp), samples)
+
+
+def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, Any]:
+    """Return `scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
+    options = {"resolution": resolution, "views": views, "spp": spp}
+    command = [sys.executable, "-m", "scenes", "integrators", scene]
+    command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode == 2:
+        raise InputError(done.stderr.strip().removeprefix("scenes: "))
+    if done.returncode:
+        raise RuntimeError(f"comparing integrators ended with exit code {done.returncode}: {done.stderr[-2000:]}")
+    comparison: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return comparison
+
+
+def omission_of_integrators(comparison: dict[str, Any], samples: int) -> Omission:
+    """Return the omission on a complete view set, to which the seconds of `samples` are scaled."""
+    seconds = comparison["seconds"]["volpath"] - comparison["seconds"]["path"]
+    squares = paired_difference(np.array(comparison["squared"]))
+    # an unbiased square may lie below 0 by chance
+    mean, *ends = (math.sqrt(max(square, 0.0)) for square in (squares.mean, *(squares.interval or ())))
+    return Omission(
+        scene=comparison["scene"],
+        method="",
+        name="participating_media",
+        seconds_saved=seconds * samples / comparison["samples"],
+        clock="rendering the view set",
+        difference=mean,
+        interval=(ends[0], ends[1]) if ends else None,
+        pairs=squares.units,
+        diverged=0,
+        verdict=judged(squares, PARTS["participating_media"].bound ** 2),
     )

@@ -14,13 +14,13 @@ import numpy as np
 import torch
 
 from baselines.methods.repaired import CANDIDATES, EXCLUDED
-from harness.execution.ground_truth import read_views
 from harness.machine.provenance import provenance
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.records.json_record import Record, as_promised, load_json, plain
+from harness.studies.choices.arms import views_of
 from harness.studies.evidence.evidence_context import SEARCHED
 from harness.training import evaluate
 from harness.training.batches import Batches
@@ -126,13 +126,12 @@ def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
 
 
 def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[RepairRow]:
-    """Train every method of `plan` on every scene with every seed; decoded images go to `scratch`, a folder on a
-    disk.
+    """Train every method of `plan` on every scene with every seed; decoded images go to `scratch`, a folder on a disk.
+
+    Raises `InputError` for a view set without validation views.
     """
     for scene, folder in folders.items():
-        views = read_views(folder, plan.views, scratch, scored_on="val")
-        if not views.val.names:
-            raise InputError(f"{folder}: has no validation views (transforms_val.json), which a search scores on")
+        views = views_of(folder, plan, scratch, "val")
         for seed in plan.seeds:
             yield from _together(plan, views, scene, seed, device)
 

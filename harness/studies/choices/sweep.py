@@ -3,18 +3,13 @@
 No method may get tuning that the others did not: what a profile sets for all must not be one method's favourite.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import torch
-
-from harness.execution.ground_truth import read_views
 from harness.plan.profiles import Plan
-from harness.training.lockstep import psnr_on, stream_of, trained_alone
-from harness.training.trainer import Diverged
-from scenes.files.errors import InputError
-from scenes.view_sets.view_set import ViewSet
+from harness.studies.choices.arms import Arm, CellTask, trained_cells
 
 SEED = 1_000
 """A seed that no verdict uses."""
@@ -32,40 +27,29 @@ class SweepRow:
     psnr_val: float | None
 
 
-def sweep(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: Path) -> Iterator[SweepRow]:
-    """Train every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk."""
-    view_sets = {scene: read_views(folder, plan.views, scratch, scored_on="val") for scene, folder in folders.items()}
-    for views in view_sets.values():
-        if not views.val.names:
-            raise InputError(f"{views.path}: has no validation views (transforms_val.json), which a sweep scores on")
-    for scene, views in view_sets.items():
-        for method in plan.methods:
-            for factor in FACTORS:
-                yield _row(plan, views, scene, method, factor, device)
+def sweep(plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str) -> Iterator[SweepRow]:
+    """Train every method at every learning rate on every scene; decoded images go to `scratch`, a folder on a disk.
+
+    Raises `InputError` for a view set without validation views.
+    """
+    arms = {f"{factor:g} of the rate": Arm(rate=factor) for factor in FACTORS}
+    tasks = [
+        CellTask(scene, method, SEED, folder, scratch, plan, arms, device, "val")
+        for scene, folder in folders.items()
+        for method in plan.methods
+    ]
+    for cell in trained_cells(tasks, workers):
+        for name, arm in arms.items():
+            yield SweepRow(cell.scene, cell.method, plan.train.learning_rate * arm.rate, cell.ended[name].psnr)
 
 
 def best_rates(rows: list[SweepRow]) -> dict[str, float]:
     """Return for each method the learning rate with the best mean over scenes; a diverged run counts as the worst."""
-    best: dict[str, float] = {}
-    for method in dict.fromkeys(row.method for row in rows):
-        sums: dict[float, float] = {}
-        for row in rows:
-            if row.method == method:
-                score = -1e3 if row.psnr_val is None else row.psnr_val
-                sums[row.learning_rate] = sums.get(row.learning_rate, 0.0) + score
-        best[method] = max(sums, key=lambda rate: sums[rate])
-    return best
+    sums: dict[str, dict[float, float]] = defaultdict(lambda: defaultdict(float))
+    for row in rows:
+        sums[row.method][row.learning_rate] += -1e3 if row.psnr_val is None else row.psnr_val
+    return {method: max(rates, key=lambda rate: rates[rate]) for method, rates in sums.items()}
 
 
 def as_json(rows: list[SweepRow], plan: Plan) -> dict[str, object]:
     return {"seed": SEED, "settings": plan.settings(), "rows": [asdict(row) for row in rows], "best": best_rates(rows)}
-
-
-def _row(plan: Plan, views: ViewSet, scene: str, method: str, factor: float, device: torch.device) -> SweepRow:
-    rates = (plan.train.learning_rate * factor, plan.train.last_learning_rate * factor)
-    settings = replace(plan.train, learning_rate=rates[0], last_learning_rate=rates[1])
-    try:
-        trainer = trained_alone(method, views, stream_of(scene, SEED), settings, plan.budget, device)
-        return SweepRow(scene, method, rates[0], psnr_on(trainer, views, views.val, plan.score.chunk))
-    except Diverged:
-        return SweepRow(scene, method, rates[0], None)

@@ -158,7 +158,7 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
     """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
     from harness.execution.ground_truth import read_views
     from harness.execution.run import view_set_folders
-    from harness.studies.choices.verification import compared_integrators, omission_of_integrators, verified
+    from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
 
     plan = _plan(context)
     folders = view_set_folders(plan, context.view_sets, context.show)

@@ -1,7 +1,6 @@
 """The search for the repaired Q-NeRF: its rule where the right choice is known, and a tiny search for real."""
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from harness.studies.choices.repair_search import (
 from harness.studies.evidence.evidence_context import SEARCHED, TRAININGS
 from scenes.files.errors import InputError
 from tests.harness import tiny
-from tests.harness.ball import write_ball
+from tests.harness.ball import ball_with_validation_views
 
 NAMES = list(CANDIDATES)
 BEST_FAITH = ("qnerf_theorem", "qnerf_repaired")
@@ -99,15 +98,6 @@ def test_no_verdict_is_taken_where_the_choice_was_made() -> None:
     assert plan.budget == Budget(steps=None, seconds=SECONDS)
 
 
-def ball_with_validation_views(folder: Path) -> Path:
-    """Its validation views are its test views."""
-    write_ball(folder)
-    shutil.copytree(folder / "test", folder / "val")
-    poses = (folder / "transforms_test.json").read_text()
-    (folder / "transforms_val.json").write_text(poses.replace("./test/", "./val/"))
-    return folder
-
-
 def test_a_search_for_real_scores_validation_views_at_equal_time(tmp_path: Path) -> None:
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(
@@ -135,13 +125,6 @@ def test_a_search_for_real_scores_validation_views_at_equal_time(tmp_path: Path)
     assert (found.history, found.clock) == (list(HISTORY), "processor seconds")
     assert {"commit", "processor", "packages"} <= data["provenance"].keys()
     assert as_json(rows, plan, torch.device("meta"))["clock"] == "seconds of the wall"
-
-
-def test_a_view_set_without_validation_views_is_refused(tmp_path: Path) -> None:
-    write_ball(tmp_path / "ball")
-    plan = replace(search_plan(precision_as_planned=False), train=tiny.TRAIN, views=tiny.VIEWS)
-    with pytest.raises(InputError, match="has no validation views"):
-        next(search(plan, {"ball": tmp_path / "ball"}, torch.device("cpu"), tmp_path))
 
 
 def test_what_is_published_is_the_whole_search_and_what_the_catalogue_has() -> None:
