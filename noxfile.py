@@ -1,5 +1,6 @@
 """nox -s SESSION -- OPTIONS: uv makes the environment, and `nox -s SESSION -- --help` explains the options."""
 
+import argparse
 import sys
 import time
 
@@ -11,6 +12,9 @@ nox.options.reuse_existing_virtualenvs = True
 nox.options.sessions = ["lint", "tests"]
 
 PROJECT = nox.project.load_toml("pyproject.toml")
+OPTIONS = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+OPTIONS.add_argument("--with", dest="packages", action="append", default=[], metavar="FOLDER")
+OPTIONS.add_argument("--out")
 
 
 def install(session: nox.Session, *groups: str) -> None:
@@ -27,78 +31,77 @@ def install(session: nox.Session, *groups: str) -> None:
 @nox.session
 def benchmark(session: nox.Session) -> None:
     """Train the methods side by side and write the report."""
-    install(session)
-    options = with_packages(session)
-    # a diverged cell (3) is part of the result: the report is written, and says 3 in its turn
-    session.run("python", "-m", "harness", "run", *options, success_codes=[0, 3])
-    if not {"--dry-run", "--help", "-h"} & set(options):
-        session.run("python", "-m", "reports", out_folder(options))
+    report(session, "run", "out/latest")
 
 
 @nox.session
 def judge(session: nox.Session) -> None:
     """Judge anybody's table of results, without training."""
-    install(session)
-    session.run("python", "-m", "harness", "judge", *session.posargs)
+    harness(session, "judge")
 
 
 @nox.session
 def conformance(session: nox.Session) -> None:
     """Hold methods to the contract of the catalogue."""
-    install(session)
-    session.run("python", "-m", "harness", "conformance", *with_packages(session))
+    harness(session, "conformance")
 
 
 @nox.session
 def view(session: nox.Session) -> None:
     """Look at a finished run in the browser."""
-    install(session)
-    session.run("python", "-m", "harness", "view", *with_packages(session), success_codes=[0, 130])
+    harness(session, "view", success_codes=(0, 130))
 
 
 @nox.session
 def film(session: nox.Session) -> None:
     """Render a camera path through a finished run."""
-    install(session)
-    session.run("python", "-m", "harness", "render", *with_packages(session))
+    harness(session, "render")
 
 
 @nox.session
 def evidence(session: nox.Session) -> None:
     """Run the studies that a verdict rests on."""
-    measure(session, "evidence", not_for_a_report={"--list"})
+    report(session, "evidence")
 
 
 @nox.session
 def stability(session: nox.Session) -> None:
     """Try stiff and extreme cases, on formulas and in training."""
-    measure(session, "stability", not_for_a_report={"--list"})
+    report(session, "stability")
 
 
 @nox.session
 def speed(session: nox.Session) -> None:
     """Measure how fast this machine trains and renders."""
-    measure(session, "speed")
-
-
-def measure(session: nox.Session, command: str, not_for_a_report: set[str] | None = None) -> None:
-    """Run a command that measures into a folder, and write the page about it."""
-    install(session)
-    if {"--help", "-h", *(not_for_a_report or ())} & set(session.posargs):
-        session.run("python", "-m", "harness", command, *session.posargs)
-        return
-    out = given_out(session.posargs)
-    fresh = [] if out else ["--out", f"out/{command}-{time.strftime('%Y%m%d-%H%M%S')}"]
-    # what failed (3) is part of the result: the page is written, and says 3 in its turn
-    session.run("python", "-m", "harness", command, *session.posargs, *fresh, success_codes=[0, 3])
-    session.run("python", "-m", "reports", out or fresh[1])
+    report(session, "speed")
 
 
 @nox.session
 def gate(session: nox.Session) -> None:
     """Hold this code to the reviewed limits in gates/."""
+    harness(session, "gate")
+
+
+def harness(session: nox.Session, command: str, *more: str, success_codes: tuple[int, ...] = (0,)) -> None:
+    """Run a command with the options of the session, and with the packages of each `--with FOLDER` as they stand."""
     install(session)
-    session.run("python", "-m", "harness", "gate", *session.posargs)
+    given, options = OPTIONS.parse_known_args(session.posargs)
+    for folder in given.packages:
+        session.install("--editable", folder)
+    out = ["--out", given.out] if given.out else []
+    session.run("python", "-m", "harness", command, *options, *out, *more, success_codes=success_codes)
+
+
+def report(session: nox.Session, command: str, default: str = "") -> None:
+    """Run a command that writes a folder (`default`, or else a fresh one is named for it), and write its page."""
+    out = OPTIONS.parse_known_args(session.posargs)[0].out
+    fresh = f"out/{command}-{time.strftime('%Y%m%d-%H%M%S')}"
+    if {"--help", "-h", "--list", "--dry-run"} & set(session.posargs):
+        harness(session, command)
+        return
+    # what diverged or failed (3) is part of the result: the page is written, and says 3 in its turn
+    harness(session, command, *([] if out or default else ["--out", fresh]), success_codes=(0, 3))
+    session.run("python", "-m", "reports", out or default or fresh)
 
 
 @nox.session
@@ -154,32 +157,3 @@ def lint(session: nox.Session) -> None:
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
     session.run("mypy")
-
-
-def with_packages(session: nox.Session) -> list[str]:
-    """Install the package of each `--with FOLDER` as it stands there, and return the other options."""
-    options, words = [], iter(session.posargs)
-    for option in words:
-        name, is_joined, value = option.partition("=")
-        if name != "--with":
-            options.append(option)
-        elif folder := value if is_joined else next(words, ""):
-            session.install("--editable", folder)
-        else:
-            session.error("--with: name the folder of a package (with its pyproject.toml)")
-    return options
-
-
-def out_folder(options: list[str]) -> str:
-    """Return the folder that the run wrote: `--out`, else what `out/latest` names."""
-    return given_out(options) or "out/latest"
-
-
-def given_out(options: list[str]) -> str | None:
-    """Return the value of `--out`."""
-    for index, option in enumerate(options):
-        if option == "--out" and index + 1 < len(options):
-            return options[index + 1]
-        if option.startswith("--out="):
-            return option.removeprefix("--out=")
-    return None
