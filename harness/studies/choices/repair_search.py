@@ -138,12 +138,24 @@ def search(plan: Plan, folders: dict[str, Path], device: torch.device, scratch: 
 
 def standings(rows: list[RepairRow]) -> list[CandidateRank]:
     """Return the candidates in their own order. Raises `ValueError` if none has a score everywhere."""
-    scores = {name: _scores(rows, name) for name in CANDIDATES if any(row.method == name for row in rows)}
-    whole = {name: values for name, values in scores.items() if np.isfinite(values).all()}
-    if not whole:
+    scores: dict[str, np.ndarray] = {}
+    # scenes and seeds always in the same order; NaN where training diverged
+    for name in (name for name in CANDIDATES if any(row.method == name for row in rows)):
+        mine = sorted((row for row in rows if row.method == name), key=lambda row: (row.scene, row.seed))
+        scores[name] = np.array([math.nan if row.psnr_val is None else row.psnr_val for row in mine])
+    complete = [values for values in scores.values() if np.isfinite(values).all()]
+    if not complete:
         raise ValueError("every candidate diverged somewhere: there is nothing to choose")
-    best = max(whole.values(), key=lambda values: float(values.mean()))
-    return [_standing(name, best, whole.get(name)) for name in scores]
+    best = max(complete, key=lambda values: float(values.mean()))
+    table = []
+    for name, values in scores.items():
+        behind = best - values
+        mean, error = float(behind.mean()), float(behind.std(ddof=1)) / behind.size**0.5 if behind.size > 1 else 0.0
+        if np.isfinite(mean):
+            table.append(CandidateRank(name, float(values.mean()), mean, error, mean <= error))
+        else:
+            table.append(CandidateRank(name, None, None, None, ties=False))
+    return table
 
 
 def chosen(table: list[CandidateRank]) -> str:
@@ -198,31 +210,5 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
             except Diverged:
                 score = None
             active.remove(learner)
-            yield _row(learner, scene, seed, score)
-
-
-def _row(learner: Learner, scene: str, seed: int, score: float | None) -> RepairRow:
-    return RepairRow(
-        learner.method,
-        scene,
-        seed,
-        score,
-        learner.step,
-        learner.clock.seconds,
-        learner.network_evaluations,
-        **learner.amplifier_scalars(),
-    )
-
-
-def _scores(rows: list[RepairRow], method: str) -> np.ndarray:
-    """Return the scores of all scenes and seeds, always in the same order; NaN if training diverged."""
-    mine = sorted((row.scene, row.seed, row.psnr_val) for row in rows if row.method == method)
-    return np.array([math.nan if score is None else score for _, _, score in mine], dtype=np.float64)
-
-
-def _standing(method: str, best: np.ndarray, scores: np.ndarray | None) -> CandidateRank:
-    if scores is None:
-        return CandidateRank(method, None, None, None, ties=False)
-    behind = best - scores
-    error = float(behind.std(ddof=1)) / behind.size**0.5 if behind.size > 1 else 0.0
-    return CandidateRank(method, float(scores.mean()), float(behind.mean()), error, float(behind.mean()) <= error)
+            spent = (learner.step, learner.clock.seconds, learner.network_evaluations)
+            yield RepairRow(learner.method, scene, seed, score, *spent, **learner.amplifier_scalars())
