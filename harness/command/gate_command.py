@@ -39,27 +39,26 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         show.line(publish(options.rank, options.limits.parent))
         return 0
 
-    from harness.gate.gate_run import SHELF, renew, run
-    from harness.gate.limits import LimitsFile, read_stored
+    from harness.gate.gate_run import SHELF, context_for, renew, run
     from harness.gate.processor import environment_of
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import claim_for, fresh_folder
 
     if options.of_class is not None:
         environment_of(options.of_class)
-    if not options.renew:
-        read_stored(options.limits, LimitsFile)  # before a folder is made
     out = options.out or fresh_folder("gate", resume=False)
+    # before a folder is made
+    context = context_for(table, options.limits, out, options.view_sets, show, options.of_class, options.renew)
     with locked_folder(out):
         claim_for(out, SHELF.file, resume=False)
         if options.renew:
-            return renew(table, options.limits, out, options.view_sets, show, options.of_class)
+            return renew(context, options.of_class)
         replay = ["python", "-m", "harness", "gate"]
         if options.limits != LIMITS:
             replay += ["--limits", str(options.limits)]
         if options.of_class is not None:
             replay += ["--class", options.of_class]
-        return run(table, options.limits, out, options.view_sets, show, shlex.join(replay), options.of_class)
+        return run(context, shlex.join(replay))
 
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:

@@ -24,14 +24,18 @@ class GateContext:
     """The references of the class of processor that is measured, or of another class."""
     of_class: str
     """The class that is measured."""
-    images: Path
-    """The folder of the stored mean and variance of the reference renders."""
+    limits_file: Path
     view_sets: Path
     out: Path
     scratch: Path
     """A folder on a disk that is removed after the run."""
     workers: int
     show: Progress
+
+    @property
+    def images(self) -> Path:
+        """Return the folder of the stored mean and variance of the reference renders."""
+        return self.limits_file.parent / "images"
 
     def of_kind(self, kind: Kind) -> dict[str, Gate]:
         """Return the gates of a kind that are asked for, by name."""

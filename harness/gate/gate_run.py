@@ -56,64 +56,63 @@ RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
 """The renewals that depend on the class of processor; images do not."""
 
 
-def run(
+def context_for(
     chosen: tuple[Gate, ...],
     limits_file: Path,
     out: Path,
     view_sets: Path,
     show: Progress,
-    replay: str,
-    of_class: str | None = None,
-) -> int:
+    of_class: str | None,
+    renewing: bool,
+) -> GateContext:
+    """Return what `run` or `renew` works with. Raises `InputError` if limits, references or stored images cannot be
+    read.
+    """
+    name = of_class or class_here()
+    folder = limits_file.parent
+    fresh = renewing and not limits_file.exists()
+    limits = LimitsFile() if fresh else read_stored(limits_file, LimitsFile)
+    references = References(name) if renewing else references_for(folder / CLASSES, name)
+    cores = available_cores()
+    context = GateContext(chosen, limits, references, name, limits_file, view_sets, out, out, cores, show)
+    if not renewing:
+        images.references_for(context)
+    return context
+
+
+def run(context: GateContext, replay: str) -> int:
     """Measure and judge; returns 0, or 4 if a gate failed. `replay` is the command that a failing gate's name is added
     to.
-
-    Raises `InputError` before anything is measured if limits, references or stored images cannot be read.
     """
+    use_threads(1)
+    keep_freed_memory()
     began = time.monotonic()
-    name = of_class or class_here()
-    limits = read_stored(limits_file, LimitsFile)
-    references = references_for(limits_file.parent / CLASSES, name)
-    context = _context(chosen, limits, references, name, limits_file, view_sets, out, show)
-    images.references_for(context)
-    show.line(f"{len(chosen)} of {len(gates())} gates, {class_line(name, references)}")
+    out, show, name, usual = context.out, context.show, context.of_class, context.references.name
+    foreign = (
+        f", of which nothing is stored: held to {usual} with wider limits; `python -m harness gate --renew --class "
+        f"{name}` makes its own"
+    )
+    show.line(
+        f"{len(context.gates)} of {len(gates())} gates, processor of class {name}{foreign if name != usual else ''}"
+    )
 
     def within(scratch: Path, _: tuple[str, ...]) -> GateContext:
         return replace(context, scratch=scratch)
 
     kinds: list[str] = [kind for kind in KINDS if context.of_kind(kind)]
-    settings = {"class": name, "references": references.name, "gates": [gate.name for gate in chosen]}
+    settings = {"class": name, "references": usual, "gates": [gate.name for gate in context.gates]}
     with forced(name):
-        framework.run(
-            SHELF,
-            kinds,
-            out,
-            False,
-            settings,
-            provenance(CPU),
-            lambda scratch, _: replace(context, scratch=scratch),
-            show,
-        )
+        framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
     record = read_studies(out / SHELF.file)
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:
         show.line(f"replay: {replay} --only {check.id}")
     failed = len(record.broken)
-    seconds = time.monotonic() - began
     show.line(
-        f"{len(chosen) - failed} passed, {failed} failed in {seconds:.0f} s; {out / SHELF.file}, {out / JUNIT_FILE}"
+        f"{len(context.gates) - failed} passed, {failed} failed in {time.monotonic() - began:.0f} s; "
+        f"{out / SHELF.file}, {out / JUNIT_FILE}"
     )
     return 4 if failed else 0
-
-
-def class_line(name: str, references: References) -> str:
-    """Return which class of processor is compared with which references."""
-    if name == references.name:
-        return f"processor of class {name}"
-    return (
-        f"processor of class {name}, of which nothing is stored: held to {references.name} with wider limits; "
-        f"`python -m harness gate --renew --class {name}` makes its own"
-    )
 
 
 def write_junit(file: Path, record: Studies, replay: str) -> None:
@@ -135,68 +134,42 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
     write_atomically(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))
 
 
-def renew(
-    chosen: tuple[Gate, ...],
-    limits_file: Path,
-    out: Path,
-    view_sets: Path,
-    show: Progress,
-    of_class: str | None = None,
-) -> int:
+def renew(context: GateContext, of_class: str | None) -> int:
     """Measure anew the reference values of chosen gates, and write them; prints old → new for limits of images.
 
     A kind is renewed completely, so that its limits have one origin; without `of_class` for the usual classes that this
     machine can be, with it for that one and without what does not depend on it.
     """
-    before = read_stored(limits_file, LimitsFile) if limits_file.exists() else LimitsFile()
-    kinds = {gate.kind for gate in chosen}
-    folder = limits_file.parent / CLASSES
+    use_threads(1)
+    keep_freed_memory()
+    folder = context.limits_file.parent / CLASSES
     usual = tuple(name for name in RENEWED_CLASSES if name in classes_here()) or (class_here(),)
-    with scratch_folder(out) as scratch:
-        context = _context(chosen, before, References(""), "", limits_file, view_sets, scratch, show)
+    with scratch_folder(context.out) as scratch:
+        context = replace(context, scratch=scratch)
         for name in (of_class,) if of_class else usual:
             file = references_file(folder, name)
             references = read_references(folder, name) if file.exists() else References(name)
             for kind, measure in RENEWALS.items():
-                if kind in kinds:
+                if context.of_kind(kind):
                     started = time.monotonic()
                     with forced(name):
                         references = measure(replace(context, references=references, of_class=name))
                     facts = _facts(kind, started)
                     references = structs.replace(references, kinds={**references.kinds, kind: facts})
                     write_stored(file, references)
-                    show.line(f"{kind}: references of class {name} renewed in {facts.seconds:.0f} s")
-        if "images" not in kinds or of_class:
+                    context.show.line(f"{kind}: references of class {name} renewed in {facts.seconds:.0f} s")
+        if of_class or not context.of_kind("images"):
             return 0
         started = time.monotonic()
         values = images.renew(context)
     files = {f"{scene}.exr": file_digest(context.images / f"{scene}.exr") for scene in IMAGE_SCENES}
-    after = before.renewed("images", values, structs.replace(_facts("images", started), files=files))
-    write_stored(limits_file, after)
-    changed = changes(before, after)
-    for line in changed:
-        show.line(line)
-    show.line(f"{len(changed)} limits changed; review {limits_file} before it is committed")
+    after = context.limits.renewed("images", values, structs.replace(_facts("images", started), files=files))
+    write_stored(context.limits_file, after)
+    changed = changes(context.limits, after)
+    for line in (*changed, f"{len(changed)} limits changed; review {context.limits_file} before it is committed"):
+        context.show.line(line)
     return 0
 
 
 def _facts(kind: Kind, started: float) -> KindFacts:
     return KindFacts(settings_of(kind), provenance(CPU), round(time.monotonic() - started, 1))
-
-
-def _context(
-    chosen: tuple[Gate, ...],
-    limits: LimitsFile,
-    references: References,
-    of_class: str,
-    limits_file: Path,
-    view_sets: Path,
-    out: Path,
-    show: Progress,
-) -> GateContext:
-    use_threads(1)
-    keep_freed_memory()
-    stored_images = limits_file.parent / "images"
-    return GateContext(
-        chosen, limits, references, of_class, stored_images, view_sets, out, out, available_cores(), show
-    )

@@ -186,9 +186,10 @@ def test_names_that_are_none_and_folders_in_use(
 ) -> None:
     said = refused(capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate")
     assert "'teapot'; known: changed worse images fairness speed" in said
-    assert "in use" in refused(capsys, "--limits", limits, "--out", tmp_path, "--quiet", command="gate")
+    only = ("--limits", limits, "--only", "speed", "--quiet", "--out")
+    assert "in use" in refused(capsys, *only, tmp_path, command="gate")
     lock = lock_folder(tmp_path / "two")
-    said = refused(capsys, "--limits", limits, "--out", tmp_path / "two", "--quiet", command="gate")
+    said = refused(capsys, *only, tmp_path / "two", command="gate")
     assert "in use by process" in said
     lock.release(remove=True)
 
