@@ -6,10 +6,8 @@ precision, which is what runs use, it doubles from step to step, so that only th
 
 import json
 import math
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,13 +25,13 @@ from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.study import Check
-from harness.studies.drawn_views import write_disc
+from harness.studies.drawn_views import disc_views
 from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
-from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import ViewSet
 
 STEPS = 24
 PIXELS_APART = 37
@@ -122,15 +120,13 @@ def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reorderi
     usual = fused_network.BLOCK_BYTES
     fused_network.BLOCK_BYTES = order.block_bytes
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            # a ball that needs no renderer, so that no renderer's rounding is in it
-            write_disc(Path(folder) / "views", 32, 12, 1, seed=1)
-            views = read_view_set(Path(folder) / "views", scratch=Path(folder))
-            return {
-                precision: {name: _course(STARTS[name], views, kind, order.fused) for name in names}
-                for precision, kind in PRECISIONS.items()
-                if order.fused or precision == "single"
-            }
+        # it needs no renderer, so that no renderer's rounding is in it
+        views = disc_views(32, 12, 1, seed=1)
+        return {
+            precision: {name: _course(STARTS[name], views, kind, order.fused) for name in names}
+            for precision, kind in PRECISIONS.items()
+            if order.fused or precision == "single"
+        }
     finally:
         fused_network.BLOCK_BYTES = usual
         torch.set_num_threads(1)

@@ -26,12 +26,12 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings
 from harness.records.cells import CellRecord
 from harness.records.study import Check
-from harness.studies.drawn_views import write_disc
+from harness.studies.drawn_views import disc_views
 from harness.training.learner import Learner
 from harness.training.lockstep import box_of, train_group
 from harness.training.make_learner import learner_for
 from harness.verdicts.comparisons import compare
-from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import ViewSet
 
 COPY_STEPS = 40
 """The steps of a copy: enough for the occupancy grid to leave something out."""
@@ -42,7 +42,7 @@ CPU = torch.device("cpu")
 def measure(context: GateContext) -> Iterator[Check]:
     """Train on a view set that needs no renderer, and count what is not equal."""
     scratch = context.scratch
-    views = drawn(scratch)
+    views = drawn()
 
     @cache
     def copies(method: str) -> tuple[int | None, list[CellRecord]]:
@@ -61,9 +61,8 @@ def measure(context: GateContext) -> Iterator[Check]:
         yield judge(gate, [differing], NONE_DIFFERS, "nothing to compare" if differing is None else "")
 
 
-def drawn(folder: Path) -> ViewSet:
-    write_disc(folder / "views", 24, 8, 2, seed=1)
-    return read_view_set(folder / "views", scratch=folder)
+def drawn() -> ViewSet:
+    return disc_views(24, 8, 2, seed=1)
 
 
 def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:

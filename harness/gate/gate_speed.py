@@ -6,12 +6,10 @@ A slower machine, or a busy one, is slower at both.
 
 import math
 import statistics
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -29,14 +27,14 @@ from harness.gate.worse import TRAIN
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.study import Check
-from harness.studies.drawn_views import write_disc
+from harness.studies.drawn_views import disc_views
 from harness.studies.speed.speed_context import interleaved, quotients
 from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.learner import at_step, take_step, train
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
-from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import ViewSet
 
 STEPS_BEFORE = 80
 """The steps before the measurement: the occupancy grid is in use from then on."""
@@ -82,10 +80,8 @@ def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
 
 def ratios(names: tuple[str, ...]) -> dict[str, float]:
     """Return gate → median over the repetitions of seconds per seconds of the plain code."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_disc(Path(folder) / "views", 40, 20, 2, seed=3)
-        views = read_view_set(Path(folder) / "views", scratch=Path(folder))
-        return {name: ratio(*sides_of(name, views)) for name in names}
+    views = disc_views(40, 20, 2, seed=3)
+    return {name: ratio(*sides_of(name, views)) for name in names}
 
 
 def ratio(

@@ -1,12 +1,14 @@
 """View sets in the Blender format that need no renderer: a disc in front of noise-free white, or noise all over."""
 
 import math
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from scenes.view_sets.images import write_png
 from scenes.view_sets.transforms import write_transforms
+from scenes.view_sets.view_set import ViewSet, read_view_set
 
 FOV_X_RADIANS = 0.6911112
 DISTANCE = 4.0311
@@ -40,6 +42,13 @@ def write_disc(folder: Path, size: int, train: int, test: int, seed: int) -> Non
     colour = np.random.default_rng(seed).uniform(0.1, 0.7, 3)
     image = disc_image(size, colour)
     _write(folder, {"train": [image] * train, "test": [image] * test})
+
+
+def disc_views(size: int, train: int, test: int, seed: int) -> ViewSet:
+    """Return such a view set, with nothing left on disk."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_disc(Path(folder) / "views", size, train, test, seed)
+        return read_view_set(Path(folder) / "views")
 
 
 def write_noise(folder: Path, size: int, train: int, test: int) -> None:

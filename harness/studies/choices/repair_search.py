@@ -210,5 +210,7 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
             except Diverged:
                 score = None
             active.remove(learner)
-            spent = (learner.step, learner.clock.seconds, learner.network_evaluations)
-            yield RepairRow(learner.method, scene, seed, score, *spent, **learner.amplifier_scalars())
+            evaluations, scalars = learner.network_evaluations, learner.amplifier_scalars()
+            yield RepairRow(
+                learner.method, scene, seed, score, learner.step, learner.clock.seconds, evaluations, **scalars
+            )

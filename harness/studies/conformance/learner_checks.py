@@ -15,14 +15,14 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings, VoxelSettings
 from harness.records.snapshot import Unfinished, read_unfinished, write_unfinished
 from harness.studies.conformance.subject import Broken, Subject
-from harness.studies.drawn_views import write_disc
+from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
 from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
 from harness.training.evaluate import cameras_of
 from harness.training.learner import Learner, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import learner_for
-from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import ViewSet
 
 CPU = torch.device("cpu")
 STREAM = "conformance/0"
@@ -48,9 +48,7 @@ SETTINGS = TrainSettings(
 @cache
 def drawn() -> tuple[ViewSet, Batches]:
     """Return a ball of one colour seen from all sides; this needs no renderer."""
-    with tempfile.TemporaryDirectory() as scratch:
-        write_disc(Path(scratch) / "views", 24, 8, 1, seed=1)
-        views = read_view_set(Path(scratch) / "views")
+    views = disc_views(24, 8, 1, seed=1)
     return views, Batches(cameras_of(views, views.train, CPU), views.train.rgba)
 
 

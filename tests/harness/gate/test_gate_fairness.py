@@ -16,8 +16,8 @@ METHODS = ("nerf", "qnerf")
 
 
 @pytest.fixture(scope="module")
-def views(tmp_path_factory: pytest.TempPathFactory) -> ViewSet:
-    return drawn(tmp_path_factory.mktemp("drawn"))
+def views() -> ViewSet:
+    return drawn()
 
 
 @pytest.fixture(autouse=True)
