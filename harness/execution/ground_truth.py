@@ -45,6 +45,23 @@ class RenderProgress:
     """The finished share of the samples that were to be taken."""
 
 
+def scenes_output(*words: str, **options: object) -> str:
+    """Return what `python -m scenes WORDS --OPTION VALUE …` prints; if Dr.Jit ends the process, with `scalar_rgb`.
+
+    Raises `InputError` with its error output, and `RuntimeError` if it fails otherwise.
+    """
+    command = [sys.executable, "-m", "scenes", *words]
+    command += [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode < 0:
+        ended = subprocess.run([*command, "--variant", "scalar_rgb"], capture_output=True, text=True, check=False)
+    if ended.returncode == 2:
+        raise InputError(ended.stderr.strip().removeprefix("scenes: "))
+    if ended.returncode:
+        raise RuntimeError(f"`scenes {words[0]}` ended with exit code {ended.returncode}: {ended.stderr[-2000:]}")
+    return ended.stdout
+
+
 def read_views(
     folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test"
 ) -> "ViewSet":

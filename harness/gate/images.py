@@ -3,8 +3,6 @@
 Images are `[batches, height, width, 4]`, linear and premultiplied; a batch is one independent render.
 """
 
-import subprocess
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
+from harness.execution.ground_truth import scenes_output
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import (
     IMAGE_BATCHES,
@@ -191,21 +190,10 @@ def values_for_limits(further: Renders, references: dict[str, Reference]) -> dic
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
-    """Render by `python -m scenes repeats`. Raises `InputError` with its error output; if Dr.Jit ends the process, what
-    is missing is rendered with `scalar_rgb`.
-    """
+    """Render by `python -m scenes repeats`, with the errors of `scenes_output`."""
     folder = out / "renders" / stream
-    folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "scenes", "repeats", str(folder), *scenes, "--stream", stream]
-    for name, value in {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP, "count": count}.items():
-        command += [f"--{name}", str(value)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)
-    if ended.returncode < 0:
-        ended = subprocess.run([*command, "--variant", "scalar_rgb"], capture_output=True, text=True, check=False)
-    if ended.returncode == 2:
-        raise InputError(ended.stderr.strip().removeprefix("scenes: "))
-    if ended.returncode:
-        raise RuntimeError(f"rendering ended with exit code {ended.returncode}: {ended.stderr[-2000:]}")
+    size = {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP}
+    scenes_output("repeats", str(folder), *scenes, stream=stream, count=count, **size)
     return {scene: np.load(folder / f"{scene}.npy", allow_pickle=False).astype(np.float64) for scene in scenes}
 
 

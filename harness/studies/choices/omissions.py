@@ -7,8 +7,6 @@ of the scene itself.
 
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,14 +17,13 @@ from msgspec import structs
 
 from baselines.catalog import CATALOG
 from harness.execution.executors import device_here
-from harness.execution.ground_truth import read_views
+from harness.execution.ground_truth import read_views, scenes_output
 from harness.execution.progress import Progress
 from harness.plan.needed import needs_of
 from harness.plan.profiles import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
-from scenes.files.errors import InputError
 from scenes.modelling.needs import PARTS, Unit
 from scenes.view_sets.view_set import ViewSet
 
@@ -319,15 +316,8 @@ def _of_integrator(plan: Plan, scene: str) -> Omission:
 
 def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, Any]:
     """Return `scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
-    options = {"resolution": resolution, "views": views, "spp": spp}
-    command = [sys.executable, "-m", "scenes", "integrators", scene]
-    command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode == 2:
-        raise InputError(done.stderr.strip().removeprefix("scenes: "))
-    if done.returncode:
-        raise RuntimeError(f"comparing integrators ended with exit code {done.returncode}: {done.stderr[-2000:]}")
-    comparison: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    output = scenes_output("integrators", scene, resolution=resolution, views=views, spp=spp)
+    comparison: dict[str, Any] = json.loads(output.splitlines()[-1])
     return comparison
 
 
