@@ -1,14 +1,13 @@
 """python -m reports OUT [OUT …]: records in, report.html and summary.json out; the page's path is printed last.
 
-Where OUT holds speed.json or stability.json there is speed.html or stability.html as well, or alone. The studies of an
-evidence.json stand in report.html, or alone in evidence.html; what a serving.json holds stands in report.html.
-A judgement.json has a page of its own.
+Each record of studies in OUT has a page of its own, evidence.html, stability.html or speed.html. The report shows the
+first two as well, and what a serving.json holds. A judgement.json has a page of its own.
 Several outputs are compared in outputs.html, each with the first.
 """
 
 import argparse
 import sys
-from functools import partial as partial_of
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,15 +21,14 @@ if TYPE_CHECKING:
     from reports.data.load import Records
 
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
-OUTPUTS_PAGE = "outputs.html"
 
 
 def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="python -m reports",
-        description="Build report.html and summary.json from the records of a run, speed.html from its speed.json, "
-        "stability.html from its stability.json, and the studies of its evidence.json, in report.html or alone in "
-        "evidence.html. What its serving.json holds stands in report.html.",
+        description="Build report.html and summary.json from the records of a run, and a page from each record of "
+        "studies: evidence.html, stability.html, speed.html. The report shows the first two as well, and what its "
+        "serving.json holds.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
         "stability check of what is ours failed, or a check of the evidence does not hold, 130 stopped.",
     )
@@ -59,19 +57,29 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
-    out = options.out[0]
+    out, several = options.out[0], len(options.out) > 1
+    twice = sorted({str(out) for out in options.out if [one.resolve() for one in options.out].count(out.resolve()) > 1})
+    refusals = {
+        "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
+        "--publish: goes with one output alone": options.publish and several,
+        "--partial: goes without --publish; finish the run first": options.publish and options.partial,
+        f"{''.join(twice[:1])}: named twice; name each output once": twice,
+    }
+    for refusal in (words for words, holds in refusals.items() if holds):
+        print(refusal, file=sys.stderr)
+        return BAD_INPUT
+    from reports.data.load import NoRecords, NotForPublishing
+
     try:
-        if len(options.out) > 1:
-            return build_outputs(options.out, options.quiet, options.publish, options.page, options.partial)
-        if options.page is not None:
-            print("--page: goes with several outputs alone; give a second one, or leave it out", file=sys.stderr)
-            return BAD_INPUT
+        if several:
+            return build_outputs(options.out, options.quiet, options.page or out / "outputs.html", options.partial)
         return build(out, options.quiet, options.publish, options.partial)
     except KeyboardInterrupt:
         print("interrupted: pages that were written are whole; give the command again", file=sys.stderr)
         return STOPPED
-    except DamagedRecord as problem:  # found only when what it holds was to be shown
-        print(f"{out}: {problem}", file=sys.stderr)
+    except (NoRecords, DamagedRecord, NotForPublishing) as problem:
+        words = str(problem)  # without a file if it was found only when what it holds was to be shown
+        print(words if any(str(one) in words for one in options.out) else f"{out}: {words}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
         where = error.filename or out
@@ -79,119 +87,96 @@ def main(arguments: list[str] | None = None) -> int:
         return BAD_INPUT
 
 
-def build(out: Path, quiet: bool, publish: Path | None, partial: bool = False) -> int:
-    """Reads, writes, prints, with `partial` of a damaged run what is sound; what is heavy is imported last."""
+def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
+    """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
-    from harness.records.judgements import JUDGEMENT_FILE
-    from harness.records.serving_record import SERVING_FILE
+    from harness.records.judgements import JUDGEMENT_FILE, read_judgement
     from harness.records.study import SHELVES
 
     if (out / JUDGEMENT_FILE).is_file():
-        code = build_judgement(out)
-        others = (out / file for file in (*SHELVES.values(), records_folder(out).name))
-        if not any(other.exists() for other in others):
-            return code
+        from reports.studies.judgement import write_judgement_page
+
+        print(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
+        if not any((out / file).exists() for file in (*SHELVES.values(), records_folder(out).name)):
+            return 0
 
     from reports.data.beside import Beside
-    from reports.data.load import NoRecords, NotForPublishing, if_sound, read_records, refuse_quick
-    from reports.data.serving_load import find_serving, is_whole
+    from reports.data.kept_pictures import damaged as damaged_pictures
+    from reports.data.load import NoRecords, if_sound, read_records
+    from reports.data.serving_load import find_serving
     from reports.data.studies_load import find_studies
 
-    try:
-        if partial and publish is not None:
-            raise NotForPublishing("--partial: goes without --publish; finish the run first")
-        damaged: list[str] | None = [] if partial else None
-        studies = {
-            shelf: found
-            for shelf in SHELVES
-            if (found := if_sound(partial_of(find_studies, out, shelf), None, damaged)) is not None
-        }
-        serving = if_sound(lambda: find_serving(out), None, damaged)
-        if publish is not None:
-            for shelf, record in studies.items():
-                refuse_quick(record.settings, out / SHELVES[shelf])
-            if serving is not None:
-                refuse_quick(serving.settings, out / SERVING_FILE)
-            if "evidence" in studies and not studies["evidence"].finished:
-                raise NotForPublishing(
-                    f"{out / SHELVES['evidence']}: not finished; let `nox -s evidence` end, or leave out --publish"
-                )
-            if serving is not None and not is_whole(serving):
-                raise NotForPublishing(
-                    f"{out / SERVING_FILE}: not whole; run `python -m harness study serving {out}`, or leave out "
-                    "--publish"
-                )
-        if not studies and out.is_dir() and not records_folder(out).is_dir():
-            raise NoRecords(
-                f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; "
-                "give the output folder of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for "
-                "instance out/latest"
-            )
-        records = read_records(out, partial) if not studies or holds_run(out) else None
-        left_out = damaged or []
-        if partial and records is not None:
-            from reports.data.kept_pictures import damaged as damaged_pictures
-
-            records.left_out.extend([*damaged_pictures(records), *left_out])
-            left_out = records.left_out
-        if not quiet:
-            _tell(left_out)
-    except (NoRecords, DamagedRecord, NotForPublishing) as problem:
-        print(problem, file=sys.stderr)
-        return BAD_INPUT
-
+    damaged: list[str] | None = [] if partly else None
+    found = {shelf: if_sound(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
+    studies = {shelf: record for shelf, record in found.items() if record is not None}
+    serving = if_sound(partial(find_serving, out), None, damaged)
+    beside = Beside(studies.get("stability"), studies.get("evidence"), serving)
+    if publish is not None:
+        refuse_unfit(out, list(studies.values()), beside)
+    if not studies and out.is_dir() and not records_folder(out).is_dir():
+        raise NoRecords(
+            f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; give the output folder "
+            "of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for instance out/latest"
+        )
+    records = read_records(out, partly) if not studies or holds_run(out) else None
+    left_out = damaged or []
+    if partly and records is not None:
+        records.left_out.extend([*damaged_pictures(records), *left_out])
+        left_out = records.left_out
+    if not quiet:
+        tell(left_out)
     codes = [build_shelf(record, out, quiet, publish, records is not None) for record in studies.values()]
     if records is not None:
-        beside = Beside(studies.get("stability"), studies.get("evidence"), serving)
         codes.append(build_report(records, quiet, publish, beside))
     return max(codes)
 
 
-def _tell(left_out: list[str]) -> None:
+def refuse_unfit(out: Path, studies: "list[Studies]", beside: "Beside") -> None:
+    """Raise `NotForPublishing` for what is quick or not finished."""
+    from harness.records.serving_record import SERVING_FILE
+    from harness.records.study import SHELVES
+    from reports.data.load import NotForPublishing, refuse_quick
+    from reports.data.serving_load import is_whole
+
+    for record in studies:
+        path = out / SHELVES[record.shelf]
+        refuse_quick(record.settings, path)
+        if not record.finished:
+            raise NotForPublishing(f"{path}: not finished; let `nox -s {record.shelf}` end, or leave out --publish")
+    if beside.serving is not None:
+        refuse_quick(beside.serving.settings, out / SERVING_FILE)
+        if not is_whole(beside.serving):
+            raise NotForPublishing(
+                f"{out / SERVING_FILE}: not whole; run `python -m harness study serving {out}`, or leave out --publish"
+            )
+
+
+def tell(left_out: list[str]) -> None:
     for line in left_out:
         print(f"left out: {line}")
 
 
-def build_outputs(outs: list[Path], quiet: bool, publish: Path | None, page: Path | None, partial: bool = False) -> int:
-    """Build the page on which several runs are compared with the first, with `partial` the valid parts of each; returns
+def build_outputs(outs: list[Path], quiet: bool, page: Path, partly: bool) -> int:
+    """Build the page on which several runs are compared with the first, with `partly` the valid parts of each; returns
     3 if a cell of any of them failed.
     """
-    from reports.data.load import NoRecords, read_records
+    from reports.data.load import read_records
 
-    twice = sorted({str(out) for out in outs if sum(out.resolve() == other.resolve() for other in outs) > 1})
-    if twice or publish is not None:
-        why = f"{twice[0]}: named twice; name each output once" if twice else "--publish: goes with one output alone"
-        print(why, file=sys.stderr)
-        return BAD_INPUT
-    try:
-        found = [read_records(out, partial) for out in outs]
-    except (NoRecords, DamagedRecord) as problem:
-        print(problem, file=sys.stderr)
-        return BAD_INPUT
+    runs = [read_records(out, partly) for out in outs]
     from reports.run.outputs import write_outputs_page
 
-    page = page or outs[0] / OUTPUTS_PAGE
-    title = write_outputs_page(found, page)
+    title = write_outputs_page(runs, page)
     if not quiet:
-        _tell([line for records in found for line in records.left_out])
+        tell([line for records in runs for line in records.left_out])
         print(title)
     print(page)
-    return SOME_FAILED if any(records.failed for records in found) else 0
+    return SOME_FAILED if any(records.failed for records in runs) else 0
 
 
 def holds_run(out: Path) -> bool:
-    """Whether a run lies beside another record: its own file and at least one finished cell."""
+    """Return whether a run lies beside another record: its own file and at least one finished cell."""
     folder = out / "records"
     return (folder / "run.json").is_file() and any((folder / "cells").glob("*.json"))
-
-
-def build_judgement(out: Path) -> int:
-    """The page about somebody's table; raises `DamagedRecord`."""
-    from harness.records.judgements import JUDGEMENT_FILE, read_judgement
-    from reports.studies.judgement import write_judgement_page
-
-    print(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
-    return 0
 
 
 def build_shelf(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
@@ -214,6 +199,7 @@ def build_shelf(record: "Studies", out: Path, quiet: bool, publish: Path | None,
 def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:
     """Build the page and the numbers of a run."""
     from reports.claims.headline import headline
+    from reports.run.publish import write_published as write_published_run
     from reports.run.publish import write_summary
     from reports.run.run_page import write_page
 
@@ -221,9 +207,7 @@ def build_report(records: "Records", quiet: bool, publish: Path | None, beside: 
     write_summary(records, out / "summary.json", beside)
     write_page(records, out / "report.html", beside)
     if publish is not None:
-        from reports.run.publish import write_published
-
-        write_published(records, publish, beside)
+        write_published_run(records, publish, beside)
         if beside.serving is not None:
             from reports.studies.publishing import write_published_serving
 

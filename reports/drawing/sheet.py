@@ -3,11 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import matplotlib
 from matplotlib.figure import Figure
 
-from reports.drawing.figure import paint
+from reports.drawing.figure import STYLE, paint
+from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, Pen
 from reports.drawing.traces import Panel
 
@@ -16,20 +19,25 @@ Key = dict[str, dict[str, Any]]
 Drawing = tuple[Panel, Key]
 
 
+CROSS: dict[str, Any] = {"marker": "x", "linestyle": " ", "color": MUTED.light, "markersize": 7}
+
+
 def key_of(panel: Panel) -> Key:
     """Return the key of a panel whose traces bear the names of what they show."""
-    return {
-        trace.label: {
-            "marker": trace.marker if trace.kind == "mark" else None,
-            "linestyle": " " if trace.kind == "mark" else {"floor": "--"}.get(trace.kind, "-"),
-            "color": trace.colour,
-            "linewidth": trace.width,
-            "markerfacecolor": "white" if trace.hollow else trace.colour,
-            "markersize": trace.size,
-        }
-        for trace in panel.traces
-        if trace.kind in ("line", "range", "floor", "mark")
+    shapes: dict[str, dict[str, Any]] = {
+        "line": {"linestyle": "-"},
+        "range": {"linestyle": "-"},
+        "floor": {"linestyle": "--"},
+        "mark": {"linestyle": " "},
+        "cross": {"linestyle": " ", "marker": "x"},
     }
+    key: Key = {}
+    for trace in panel.traces:
+        if trace.kind in shapes:
+            face = "white" if trace.hollow else trace.colour
+            look = {"color": trace.colour, "linewidth": trace.width, "markerfacecolor": face, "markersize": trace.size}
+            key[trace.label] = look | ({"marker": trace.marker} if trace.kind == "mark" else {}) | shapes[trace.kind]
+    return key
 
 
 def key_of_pens(pens: dict[str, Pen]) -> Key:
@@ -46,12 +54,25 @@ def key_of_pens(pens: dict[str, Pen]) -> Key:
     }
 
 
-def sheet(drawings: Sequence[Drawing], across: int) -> Figure:
+def save_sheet(
+    path: Path, drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None
+) -> list[Path]:
+    """Save panels side by side as a picture, each of `size` in inches or as large as on its page; returns the written
+    paths.
+    """
+    if not drawings:
+        return []
+    with matplotlib.rc_context(STYLE):
+        save(sheet(drawings, across, size), path)
+    return [path]
+
+
+def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None) -> Figure:
     """Draw panels side by side. A label of all axes and a key of all panels stand once."""
     panels, keys = [panel for panel, _ in drawings], [key for _, key in drawings]
     across = min(across, len(panels))
     down = math.ceil(len(panels) / across)
-    wide, high = (max(panel.size[side] for panel in panels) for side in (0, 1))
+    wide, high = size or (max(panel.size[0] for panel in panels), max(panel.size[1] for panel in panels))
     x_label, y_label = (_common([getattr(panel, name) for panel in panels]) for name in ("x_label", "y_label"))
     one_key = all(key == keys[0] for key in keys)
     figure = Figure(figsize=(wide * across, (high + (0.3 if one_key else 0.8)) * down + 0.3), layout="constrained")

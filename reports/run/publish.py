@@ -1,13 +1,11 @@
 """summary.json, every number of the page for those who script against it; and small PNG plots for a README."""
 
-import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import matplotlib.image
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.records.cells import CellRecord
@@ -23,10 +21,11 @@ from reports.data.beside import ALONE, Beside
 from reports.data.kept_pictures import kept
 from reports.data.load import Records
 from reports.data.table import cells_frame
-from reports.drawing.figure import STYLE, paint
+from reports.drawing.figure import STYLE
 from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, colours_of
-from reports.drawing.traces import Panel
+from reports.drawing.sheet import CROSS, Key, key_of, save_sheet
+from reports.drawing.traces import Kind, Panel, Trace
 from reports.run.density import ladder_panel
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
 from reports.run.work_precision import EVERYWHERE, diagrams
@@ -144,97 +143,54 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", beside)
     written = [folder / "summary.json"]
+    over_time = [one for one in diagrams(records) if one.cost.name == "seconds"]
+    errors = [panel for one in over_time if one.measure.name == "rmse_linear" for panel in one.panels]
+    everywhere = [replace(one.panels[0], title=one.measure.label) for one in over_time]
+    ladder = ladder_panel(records)
+    key = key_of_methods(records)
+    for name, drawings, across, size in (
+        ("psnr", [(psnr_dots(records), key)], 1, None),
+        ("error_vs_time", [(panel, key) for panel in errors if panel.title != EVERYWHERE], 4, (2.5, 2.1)),
+        ("work_precision", [(panel, key) for panel in everywhere], 2, (3.4, 2.9)),
+        ("units", [(ladder, key_of(ladder))] if ladder else [], 1, None),
+    ):
+        written += save_sheet(folder / f"{name}.png", drawings, across, size)
     with matplotlib.rc_context(STYLE):
-        figures = {
-            "psnr": psnr_dots(records),
-            "error_vs_time": error_against_time(records),
-            "work_precision": work_precision(records),
-            "views": contact(records),
-            "units": ladder_of_units(records),
-        }
-        for name, figure in figures.items():
-            if figure is not None:
-                save(figure, folder / f"{name}.png")
-                written.append(folder / f"{name}.png")
+        views = contact(records)
+        if views is not None:
+            save(views, folder / "views.png")
+            written.append(folder / "views.png")
     return written
 
 
-def psnr_dots(records: Records) -> Figure:
-    """Draw a dot for each scene, method and seed; a dash at the mean; unfinished cells as a cross below."""
-    frame = cells_frame(records)
+def key_of_methods(records: Records) -> Key:
     colours = colours_of(records.methods)
-    figure = Figure(figsize=(max(4.0, 1.0 + 0.85 * len(records.scenes)), 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    width = 0.62 / len(records.methods)
+    key: Key = {name: {"marker": "o", "linestyle": " ", "color": colours[name].light} for name in records.methods}
+    return key | ({"a seed that did not finish": CROSS} if records.failed else {})
+
+
+def psnr_dots(records: Records) -> Panel:
+    """Return a row per scene, a dot for each seed and a bar at their mean; unfinished cells are a cross to the left."""
+    frame = cells_frame(records)
     done = frame[(frame["status"] == "done") & frame["psnr"].notna()]
     lowest = float(done["psnr"].min()) if len(done) else 0.0
-    for place, scene in enumerate(records.scenes):
-        for order, method in enumerate(records.methods):
-            at = place + (order - (len(records.methods) - 1) / 2) * width
+    traces = []
+    for order, (method, colour) in enumerate(colours_of(records.methods).items()):
+        dots, means, lost = [], [], []
+        for row, scene in enumerate(records.scenes):
+            at = row + 0.62 * ((order + 0.5) / len(records.methods) - 0.5)
             scores = done[(done["scene"] == scene) & (done["method"] == method)]["psnr"]
-            axes.plot([at] * len(scores), scores, "o", color=colours[method].light, markersize=4.5, alpha=0.75, mew=0)
-            if len(scores):
-                axes.plot([at - width / 3, at + width / 3], [scores.mean()] * 2, color=colours[method].light, lw=2)
-            if tone_of(records.cells_of(scene, method)) == "failed":
-                axes.plot([at], [lowest - 1], "x", color=colours[method].light, markersize=7, mew=2)
-    axes.set_xticks(range(len(records.scenes)), records.scenes, color=INK.light)
-    axes.set_ylabel("test PSNR (dB)")
-    axes.grid(axis="x", visible=False)
-    _legend(axes, records, "cross: a seed that did not finish" if records.failed else "")
-    return figure
-
-
-def error_against_time(records: Records) -> Figure | None:
-    """Draw linear RMSE against training seconds, a panel per scene."""
-    found = next(
-        (one for one in diagrams(records) if (one.measure.name, one.cost.name) == ("rmse_linear", "seconds")), None
-    )
-    panels = [panel for panel in found.panels if panel.title != EVERYWHERE] if found else []
-    return _side_by_side(records, [(panel.title, panel) for panel in panels], (2.5, 2.1), 4)
-
-
-def work_precision(records: Records) -> Figure | None:
-    """Draw every error that was measured along training against training seconds, over all scenes together."""
-    found = [one for one in diagrams(records) if one.cost.name == "seconds"]
-    return _side_by_side(records, [(one.measure.error, one.panels[0]) for one in found], (3.4, 2.9), 2)
-
-
-def ladder_of_units(records: Records) -> Figure | None:
-    """Draw test PSNR against the unit of density; None if no ladder was trained."""
-    drawn = ladder_panel(records)
-    if drawn is None:
-        return None
-    figure = Figure(figsize=(5.8, 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    paint(axes, drawn)
-    kinds = {"line": "-", "floor": "--", "cross": "x"}
-    named = {trace.label: trace for trace in drawn.traces if trace.kind in kinds}
-    handles = [axes.plot([], [], kinds[one.kind], color=one.colour, label=name)[0] for name, one in named.items()]
-    axes.legend(handles=handles, loc="lower right", frameon=False)
-    return figure
-
-
-def _side_by_side(
-    records: Records, panels: list[tuple[str, Panel]], size: tuple[float, float], most: int
-) -> Figure | None:
-    """Draw panels under titles, at most so many in a row; None if there are none."""
-    if not panels:
-        return None
-    across = min(most, len(panels))
-    down = math.ceil(len(panels) / across)
-    figure = Figure(figsize=(size[0] * across + 0.4, size[1] * down + 0.6), layout="constrained")
-    grid = figure.subplots(down, across, squeeze=False)
-    for axes in list(grid.flat)[len(panels) :]:
-        axes.set_visible(False)
-    for axes, (title, panel) in zip(grid.flat, panels, strict=False):
-        paint(axes, replace(panel, x_label="", y_label=""))
-        axes.set_title(title, fontsize=9, loc="left", color=INK.light)
-    first = panels[0][1]
-    figure.supxlabel(first.x_label, fontsize=9, color=MUTED.light)
-    alike = {panel.y_label for _, panel in panels} == {first.y_label}
-    figure.supylabel(f"test error ({first.y_label})" if alike else "test error", fontsize=9, color=MUTED.light)
-    _legend(grid.flat[0], records, "cross: a seed that did not finish" if records.failed else "")
-    return figure
+            dots += [(float(score), at) for score in scores]
+            means += [(float(scores.mean()), at)] if len(scores) else []
+            lost += [(lowest - 1, at)] if tone_of(records.cells_of(scene, method)) == "failed" else []
+        kinds: list[tuple[Kind, list[tuple[float, float]], str]]
+        kinds = [("dots", dots, "o"), ("mark", means, "|"), ("cross", lost, "x")]
+        for kind, points, marker in kinds:
+            if points:
+                x, y = zip(*points, strict=True)
+                traces.append(Trace(method, colour.light, kind, x, y, marker=marker, hollow=False, size=11))
+    rows, title = tuple(records.scenes), "Test PSNR of every seed; bars are means"
+    return Panel(title, "test PSNR (dB)", "", tuple(traces), title, rows=rows, size=(5.4, 0.7 + 0.45 * len(rows)))
 
 
 def contact(records: Records) -> Figure | None:
@@ -273,14 +229,3 @@ def contact(records: Records) -> Figure | None:
             if column == 0:
                 axes.set_ylabel(names[line], fontsize=9, color=INK.light)
     return figure
-
-
-def _legend(axes: Axes, records: Records, words: str) -> None:
-    colours = colours_of(records.methods)
-    handles = [axes.plot([], [], "o", color=colours[method].light, label=method)[0] for method in records.methods]
-    handles += [axes.plot([], [], " ", label=words)[0]] if words else []
-    figure = axes.get_figure()
-    if figure is not None:
-        figure.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=len(handles), frameon=False
-        )

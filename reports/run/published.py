@@ -14,7 +14,6 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import Any
@@ -23,11 +22,6 @@ from harness.records.study import Studies, read_studies
 from reports.claims.estimands import BUDGETS, SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import VERDICTS, counted, interval, listed, number, signed, significant
-
-
-@cache
-def _read(path: Path, changed: int) -> dict[str, Any]:
-    return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 SAYS = {
@@ -49,7 +43,7 @@ class Published:
     def read(self, name: str) -> dict[str, Any]:
         """Return a file's content; empty if it is not there."""
         path = self.docs / name
-        return _read(path, path.stat().st_mtime_ns) if path.is_file() else {}
+        return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {}
 
     def current(self, name: str) -> dict[str, Any]:
         """Return the content as `read`; empty, too, if the methods had no common unit of density yet.

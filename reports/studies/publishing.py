@@ -4,20 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib
 import msgspec
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from harness.records.serving_record import SERVING_FILE, AttentionRecord, Measure, ServingRecord, write_serving
+from harness.records.serving_record import SERVING_FILE, Measure, ServingRecord, write_serving
 from harness.records.study import SHELVES, Picture, Series, Studies, write_studies
-from reports.drawing import palette
-from reports.drawing.figure import STYLE, paint
-from reports.drawing.images import save
-from reports.drawing.palette import Pen
 from reports.drawing.series_charts import panel, panels_of, pens_in, with_points
-from reports.drawing.sheet import Drawing, key_of, key_of_pens, sheet
-from reports.drawing.traces import Panel
+from reports.drawing.sheet import Drawing, key_of, key_of_pens, save_sheet
 from reports.studies.forest import forests
 from reports.studies.matrix import miniature
 from reports.studies.serving_cache import latency_panels, pens_of_methods
@@ -39,14 +31,8 @@ def write_published(record: Studies, folder: Path) -> list[Path]:
     write_studies(path, record)
     if path.stat().st_size > LARGEST:
         write_studies(path, without(record, Series))
-    written = [path]
-    for name, (choose, across) in PICTURES[record.shelf].items():
-        drawings = choose(record)
-        if drawings:
-            with matplotlib.rc_context(STYLE):
-                save(sheet(drawings, across), folder / name)
-            written.append(folder / name)
-    return written
+    pictures = [save_sheet(folder / name, choose(record), across) for name, choose, across in PICTURES[record.shelf]]
+    return [path, *(written for paths in pictures for written in paths)]
 
 
 def without(record: Studies, kind: type) -> Studies:
@@ -93,15 +79,15 @@ def matrix_in_miniature(record: Studies) -> list[Drawing]:
     return [(drawn, key_of(drawn))] if drawn else []
 
 
-PICTURES: dict[str, dict[str, tuple[Callable[[Studies], list[Drawing]], int]]] = {
-    "evidence": {
-        "evidence_effects.png": (effects_of_parts, 1),
-        "bandwidth.png": (lambda record: charts_of_study(record, "bandwidth")[:1], 1),
-    },
-    "stability": {"stability.png": (matrix_in_miniature, 1), "stability_curves.png": (first_charts, 2)},
-    "speed": {"speed.png": (lambda record: charts_of_study(record, "3"), 3)},
+PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] = {
+    "evidence": [
+        ("evidence_effects.png", effects_of_parts, 1),
+        ("bandwidth.png", lambda record: charts_of_study(record, "bandwidth")[:1], 1),
+    ],
+    "stability": [("stability.png", matrix_in_miniature, 1), ("stability_curves.png", first_charts, 2)],
+    "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
 }
-"""Shelf → file → the panels of its page that are saved in it, and how many of them side by side."""
+"""Shelf → the files, the panels of its page that are saved in each, and how many of them side by side."""
 
 
 PLOT = "serving.png"
@@ -117,53 +103,26 @@ def write_published_serving(record: ServingRecord, methods: list[str], folder: P
     folder.mkdir(parents=True, exist_ok=True)
     attention = record.attention and replace(record.attention, frames=[], curves=[])
     write_serving(folder, replace(record, attention=attention))
-    written = [folder / SERVING_FILE]
-    with matplotlib.rc_context(STYLE):
-        figure = serving_figure(record, methods)
-        if figure is not None:
-            save(figure, folder / PLOT)
-            written.append(folder / PLOT)
-    return written
+    return [folder / SERVING_FILE, *save_sheet(folder / PLOT, serving_drawings(record, methods), 3, (3.9, 2.9))]
 
 
-def serving_figure(record: ServingRecord, methods: list[str]) -> Figure | None:
-    """Draw latencies on the first scene, and error over time on the first scene, by the first map, attended and
+def serving_drawings(record: ServingRecord, methods: list[str]) -> list[Drawing]:
+    """Return latencies on the first scene, and error over time on the first scene, by the first map, attended and
     complete.
     """
-    drawn: list[tuple[str, Panel, dict[str, Pen]]] = []
+    drawings = []
     if record.cache is not None and record.cache.latencies:
-        pens = pens_of_methods(methods, [one.method for one in record.cache.latencies])
-        pens = {name: pens[name] for name in dict.fromkeys(one.method for one in record.cache.latencies)}
-        panel = latency_panels(record.cache, pens)[0]
-        drawn.append((f"time of a view, {panel.title} (grey: target)", panel, pens))
+        names = list(dict.fromkeys(one.method for one in record.cache.latencies))
+        pens = {name: pen for name, pen in pens_of_methods(methods, names).items() if name in names}
+        made = latency_panels(record.cache, pens)[0]
+        drawings.append((replace(made, title=f"time of a view, {made.title} (grey: target)"), key_of_pens(pens)))
     if record.attention is not None and record.attention.curves:
-        drawn += _curves(record.attention)
-    if not drawn:
-        return None
-    figure = Figure(figsize=(3.9 * len(drawn), 3.5), layout="constrained")
-    for axes, (title, panel, pens) in zip(figure.subplots(1, len(drawn), squeeze=False)[0], drawn, strict=True):
-        _chart(axes, title, panel, pens)
-    return figure
-
-
-def _curves(record: AttentionRecord) -> list[tuple[str, Panel, dict[str, Pen]]]:
-    first = record.curves[0]
-    chosen = [one for one in record.curves
-              if (one.scene, one.method, one.attention) == (first.scene, first.method, first.attention)]  # fmt: skip
-    pens = {one.order: PENS[one.order] for one in chosen}
-    about = f"{first.scene}, {MAPS.get(first.attention, first.attention)}"
-    return [
-        (
-            f"{what}, {about}",
-            anytime_panels(chosen[::-1], record.reaching, measure)[0],
-            {str(name): pen for name, pen in pens.items()},
-        )
-        for measure, what in MEASURES_DRAWN.items()
-    ]
-
-
-def _chart(axes: Axes, title: str, panel: Panel, pens: dict[str, Pen]) -> None:
-    paint(axes, panel)
-    axes.set_title(title, fontsize=9, loc="left", color=palette.INK.light)
-    handles = [axes.plot([], [], label=name, **style)[0] for name, style in key_of_pens(pens).items()]
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False, fontsize=6.5)
+        first = record.attention.curves[0]
+        shared = (first.scene, first.method, first.attention)
+        chosen = [one for one in record.attention.curves if (one.scene, one.method, one.attention) == shared]
+        key = key_of_pens({str(one.order): PENS[one.order] for one in chosen})
+        for measure, what in MEASURES_DRAWN.items():
+            made = anytime_panels(chosen[::-1], record.attention.reaching, measure)[0]
+            title = f"{what}, {first.scene}, {MAPS.get(first.attention, first.attention)}"
+            drawings.append((replace(made, title=title), key))
+    return drawings

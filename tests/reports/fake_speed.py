@@ -48,7 +48,13 @@ def fake_speed(**changes: Any) -> Studies:
         for item in items
     ]
     settings = {"quick": False, "repeats": 5, "rays": 1024}
-    parts: dict[str, Any] = {"shelf": "speed", "provenance": PROVENANCE, "settings": settings, "studies": studies}
+    parts: dict[str, Any] = {
+        "shelf": "speed",
+        "provenance": PROVENANCE,
+        "settings": settings,
+        "studies": studies,
+        "finished": True,
+    }
     return Studies(**{**parts, **changes})
 
 

@@ -16,12 +16,12 @@ OFFERED = """() => {
         return [place.previousElementSibling, place.nextElementSibling].find(one => one?.matches('.tools'));
     };
     const tables = [...document.querySelectorAll('table')].filter(ours).map(one => [
-        one.querySelector('.track, .stack') ? 'drawn table' : 'table', one.caption?.textContent ?? 'no caption',
+        one.querySelector('.stack') ? 'drawn table' : 'table', one.caption?.textContent ?? 'no caption',
         offered(toolsOf(one)?.querySelector('.save'))]);
     const figures = [...document.querySelectorAll('figure:has(svg, img, canvas)')].filter(ours).map(one => [
         one.querySelector('img') ? 'picture' : 'chart', one.querySelector('figcaption')?.textContent ?? 'no caption',
         offered(one.querySelector('.save'))]);
-    const drawings = 'svg:not(.pen), canvas, img, .track, .stack';
+    const drawings = 'svg:not(.pen), canvas, img, .stack';
     const stray = [...document.querySelectorAll(drawings)].filter(one => ours(one) && !one.closest('figure, table'))
         .map(one => ['stray', one.outerHTML.slice(0, 80), '']);
     return [...tables, ...figures, ...stray];

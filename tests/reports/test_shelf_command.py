@@ -56,10 +56,7 @@ def test_a_record_alone_gives_its_page_alone(tmp_path, capsys, shelf):
 @pytest.mark.parametrize(
     ("shelf", "line"),
     [
-        (
-            "evidence",
-            "calibration share of real A/A comparisons that are called better or worse: 0.0810, ",
-        ),
+        ("evidence", "calibration share of real A/A comparisons that are called better or worse: 0.0810, "),
         ("stability", "A2 harness: after a reload: 3.00·10⁻⁴, wanted ≤ 2·10⁻⁶"),
     ],
 )

@@ -9,17 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.json_record import DamagedRecord
-from harness.records.study import (
-    Answer,
-    Check,
-    Effect,
-    Series,
-    Studies,
-    StudyInfo,
-    StudyRecord,
-    Table,
-    check,
-)
+from harness.records.study import Answer, Check, Effect, Series, Studies, StudyInfo, StudyRecord, Table, check
 from reports.data.studies_load import find_studies
 from reports.run.run_page import page
 from reports.studies.study_page import headline, of_interest, sentences, shelf_shown, study_page

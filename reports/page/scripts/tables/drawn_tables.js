@@ -1,26 +1,13 @@
-// Tables that are drawings as well, forests of intervals and stacked bars, as a file of their own: their words and marks
-// where they are seen on the page.
+// Tables that are drawings as well, of stacked bars, as a file of their own: their words and marks where they are seen on
+// the page.
 const drawnTables = (() => {
-  const DRAWN = ".track, .stack";
   const [TITLE, KEY] = [28, 18];
 
-  const is = (table) => Boolean(table.tBodies[0]?.querySelector(DRAWN));
+  const is = (table) => Boolean(table.tBodies[0]?.querySelector(".stack"));
 
-  // A mark as it is seen in a box: a circle, or a bar with an arrow where an interval goes on beyond the axis.
-  function drawn(mark, { left, top, width, height }) {
-    const style = getComputedStyle(mark);
-    const middle = top + height / 2;
-    if (style.borderRadius === "50%") {
-      return [element.svg("circle", { cx: left + width / 2, cy: middle, r: width / 2 - 1, fill: style.backgroundColor, stroke: style.borderColor, "stroke-width": 2 })];
-    }
-    const look = { fill: style.backgroundColor, "fill-opacity": style.opacity };
-    const arrow = (at, way) => element.svg("path", { d: `M${at} ${middle - 4.5}L${at + 4.5 * way} ${middle}L${at} ${middle + 4.5}z`, ...look });
-    return [
-      element.svg("rect", { x: left, y: top, width: Math.max(width, 0.5), height, ...look }),
-      mark.matches(".cut-start") ? arrow(left, -1) : "",
-      mark.matches(".cut-end") ? arrow(left + width, 1) : "",
-    ];
-  }
+  const drawn = (mark, { left, top, width, height }) => element.svg("rect", {
+    x: left, y: top, width: Math.max(width, 0.5), height, fill: getComputedStyle(mark).backgroundColor,
+  });
 
   // The lines of a text as it is broken on the page, each from where it begins or, to the right, ends.
   function linesOf(node, place) {
@@ -52,7 +39,7 @@ const drawnTables = (() => {
   function keysOf(table, top) {
     const keys = JSON.parse(table.dataset.keys ?? "[]").map(([name, words]) => [table.querySelector(`tbody i.${CSS.escape(name)}`), words]);
     return keys.filter(([mark]) => mark).map(([mark, words], place) => [
-      drawn(mark, { left: 2, top: top + place * KEY, width: 14, height: mark.matches(".dot") ? 14 : 8 }),
+      drawn(mark, { left: 2, top: top + place * KEY, width: 14, height: 8 }),
       element.svg("text", { x: 24, y: top + place * KEY + 9, "font-size": 12, fill: "var(--ink)" }, words),
     ]);
   }
@@ -63,7 +50,7 @@ const drawnTables = (() => {
     const marks = [...table.querySelectorAll("tbody i")].filter((mark) => mark.checkVisibility());
     const keys = keysOf(table, frame.height + 8);
     const nodes = [
-      marks.flatMap((mark) => drawn(mark, place(mark.getBoundingClientRect()))),
+      marks.map((mark) => drawn(mark, place(mark.getBoundingClientRect()))),
       textsIn(table).flatMap((node) => linesOf(node, place)), keys.flat(2),
       element.svg("text", { y: 8 - TITLE / 2, "font-size": 14, "font-weight": 600, fill: "var(--ink)" }, title),
     ];
