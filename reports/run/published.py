@@ -23,7 +23,6 @@ from reports.claims.estimands import BUDGETS, SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import VERDICTS, counted, interval, listed, number, signed, significant
 
-
 SAYS = {
     "better": "scores above",
     "worse": "scores below",
