@@ -21,9 +21,7 @@ STRESS: dict[str, str] = {name: f"scenes.catalog.stress.{file}" for name, file i
 RUNGS: dict[str, str] = {rung: "scenes.catalog.ladders.rungs" for ladder in LADDERS.values() for rung in ladder.scenes}
 """The scenes that get harder step by step (`scenes.catalog.ladders.ladders`)."""
 CATALOG: dict[str, str] = {**CLASSICS, **STRESS, **RUNGS}
-"""Map scene name → the module that holds it as `SCENE` or in its `SCENES`; imported only when asked for, so that
-listing names costs nothing.
-"""
+"""Map scene name → the module that holds it as `SCENE` or in its `SCENES`; imported only when asked for."""
 
 
 def scene_named(name: str) -> Scene:

@@ -22,7 +22,9 @@ def packages_needed() -> Iterator[None]:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
-        if not _nobody_reads():
+        output = select.poll()
+        output.register(sys.stdout, select.POLLERR)
+        if not output.poll(0):  # standard output is still read
             raise  # another pipe, such as a worker's
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where the interpreter's own flush goes
         sys.exit(1)
@@ -35,10 +37,3 @@ def packages_needed() -> Iterator[None]:
             "(. .nox/benchmark/bin/activate), or see what is missing with `python -m harness doctor`\n"
         )
         sys.exit(2)
-
-
-def _nobody_reads() -> bool:
-    """Whether standard output is a pipe that was closed at its other end."""
-    output = select.poll()
-    output.register(sys.stdout, select.POLLERR)
-    return bool(output.poll(0))

@@ -51,15 +51,11 @@ def _end_late(asked: int) -> None:
     select.select([asked], [], [], IN_ORDER_SECONDS)
     with suppress(OSError):
         os.write(2, f"interrupted: {LATE}\n".encode())
-    _end_children()
-    os._exit(STOPPED)
-
-
-def _end_children() -> None:
-    """End the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens."""
+    # the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens
     for worker in multiprocessing.active_children():
         worker.kill()
     for listing in Path("/proc/self/task").glob("*/children"):
         with suppress(OSError):
             for child in listing.read_text().split():
                 os.kill(int(child), signal.SIGKILL)
+    os._exit(STOPPED)

@@ -118,7 +118,8 @@ def needs(
         direction = Need("view_direction", True, reason)
     else:
         direction = Need("view_direction", False, "every surface is Lambertian and lit statically")
-    surfaces, containers = _surfaces(description), _containers(description)
+    surfaces = _surfaces(description)
+    containers = [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
     no_depth = "a medium has no depth" if containers else "nothing has a depth"
     found = [
         direction,
@@ -236,10 +237,6 @@ def _surfaces(description: Description) -> list[Description]:
         for entry in entries(description)
         if entry.get("type") in SHAPES and (glows(entry) or not _holds(entry, "null"))
     ]
-
-
-def _containers(description: Description) -> list[Description]:
-    return [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
 
 
 def _holds(shape: Description, kind: str) -> bool:

@@ -1,15 +1,11 @@
-"""The placement of a user's own scene in its view set: turned upright, centred and brought to size by moving the
-cameras, so that nothing in the file need be changed or understood.
-"""
+"""How a user's own scene is turned upright, centred and brought to size: by moving the cameras, not its contents."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 VISIBLE_RADIUS = 1.36
-"""The radius of a ball about the origin that the cameras of `scenes.view_sets.viewpoints` see completely:
-4.0311 · sin(0.6911 / 2) = 1.366.
-"""
+"""The radius of a ball about the origin that all cameras see completely: 4.0311 · sin(0.6911 / 2) = 1.366."""
 
 
 @dataclass(frozen=True)

@@ -30,15 +30,11 @@ class Comparison:
     samples: int
     """The number of camera paths of all views together, per integrator."""
     squared: list[float]
-    """The squared difference of each view: the mean over blocks and channels for the two mean display colours over
-    white, less the part that noise adds to it: unbiased, and below 0 by chance where nothing differs.
-    """
+    """The squared difference of each view's mean display colours in blocks, less noise: unbiased, below 0 by chance."""
 
 
 def compared(scene_name: str, resolution: int, views: int, spp: int, variant: str | None = None) -> Comparison:
-    """Compare integrators, which take turns in going first. Raises `InputError` for an unknown scene, less than one
-    view, or fewer than 2 samples.
-    """
+    """Compare integrators, which take turns in going first. Raises `InputError` for what cannot be rendered."""
     scene = scene_named(scene_name)
     check_resolution(resolution)
     if views < 1:

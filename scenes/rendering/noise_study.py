@@ -23,9 +23,7 @@ from scenes.view_sets.transforms import read_transforms
 from scenes.view_sets.viewpoints import all_poses
 
 MEASURES = ("display", "linear")
-"""The measures: display colour over white, which PSNR uses, and the same decoded to linear light, as the score
-`rmse_linear` has it.
-"""
+"""The measures: display colour over white, as PSNR has it, and that in linear light, as `rmse_linear` has it."""
 
 
 @dataclass(frozen=True)

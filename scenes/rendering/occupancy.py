@@ -145,9 +145,7 @@ SCHEMA = 1
 
 
 def with_occupancy(folder: Path, order: Order) -> Path:
-    """Return the folder of a complete view set, with the file in it if possible: not for shapes whose inside is not
-    known, nor if the folder cannot be written.
-    """
+    """Return the folder of a complete view set, with the file in it if every shape's inside is known."""
     manifest = read_manifest(folder)
     with suppress(DamagedViewSet):
         if _read(folder, manifest) is not None:

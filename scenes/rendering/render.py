@@ -45,17 +45,11 @@ class RenderedView:
     rgba: np.ndarray
     """The image, float32 [h, w, 4], linear, premultiplied."""
     variance: np.ndarray
-    """The estimated variance of `rgba`, float32 [h, w, 4]: (a − b)² / 4 of the two halves; unbiased, one degree of
-    freedom.
-    """
+    """The estimated variance of `rgba`, float32 [h, w, 4]: (a − b)² / 4 of the two halves; unbiased."""
     depth: np.ndarray
-    """The distance along the unit ray to the first surface, clear or not, float32 [h, w], the mean over the pixel's
-    hits; 0 if nothing was hit.
-    """
+    """The distance along the unit ray to the first surface, float32 [h, w], the mean over hits; 0 for none."""
     normal: np.ndarray
-    """The shading normal in the world frame, float32 [h, w, 3], outwards as the mesh has it, the unit mean over the
-    pixel's hits of a few samples (`NORMAL_SPP`); 0 if nothing was hit.
-    """
+    """The outward shading normal in the world, float32 [h, w, 3], the unit mean over hits; 0 for none."""
     noise_mse: float
     """The expected mean square error of the display image over white that noise alone causes."""
 

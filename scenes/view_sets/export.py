@@ -4,7 +4,6 @@ PNGs with alpha are copied byte for byte; other images are written anew. Depth, 
 """
 
 import os
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -77,8 +76,9 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         (out / split).mkdir()
         for name, file in zip(names[split], frames.files, strict=True):
             image = pixels(file)
-            if file.suffix.lower() == ".png" and _has_alpha(file):
-                shutil.copyfile(file, out / f"{name}.png")
+            stored = file.read_bytes() if file.suffix.lower() == ".png" else b""
+            if stored[24:26] == b"\x08\x06":  # bit depth and colour type of 8-bit RGBA in a PNG's header
+                (out / f"{name}.png").write_bytes(stored)
             else:
                 write_png(out / f"{name}.png", image)
     if form == "nerfstudio":
@@ -94,9 +94,3 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         if split not in views:
             notes.append(f"There are no {split} views: transforms_{split}.json lists the {stand_in} views.")
     return notes
-
-
-def _has_alpha(file: Path) -> bool:
-    """Return whether a complete PNG holds 8-bit RGBA: the header's bit depth and colour type."""
-    with file.open("rb") as handle:
-        return handle.read(26)[24:26] == b"\x08\x06"

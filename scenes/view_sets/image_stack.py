@@ -24,9 +24,7 @@ class ImageStack:
     """A stack float32 [images, height, width, …], appended one image at a time, read by image or by pixel."""
 
     def __init__(self, image_shape: tuple[int, ...], folder: Path | None = None) -> None:
-        """Make an empty stack. `folder` holds the file and should be on a disk; None is the system's temporary folder,
-        which may be memory.
-        """
+        """Make an empty stack; its file lies in `folder`, best on a disk, or in the system's temporary folder."""
         self.image_shape = image_shape
         self._folder = folder
         self._file: IO[bytes] | None = None

@@ -11,9 +11,7 @@ import numpy as np
 from scenes.files.errors import InputError
 
 LARGEST_VALUES = 208 * 1024 * 1024
-"""The most values, pixels times channels, of an image; a larger one is refused before it is read: 4096 × 4096 in 13
-channels, as large as the largest of our own, which takes 832 MiB.
-"""
+"""The most values, pixels times channels, of an image: 4096 × 4096 in 13 channels, the largest of our own, 832 MiB."""
 MOST_CHANNELS = 64
 
 

@@ -71,7 +71,7 @@ def read_nerfstudio(folder: Path) -> Source:
         for image, camera in zip(frames.files, cameras, strict=True)
     }
     splits, notes = _splits(document, file, frames.files)
-    if _pixels(frames.files[0], None).shape[2] == 3:
+    if read_image(frames.files[0]).shape[2] == 3:
         image = frames.files[0].name
         notes.append(f"{image} has no alpha: images without alpha count as wholly covered, background included.")
     said = document.view_region
@@ -85,21 +85,14 @@ def read_nerfstudio(folder: Path) -> Source:
     return Source(
         name=folder.resolve().name,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
-        pixels=lambda image: with_alpha(_pixels(image, shapes[image])),
+        pixels=lambda image: _pixels(image, shapes[image]),
         region=region,
         notes=tuple(notes),
     )
 
 
-def with_alpha(pixels: np.ndarray) -> np.ndarray:
-    """Return RGB [h, w, 3] as fully opaque RGBA; RGBA as it is."""
-    if pixels.shape[2] == 4:
-        return pixels
-    return np.concatenate([pixels, np.ones((*pixels.shape[:2], 1), dtype=pixels.dtype)], axis=-1)
-
-
 def _pixels(image: Path, shape: float | None) -> np.ndarray:
-    """Return pixels, float32 [h, w, 3 or 4], of an image whose height over width is `shape`."""
+    """Return pixels, float32 [h, w, 4], of an image whose height over width is `shape`; RGB is fully opaque."""
     pixels = read_image(image)
     height, width, channels = pixels.shape
     if channels not in (3, 4):
@@ -109,7 +102,9 @@ def _pixels(image: Path, shape: float | None) -> np.ndarray:
             f"{image}: {width} × {height} pixels, but {NAME} says h / w = {shape:.4g}; give w and h of these "
             "images, or resized copies of the whole pictures"
         )
-    return pixels
+    if channels == 4:
+        return pixels
+    return np.concatenate([pixels, np.ones((height, width, 1), dtype=pixels.dtype)], axis=-1)
 
 
 def _splits(document: Document, file: Path, files: list[Path]) -> tuple[dict[str, list[int]], list[str]]:

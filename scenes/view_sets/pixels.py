@@ -36,9 +36,7 @@ def display_from_linear(rgba: np.ndarray) -> np.ndarray:
 
 
 def over_white(display: np.ndarray) -> np.ndarray:
-    """Put straight display RGBA over white, `colour * alpha + (1 − alpha)`, as the field trains on; returns display
-    RGB.
-    """
+    """Put straight display RGBA over white, `colour * alpha + (1 − alpha)`; returns display RGB."""
     alpha = display[..., 3:]
     return display[..., :3] * alpha + (1 - alpha)
 
@@ -79,9 +77,7 @@ def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
 
 
 def area_average_hits(values: np.ndarray, coverage: np.ndarray, width: int) -> np.ndarray:
-    """Average values [h, w, channels] that mean something only where `coverage` [h, w] > 0 over those
-    places; else 0.
-    """
+    """Average values [h, w, channels] over the places where `coverage` [h, w] > 0; 0 where there are none."""
     weighted = np.concatenate([values * coverage[..., None], coverage[..., None]], axis=-1)
     mean = area_average(weighted, width)
     total = mean[..., -1:]

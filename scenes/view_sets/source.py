@@ -90,7 +90,12 @@ def completed(
     if box is None or near is None or far is None:
         poses = np.concatenate([views.camera_to_world for split in SPLITS if (views := source.frames(split))])
         box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box
-        nearest, farthest = distances_to(box, poses)
+        # from the nearest camera to the box, and from the farthest to its farthest corner
+        o = poses[:, :3, 3]
+        outside = np.maximum(np.maximum(box[0] - o, o - box[1]), 0.0)
+        corner = np.maximum(np.abs(o - box[0]), np.abs(o - box[1]))
+        farthest = float(np.linalg.norm(corner, axis=1).max())
+        nearest = max(float(np.linalg.norm(outside, axis=1).min()), LEAST_NEAR * farthest)
         near = min(nearest, 0.5 * (far or math.inf)) if near is None else near
         far = max(farthest, 2 * near) if far is None else far
     return box, near, far
@@ -124,12 +129,3 @@ def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, 
     if not radius > 1e-9:
         raise InputError(f"{where}: all cameras stand on one point, so nothing has a distance; {ASK}")
     return np.array([centre - radius, centre + radius])
-
-
-def distances_to(box: np.ndarray, camera_to_world: np.ndarray) -> tuple[float, float]:
-    """Return near and far: from the nearest camera to the box [2, 3], and from the farthest to its farthest corner."""
-    o = camera_to_world[:, :3, 3]
-    outside = np.maximum(np.maximum(box[0] - o, o - box[1]), 0.0)
-    farthest = np.maximum(np.abs(o - box[0]), np.abs(o - box[1]))
-    far = float(np.linalg.norm(farthest, axis=1).max())
-    return max(float(np.linalg.norm(outside, axis=1).min()), LEAST_NEAR * far), far

@@ -166,9 +166,7 @@ def _refuse(constant: str) -> float:
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:
-    """Return the existing file that a frame's path means; refuses anything that leads out of the folder, by links as
-    well.
-    """
+    """Return the existing file that a frame's path means; refuses what leads out of the folder, by links as well."""
     if not path or "\0" in path:
         raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
     relative = path.replace("\\", "/")

@@ -93,6 +93,8 @@ def test_through_npz_and_back(ball: Path, tmp_path: Path) -> None:
             seen = a[..., 3] > 0  # over black, colour that nothing covers is lost
             assert np.array_equal(np.round(a[seen] * 255), np.round(b[seen] * 255))
             assert np.array_equal(a[..., 3], b[..., 3])
+    export(tmp_path / "ball.npz", "blender", tmp_path / "again")
+    assert np.array_equal(read_view_set(tmp_path / "again").test.camera_to_world, there.test.camera_to_world)
 
 
 def test_our_own_rendered_sets_come_with_both(view_set: Path) -> None:
