@@ -33,8 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         elif options.command == "integrators":
             from scenes.rendering.checks import compared
 
-            found = compared(options.name, options.resolution, options.views, options.spp, options.variant)
-            print(json.dumps(asdict(found)))
+            comparison = compared(options.name, options.resolution, options.views, options.spp, options.variant)
+            print(json.dumps(asdict(comparison)))
         elif options.command == "noise":
             _noise(options)
         else:
@@ -100,11 +100,11 @@ def _noise(options: argparse.Namespace) -> None:
     variant, settings = choose_variant(options.variant), (options.resolution, options.spp, options.reference_spp)
     if not options.folders and not options.scenes:
         raise InputError("noise: name view sets with --folders or scenes with --scenes")
-    for one in (*options.folders, *options.scenes):
+    for item in (*options.folders, *options.scenes):
         repeats = options.repeats
-        found = again(one, repeats, variant) if isinstance(one, Path) else errors(one, *settings, repeats, variant)
-        for row in found:
-            print(json.dumps({"item": str(one), **asdict(row)}), flush=True)
+        rows = again(item, repeats, variant) if isinstance(item, Path) else errors(item, *settings, repeats, variant)
+        for row in rows:
+            print(json.dumps({"item": str(item), **asdict(row)}), flush=True)
 
 
 def _repeats(options: argparse.Namespace) -> None:

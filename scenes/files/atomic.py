@@ -45,10 +45,10 @@ def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
 
 def remove_leftovers(folder: Path, of: str = "*") -> int:
     """Remove what killed writers left of files `of` this name, a pattern, if nobody writes; returns their number."""
-    found = [one for pattern in (f".{of}.part", f".{of}.part.*") for one in folder.glob(pattern) if one.is_file()]
-    for one in found:
-        one.unlink(missing_ok=True)
-    return len(found)
+    parts = [part for pattern in (f".{of}.part", f".{of}.part.*") for part in folder.glob(pattern) if part.is_file()]
+    for part in parts:
+        part.unlink(missing_ok=True)
+    return len(parts)
 
 
 def _remove(path: Path) -> None:

@@ -121,7 +121,7 @@ def needs(
     surfaces = _surfaces(description)
     containers = [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
     no_depth = "a medium has no depth" if containers else "nothing has a depth"
-    found = [
+    listed = [
         direction,
         Need("background_model", False, "no sky is seen, so alpha is known"),
         Need("participating_media", bool(media), f"media: {' '.join(media)}" if media else "no participating medium"),
@@ -130,31 +130,31 @@ def needs(
     ]
     if bounds is not None:
         low, high = (" ".join(f"{value:.2f}" for value in corner) for corner in bounds)
-        found.append(Need("outside_box", False, f"everything lies between ({low}) and ({high})"))
+        listed.append(Need("outside_box", False, f"everything lies between ({low}) and ({high})"))
         full = not surfaces and any(entry["type"] == "cube" for entry in containers)
         empty = "surfaces fill no space: most of the box is empty" if surfaces else "nothing fills the box"
-        found.append(Need("empty_space", full, "a medium fills the box" if full else empty))
+        listed.append(Need("empty_space", full, "a medium fills the box" if full else empty))
         box = bounds if described is None else described
         size, away = float(np.ptp(box, axis=0).max()) / 2, float(np.abs(box.mean(axis=0)).max())
         usual = SCALES[0] <= size <= SCALES[1] and away <= SCALES[1]
-        found.append(Need("scale_checks", not usual, f"half-extent {size:.3g}, {away:.3g} from the origin"))
-        found += _along_rays(description, bounds)
+        listed.append(Need("scale_checks", not usual, f"half-extent {size:.3g}, {away:.3g} from the origin"))
+        listed += _along_rays(description, bounds)
         if pixel:
             cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
             bands = f"{useful_bands(cycles, 2.0)} of 2^k or {useful_bands(cycles, 1.618034)} of φ^k"
             reason = f"pixels show {cycles:.0f} cycles across the box: bands {bands} reach that far"
             kept = "the bands are what is compared; nerf_matched stands beside"
-            found.append(Need("high_bands", False, reason, kept))
-    by_name = {need.name: need for need in found}
+            listed.append(Need("high_bands", False, reason, kept))
+    by_name = {need.name: need for need in listed}
     return {name: by_name[name] for name in PARTS if name in by_name}
 
 
-def left_out(found: Needs) -> list[dict[str, Any]]:
+def left_out(known: Needs) -> list[dict[str, Any]]:
     """Return what method, renderer and scores omit: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
 
     The result is plain data, as a manifest keeps it.
     """
-    omitted = [need for need in found.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
+    omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
     return [
         {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
          "unit": part.unit}
@@ -163,9 +163,9 @@ def left_out(found: Needs) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def as_rows(found: Needs) -> list[dict[str, Any]]:
+def as_rows(known: Needs) -> list[dict[str, Any]]:
     """Return every need as plain data; `needs_from_rows` is the inverse."""
-    return [asdict(need) for need in found.values()]
+    return [asdict(need) for need in known.values()]
 
 
 def needs_from_rows(rows: object) -> Needs:
@@ -173,9 +173,9 @@ def needs_from_rows(rows: object) -> Needs:
     return {row["name"]: Need(**row) for row in rows} if isinstance(rows, list) else {}
 
 
-def forced(found: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
-    """Return `found` with the parts that the user forces in, or out, whatever the scene says."""
-    everything = found | {name: Need(name, True, "forced in by --need") for name in need}
+def forced(known: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
+    """Return `known` with the parts that the user forces in, or out, whatever the scene says."""
+    everything = known | {name: Need(name, True, "forced in by --need") for name in need}
     everything |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
     return {name: everything[name] for name in PARTS if name in everything}
 
@@ -195,10 +195,10 @@ def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
         ]
     tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
     stiff, reason = tau / BINS > 1.0, f"τ of a bin is at most {tau / BINS:.3g}"
-    found = [Need("fine_pass", stiff, reason), Need("linear_quadrature", stiff, reason)]
+    quadrature = [Need("fine_pass", stiff, reason), Need("linear_quadrature", stiff, reason)]
     reason = f"τ along a ray is at most {tau:.3g}"
     opaque = tau >= OPAQUE_TAU
-    return [*found, Need("behind_opaque", not opaque, reason if opaque else f"{reason}: every sample counts")]
+    return [*quadrature, Need("behind_opaque", not opaque, reason if opaque else f"{reason}: every sample counts")]
 
 
 def _hdr_metrics(description: Description) -> Need:

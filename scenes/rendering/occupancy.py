@@ -45,7 +45,7 @@ def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
 def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, cells: int = CELLS) -> np.ndarray | None:
     """Return the occupancy, bool [cells, cells, cells] over x, y, z of the box; None if a shape's inside is unknown."""
     axes = axes_of(bounds, cells)
-    found = np.zeros((cells, cells, cells), dtype=bool)
+    occupied = np.zeros((cells, cells, cells), dtype=bool)
     for entry in description.values():
         if not isinstance(entry, dict) or entry.get("type") in ("constant", "envmap", "directional"):
             continue
@@ -53,12 +53,12 @@ def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, ce
             continue
         kind = entry.get("type")
         if kind == "mesh":
-            found |= inside_mesh(np.asarray(entry["vertices"]), np.asarray(entry["faces"]), axes)
+            occupied |= inside_mesh(np.asarray(entry["vertices"]), np.asarray(entry["faces"]), axes)
         elif kind in ("sphere", "cube"):
-            found |= _inside_unit(entry, axes)
+            occupied |= _inside_unit(entry, axes)
         elif kind not in THIN:
             return None
-    return found
+    return occupied
 
 
 def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarray:
@@ -151,9 +151,9 @@ def with_occupancy(folder: Path, order: Order) -> Path:
         if _read(folder, manifest) is not None:
             return folder
     scene = order.scene
-    found = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
-    if found is not None:
-        _write(folder / NAME, _bound_to(manifest), np.packbits(found).tobytes())
+    occupied = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
+    if occupied is not None:
+        _write(folder / NAME, _bound_to(manifest), np.packbits(occupied).tobytes())
     return folder
 
 

@@ -256,9 +256,9 @@ def write_view_set(
     # the length of a pixel in the middle of the box, from the nearest camera
     eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
     pixel = float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
-    found = needs(order.description, bounds, pixel, described)
+    needed = needs(order.description, bounds, pixel, described)
     if scene.load is not None:
-        found = cautious(found)
+        needed = cautious(needed)
     manifest = {
         "scene": scene.name,
         "title": scene.title,
@@ -279,8 +279,8 @@ def write_view_set(
         "integrator": loaded.integrator_name,
         "versions": {**versions(), "python": platform.python_version()},
         "seconds": time.perf_counter() - started + earlier,
-        "needs": as_rows(found),
-        "left_out": left_out(found),
+        "needs": as_rows(needed),
+        "left_out": left_out(needed),
         "views": views,
     }
     write_manifest(folder, manifest, files)

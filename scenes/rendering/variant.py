@@ -123,7 +123,7 @@ def _choose(wanted: str | None) -> Variant:
 
 def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
     """Return LLVM shared libraries that may be new enough: the user's `DRJIT_LIBLLVM_PATH` first, then newest first."""
-    found: dict[Path, int] = {}
+    versions: dict[Path, int] = {}
     for pattern in folders:
         root = Path(pattern)
         for folder in sorted(Path(root.anchor).glob(str(root.relative_to(root.anchor)))):
@@ -131,8 +131,8 @@ def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
                 version = llvm_version(file)
                 shared = re.search(r"\.(so|dylib|dll)\b", file.name)
                 if shared and file.is_file() and (version is None or version >= OLDEST_LLVM):
-                    found.setdefault(file.resolve(), version or OLDEST_LLVM)
-    newest_first = sorted(found, key=lambda file: (-found[file], str(file)))
+                    versions.setdefault(file.resolve(), version or OLDEST_LLVM)
+    newest_first = sorted(versions, key=lambda file: (-versions[file], str(file)))
     users = os.environ.get("DRJIT_LIBLLVM_PATH")
     if users and Path(users).is_file() and (llvm_version(Path(users)) or OLDEST_LLVM) >= OLDEST_LLVM:
         return [Path(users), *(file for file in newest_first if file != Path(users).resolve())]

@@ -143,8 +143,8 @@ def _cause(file: Path) -> int:
     return errno.EIO
 
 
-def _reason(said: str) -> str:
-    printable = "".join(letter if letter.isprintable() else " " for letter in said)  # messages include file contents
+def _reason(message: str) -> str:
+    printable = "".join(letter if letter.isprintable() else " " for letter in message)  # messages include file contents
     return " ".join(printable.split())[:200] or "no reason given"
 
 

@@ -168,18 +168,18 @@ def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> 
     """Return view → its facts, of the views that are valid in one of `donors`; their files are then in `folder`, and
     noted. Raises `OSError` if they cannot be copied.
     """
-    found: dict[str, dict[str, Any]] = {}
+    taken: dict[str, dict[str, Any]] = {}
     for donor in donors:
         for name, line in {**_of_manifest(donor, order), **_of_lines(donor, order)}.items():
-            if name in found or name not in names or line["files"] != _digests(donor, name):
+            if name in taken or name not in names or line["files"] != _digests(donor, name):
                 continue
             for suffix in SUFFIXES:
                 (folder / name).parent.mkdir(exist_ok=True)
                 shutil.copyfile(donor / f"{name}{suffix}", folder / f"{name}{suffix}")
             facts = {key: value for key, value in line.items() if key not in ("order", "name", "files", "digest")}
             note(folder, order, name, facts)
-            found[name] = facts
-    return found
+            taken[name] = facts
+    return taken
 
 
 def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
@@ -187,16 +187,16 @@ def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
         text = (folder / JOURNAL).read_text(encoding="utf-8", errors="replace")
     except OSError:
         return {}
-    found = {}
+    lines = {}
     for row in text.splitlines():
         try:
             line = json.loads(row)
             claimed = line.pop("digest")
             if claimed == json_digest(line) and convert(line, _Line).order == order:
-                found[line["name"]] = line
+                lines[line["name"]] = line
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             continue
-    return found
+    return lines
 
 
 def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
@@ -214,10 +214,10 @@ def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
 
 
 def _digests(folder: Path, name: str) -> dict[str, str | None]:
-    found: dict[str, str | None] = {}
+    digests: dict[str, str | None] = {}
     for suffix in SUFFIXES:
         try:
-            found[suffix] = file_digest(folder / f"{name}{suffix}")
+            digests[suffix] = file_digest(folder / f"{name}{suffix}")
         except OSError:
-            found[suffix] = None
-    return found
+            digests[suffix] = None
+    return digests

@@ -74,10 +74,10 @@ def read_nerfstudio(folder: Path) -> Source:
     if read_image(frames.files[0]).shape[2] == 3:
         image = frames.files[0].name
         notes.append(f"{image} has no alpha: images without alpha count as wholly covered, background included.")
-    said = document.view_region
+    given = document.view_region
     try:
-        box = None if said is None or said.bounds is None else tuple(said.bounds)
-        region = Region() if said is None else Region(box, said.near, said.far)
+        box = None if given is None or given.bounds is None else tuple(given.bounds)
+        region = Region() if given is None else Region(box, given.near, given.far)
     except InputError as error:
         raise InputError(f"{file}: {REGION}: {error}") from error
     if region.bounds is None:

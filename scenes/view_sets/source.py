@@ -81,12 +81,12 @@ def nine_to_one(count: int, file: Path, remedy: str) -> tuple[list[int], list[in
 
 
 def completed(
-    said: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path
+    given: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path
 ) -> tuple[np.ndarray, float, float]:
-    """Return box [2, 3], near and far: as `said`, else found from all cameras of all splits, whichever of them are read
-    now: every reader of a view set must find the same. `size` is height and width. Raises `InputError` as `looked_at`.
+    """Return box [2, 3], near and far: as `given`, else found from all cameras of all splits, whichever of them are
+    read: every reader of a view set must find the same. `size` is height, width. Raises `InputError` as `looked_at`.
     """
-    box, near, far = said.box, said.near, said.far
+    box, near, far = given.box, given.near, given.far
     if box is None or near is None or far is None:
         poses = np.concatenate([views.camera_to_world for split in SPLITS if (views := source.frames(split))])
         box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box

@@ -115,35 +115,35 @@ def read_view_set(
     manifest = read_manifest(folder) if folder.is_dir() else {}
     source = source_of(folder)
     counts = {"train": train_count, "val": val_count, "test": test_count}
-    found: dict[str, Frames] = {}
+    chosen: dict[str, Frames] = {}
     for split in SPLITS:
         if split in splits and (frames := _frames(folder, split, source, manifest)):
             count = counts[split]
             if count is not None and count < 0:
                 raise InputError(f"{count} views of {split}: choose 0 or more")
             few = count is not None and count < len(frames.files)
-            found[split] = frames.of(evenly_spread(count or 0, frames.camera_to_world)) if few else frames
-    if not found:
+            chosen[split] = frames.of(evenly_spread(count or 0, frames.camera_to_world)) if few else frames
+    if not chosen:
         raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
-    if both := {*found["train"].files} & {*found["test"].files} if {"train", "test"} <= set(found) else set():
+    if both := {*chosen["train"].files} & {*chosen["test"].files} if {"train", "test"} <= set(chosen) else set():
         raise InputError(f"{folder}: {min(both)} is a training and a test view; a score on it would mean nothing")
-    angles = {split: entry.fov_x_radians for split, entry in found.items()}
+    angles = {split: entry.fov_x_radians for split, entry in chosen.items()}
     fov = next(iter(angles.values()))
     if max(angles.values()) - min(angles.values()) > 1e-6:
         raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
     reader = _Reader(folder, resolution, manifest, source, scratch)
-    read = {split: reader.split(frames, split in geometry) for split, frames in found.items()}
+    read = {split: reader.split(frames, split in geometry) for split, frames in chosen.items()}
     if reader.size is None or reader.stored is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
     given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
     box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
     if not manifest:
-        for name, frames in found.items():
+        for name, frames in chosen.items():
             reader.content.update(f"{name} {len(frames.files)}\n".encode())
             reader.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
-    names = [f"{split}: {file.name}" for split, frames in found.items() for file in frames.files]
-    pairs = repeated(np.concatenate([frames.camera_to_world for frames in found.values()]))
+    names = [f"{split}: {file.name}" for split, frames in chosen.items() for file in frames.files]
+    pairs = repeated(np.concatenate([frames.camera_to_world for frames in chosen.values()]))
     return ViewSet(
         path=folder,
         name=manifest["scene"] if manifest else source.name,
