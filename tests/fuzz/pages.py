@@ -8,7 +8,7 @@ compiled again.
 import contextlib
 import io
 from collections.abc import Callable, Iterator
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -60,7 +60,7 @@ def _made_once() -> Iterator[None]:
     from reports.page import shell
 
     with contextlib.ExitStack() as stack:
-        stack.enter_context(mock.patch.object(shell, "Environment", _compiling_once()))
+        stack.enter_context(mock.patch.object(shell, "environment", _environment_once()))
         for name in DRAWING:
             module = importlib.import_module(f"reports.{name}")
             stack.enter_context(mock.patch.object(module, "svg", _remembering()))
@@ -68,22 +68,10 @@ def _made_once() -> Iterator[None]:
 
 
 @cache
-def _compiling_once() -> Callable[..., Any]:
-    from jinja2 import BytecodeCache, Environment
-    from jinja2.bccache import Bucket
+def _environment_once() -> Callable[[], Any]:
+    from reports.page import shell
 
-    class Compiled(BytecodeCache):
-        def __init__(self) -> None:
-            self.held: dict[str, bytes] = {}
-
-        def load_bytecode(self, bucket: Bucket) -> None:
-            if bucket.key in self.held:
-                bucket.bytecode_from_string(self.held[bucket.key])
-
-        def dump_bytecode(self, bucket: Bucket) -> None:
-            self.held[bucket.key] = bucket.bytecode_to_string()
-
-    return partial(Environment, bytecode_cache=Compiled())
+    return cache(shell.environment)
 
 
 @cache
