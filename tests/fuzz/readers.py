@@ -130,7 +130,7 @@ def limits(folder: Path) -> None:
     changes(found, found)
 
 
-def _class(folder: Path) -> None:
+def classes(folder: Path) -> None:
     from harness.gate.gates import KINDS
     from harness.gate.limits import unfit
     from harness.gate.references import references_for
