@@ -41,17 +41,6 @@ class Amplifier(nn.Module, ABC):
         """Return the density [points] with which the renderer composites a chunk of these points."""
         return self.before_and_after(raw)[1]
 
-    def begin_step(self) -> None:
-        """Begin a training step: a mean that belongs to the field observes what is evaluated from here on."""
-
-    def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
-        """End a training step and update such a mean. `raw_in_box` returns raw densities at fixed points all over the
-        box.
-        """
-
-    def drop_step(self) -> None:
-        """Discard a step that an error ended: such a mean keeps its value."""
-
 
 class NoAmplifier(Amplifier):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
@@ -68,7 +57,19 @@ class NoAmplifier(Amplifier):
         return sigma, sigma
 
 
-class CallMeanAmplifier(Amplifier):
+class MeanAmplifier(Amplifier):
+    """An amplifier with a mean that belongs to the field, which training steps alone update."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.mean = RunningMean()
+
+    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
+        """End a step. `raw_in_box` returns raw densities at fixed points all over the box."""
+        self.mean.update()
+
+
+class CallMeanAmplifier(MeanAmplifier):
     """An amplifier about the mean of the points that share a chunk of the renderer, as the paper prints both of its
     own.
 
@@ -82,7 +83,6 @@ class CallMeanAmplifier(Amplifier):
     def __init__(self) -> None:
         super().__init__()
         self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-        self.mean = RunningMean()
 
     @abstractmethod
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
@@ -102,14 +102,8 @@ class CallMeanAmplifier(Amplifier):
         self.mean.observe(quantity)
         return self.about(quantity, _mean_of(quantity))
 
-    def begin_step(self) -> None:
-        self.mean.begin()
-
-    def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
+    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
         self.mean.update(share=1.0)
-
-    def drop_step(self) -> None:
-        self.mean.drop()
 
 
 def _mean_of(values: Float[Tensor, " points"]) -> Float[Tensor, ""]:
@@ -164,11 +158,8 @@ class Reading:
     """The threshold of the quantity above which β boosts, for readings that boost."""
 
 
-def _shifted_share(raw: Tensor) -> Tensor:
-    """Return a sigmoid that begins at the density of NeRF's fresh field."""
-    fog = math.log1p(math.exp(DENSITY_BIAS))
-    return torch.sigmoid(raw + math.log(fog / (1.0 - fog)))
-
+_FOG = math.log1p(math.exp(DENSITY_BIAS))
+"""The density of NeRF's fresh field."""
 
 READINGS = {
     "density": Reading(
@@ -181,7 +172,9 @@ READINGS = {
         lambda through: -torch.log(through.clamp(LEAST_TRANSMITTANCE, 1.0)),
     ),
     "listing2": Reading(torch.sigmoid, lambda share: share.clamp(0.0, 1.0), 0.5),
-    "listing2_shifted": Reading(_shifted_share, lambda share: share.clamp(0.0, 1.0), 0.5),
+    "listing2_shifted": Reading(
+        lambda raw: torch.sigmoid(raw + math.log(_FOG / (1.0 - _FOG))), lambda share: share.clamp(0.0, 1.0), 0.5
+    ),
 }
 """density           the density of NeRF, as Eq. 4 is printed; negative becomes 0
 preactivation     the input of softplus
@@ -191,7 +184,7 @@ listing2_shifted  the same with the start that NeRF's density has
 """
 
 
-class HeldMeanAmplifier(Amplifier):
+class HeldMeanAmplifier(MeanAmplifier):
     """Eq. 4 about a mean that belongs to the field: density is a function of the point alone.
 
     `boost` multiplies by β above the threshold, as Listing 2 does; `positive` keeps α above 0; `over_box` takes the
@@ -205,7 +198,6 @@ class HeldMeanAmplifier(Amplifier):
         self.reading = READINGS[reading]
         self.bounded = reading.startswith("listing2")
         self.over_box = over_box
-        self.mean = RunningMean()
         if positive:
             self.rho = nn.Parameter(torch.zeros(()))
         else:
@@ -227,17 +219,11 @@ class HeldMeanAmplifier(Amplifier):
             amplified = amplified * torch.where(quantity > self.reading.threshold, self.beta, 1.0)
         return self.reading.density(quantity), self.reading.density(amplified)
 
-    def begin_step(self) -> None:
-        self.mean.begin()
-
-    def end_step(self, raw_in_box: Callable[[], Tensor]) -> None:
+    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
         if self.over_box:
             self.mean.set(self.reading.quantity(raw_in_box()).mean())
         else:
             self.mean.update()
-
-    def drop_step(self) -> None:
-        self.mean.drop()
 
 
 AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {

@@ -82,7 +82,5 @@ SKIPS: dict[str, Callable[[int], int]] = {
 
 
 def skip_layer(skip: str, depth: int) -> int:
-    """Return the index of the layer after which the encoded position is concatenated; it feeds the next layer or the
-    heads.
-    """
+    """Return the index of the layer behind which the encoded position enters again."""
     return min(SKIPS[skip](depth), depth - 1)

@@ -16,9 +16,7 @@ class Accelerations:
     fused: bool = True
     """Whether the field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
     recurrence: bool = True
-    """Whether bands of the encoding follow from the bands below them, where that is as accurate as a
-    sine of their own.
-    """
+    """Whether bands of the encoding follow from those below, where that is as accurate as a sine."""
     grid: bool = True
     """Whether an occupancy grid skips empty space (`GridSettings` has its settings)."""
     clipping: bool = True
@@ -105,9 +103,7 @@ class Box:
         return 0.5 * float((self.upper - self.lower).max())
 
     def normalised(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
-        """Map world coordinates to centre 0 and longest half-extent 1, as an encoding sees them. Keeps the aspect
-        ratio.
-        """
+        """Map world coordinates to centre 0 and longest half-extent 1, as an encoding sees them."""
         return (x - 0.5 * (self.lower + self.upper)) / (0.5 * (self.upper - self.lower).max())
 
 
@@ -204,9 +200,7 @@ class TrainableField(RadianceField, Protocol):
 
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
-    """Fill a parameter with U(−bound, bound) from a generator of (seed, parameter name): equal for equal name and
-    shape.
-    """
+    """Draw a parameter from U(−bound, bound) by (seed, parameter name): equal for equal name and shape."""
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
     generator = torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)
     return (2.0 * torch.rand(shape, generator=generator, dtype=torch.float32) - 1.0) * bound

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
 from baselines import fused_network
-from baselines.amplifiers import AMPLIFIERS, Amplifier
+from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
 from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
 from baselines.contract import (
@@ -30,11 +30,7 @@ from baselines.contract import (
 )
 from baselines.numerics.encoding import encode, feature_count
 
-DTYPES: dict[Precision, torch.dtype] = {
-    "float32": torch.float32,
-    "bfloat16": torch.bfloat16,
-    "float16": torch.float16,
-}
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
 class NetworkField(nn.Module):
@@ -84,13 +80,7 @@ class NetworkField(nn.Module):
 
     def parameter_counts(self) -> dict[str, int]:
         """Count the weights by the components of Table 1."""
-        parts = {
-            "density_net": self.density_net,
-            "density_head": self.density_head,
-            "colour_net": self.colour_net,
-            "amplifier": self.amplifier,
-        }
-        counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in parts.items()}
+        counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in self.named_children()}
         return {**counts, "total": sum(counts.values())}
 
     @property
@@ -134,12 +124,10 @@ class NetworkField(nn.Module):
         position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
         if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
-            return fused_network.evaluate(layout, position, view, ray, self._flat_weights())
+            layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]
+            weights = [weight for layer in layers for weight in (layer.weight, layer.bias)]
+            return fused_network.evaluate(layout, position, view, ray, weights)
         return self._composed(position.to(self.dtype), view, ray)
-
-    def _flat_weights(self) -> list[Tensor]:
-        layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]
-        return [weight for layer in layers for weight in (layer.weight, layer.bias)]
 
     def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Compute the network from single operations, differentiable by autograd."""
@@ -192,29 +180,28 @@ def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
     """Enclose a training step: means of density that belong to a field are updated at its end from what was evaluated
     within, unless an error ends it. Evaluations outside leave them alone.
     """
-    amplifiers = {field: field.amplifier for field in fields if isinstance(field, NetworkField)}
-    for amplifier in amplifiers.values():
-        amplifier.begin_step()
+    networks = [field for field in fields if isinstance(field, NetworkField)]
+    amplifiers = [(x.amplifier, x.raw_in_box) for x in networks if isinstance(x.amplifier, MeanAmplifier)]
+    for amplifier, _ in amplifiers:
+        amplifier.mean.begin()
     try:
         yield
     except BaseException:
-        for amplifier in amplifiers.values():
-            amplifier.drop_step()
+        for amplifier, _ in amplifiers:
+            amplifier.mean.drop()
         raise
-    for field, amplifier in amplifiers.items():
-        amplifier.end_step(field.raw_in_box)
+    for amplifier, raw_in_box in amplifiers:
+        amplifier.update_mean(raw_in_box)
+
+
+MEAN_POINTS = 512
+"""The points at which a mean over the box is measured each step: a tenth of a step's at reduced size."""
 
 
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
     """Return the first points of a Sobol sequence in the unit cube."""
     return torch.quasirandom.SobolEngine(3).draw(MEAN_POINTS)
-
-
-MEAN_POINTS = 512
-"""The number of points at which a mean over the box is measured each step: a tenth of a step's points
-at reduced size.
-"""
 
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:

@@ -63,9 +63,7 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Stage:
-    """One matrix multiplication: `hidden` applied to the layer before, `again` to the encoded position
-    where it enters.
-    """
+    """One multiplication: `hidden` on the layer before, `again` on the encoded position where it enters."""
 
     hidden: Tensor
     bias: Tensor
@@ -199,42 +197,36 @@ def _forward(
     return raw, logits, kept
 
 
-class _Sum:
-    """The sum Σ aᵀ b over blocks."""
-
-    def __init__(self, rows: int, columns: int, like: Tensor) -> None:
-        self.total = like.new_zeros((rows, columns), dtype=_sums(like.dtype))
-
-    def add(self, a: Tensor, b: Tensor) -> None:
-        if a.dtype == self.total.dtype:
-            self.total.addmm_(a.t(), b)
-        else:
-            self.total.add_(torch.mm(a.t(), b))
+def _add_product(total: Tensor, a: Tensor, b: Tensor) -> None:
+    """Add aᵀ b."""
+    if a.dtype == total.dtype:
+        total.addmm_(a.t(), b)
+    else:
+        total.add_(torch.mm(a.t(), b))
 
 
 class _StageGradient:
     """The sums over blocks for one stage."""
 
     def __init__(self, stage: _Stage) -> None:
-        outputs, inputs = stage.hidden.shape
-        self.hidden = _Sum(outputs, inputs, stage.hidden)
-        self.again = None if stage.again is None else _Sum(outputs, stage.again.shape[1], stage.again)
-        self.bias = stage.bias.new_zeros(outputs, dtype=_sums(stage.bias.dtype))
+        sums = _sums(stage.bias.dtype)
+        self.hidden, self.bias = (part.new_zeros(part.shape, dtype=sums) for part in (stage.hidden, stage.bias))
+        self.again = None if stage.again is None else stage.again.new_zeros(stage.again.shape, dtype=sums)
 
     def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
-        self.hidden.add(gradient, x)
+        _add_product(self.hidden, gradient, x)
         if self.again is not None:
-            self.again.add(gradient, position)
+            _add_product(self.again, gradient, position)
         self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
 
     def merge(self, other: "_StageGradient") -> None:
-        self.hidden.total.add_(other.hidden.total)
+        self.hidden.add_(other.hidden)
         if self.again is not None and other.again is not None:
-            self.again.total.add_(other.again.total)
+            self.again.add_(other.again)
         self.bias.add_(other.bias)
 
     def weight(self) -> Tensor:
-        return self.hidden.total if self.again is None else torch.cat([self.hidden.total, self.again.total], dim=1)
+        return self.hidden if self.again is None else torch.cat([self.hidden, self.again], dim=1)
 
 
 class _Evaluation(torch.autograd.Function):
@@ -253,21 +245,14 @@ class _Evaluation(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         position, view, ray = ctx.saved_tensors
-        weights = _backward(ctx.net, ctx.kept, position, view, ray, *gradients)
+        net, kept = ctx.net, ctx.kept
         del ctx.net, ctx.kept
-        return None, None, None, None, *weights
-
-
-def _backward(
-    net: _Prepared, kept: _Kept, position: Tensor, view: Tensor, ray: Tensor, g_raw: Tensor, g_logits: Tensor
-) -> list[Tensor]:
-    """Return the gradients in the order of the flat weights."""
-    blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
-    shares = _side_by_side(partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits), blocks)
-    total = shares[0] if shares else _Gradients(net, len(view))
-    for share in shares[1:]:
-        total.add(share)
-    return total.flat(view.to(net.sums))
+        blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
+        shares = _side_by_side(partial(_way_back, net, kept, position.to(net.dtype), view, ray, *gradients), blocks)
+        total = shares[0] if shares else _Gradients(net, len(view))
+        for share in shares[1:]:
+            total.add(share)
+        return None, None, None, None, *total.flat(view.to(net.sums))
 
 
 class _Gradients:
@@ -291,9 +276,12 @@ class _Gradients:
         """Return the gradients in the order of the flat weights."""
         heads, bias = self.heads.weight(), self.heads.bias
         direction = torch.mm(self.of_view.t(), view)
-        found = [part for one in self.density for part in (one.weight(), one.bias)]
-        found += [heads[:1], bias[:1], torch.cat([heads[1:], direction], dim=1), self.of_view.sum(dim=0)]
-        return found + [part for one in self.colour for part in (one.weight(), one.bias)]
+        density, colour = (
+            [part for stage in stages for part in (stage.weight(), stage.bias)]
+            for stages in (self.density, self.colour)
+        )
+        of_heads = [heads[:1], bias[:1], torch.cat([heads[1:], direction], dim=1), self.of_view.sum(dim=0)]
+        return [*density, *of_heads, *colour]
 
 
 def _way_back(

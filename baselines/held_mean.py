@@ -9,9 +9,7 @@ MEAN_SHARE = 0.1
 
 
 class RunningMean(nn.Module):
-    """A detached mean that the checkpoint holds and training steps alone update: a constant within a step and outside
-    it.
-    """
+    """A detached mean, kept in checkpoints, which training steps alone update, each at its end."""
 
     value: Tensor
     steps: Tensor

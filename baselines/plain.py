@@ -67,9 +67,7 @@ class PlainField(nn.Module):
 def plain_render(
     field: PlainField, rays: Rays, samples: int, background: Float[Tensor, " 3"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays 3"]:
-    """Return the colours of `rays` (Eq. 6), one sample in each of `samples` equal bins from near to far: random with a
-    generator, else in the middle.
-    """
+    """Return colours of `rays` (Eq. 6), a sample in each equal bin: random with a generator, else midway."""
     o, d = rays.origins, rays.directions
     edges = torch.linspace(rays.near, rays.far, samples + 1, dtype=o.dtype, device=o.device)
     share = torch.full((len(rays), samples), 0.5)

@@ -36,9 +36,7 @@ class Sampling:
     """The number of further fenceposts by importance, used with a second (fine) field."""
     quadrature: str = "midpoint"
     clip_to_box: bool = True
-    """Whether rays are cut to the box, else from near to far; the listing-4 quadrature needs its last
-    point at `far`.
-    """
+    """Whether rays are cut to the box; listing-4 quadrature needs its last point at `far`."""
     early_stop: bool = False
     """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
     exploration: float = 0.0

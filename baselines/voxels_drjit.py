@@ -26,17 +26,9 @@ below 3e-9 of it, while the difference would lose a digit for each power of ten.
 """
 
 
-@dataclass(frozen=True)
-class Corners:
-    """The eight voxels around each point, and their weights."""
-
-    index: list[Any]
-    weight: list[Any]
-
-
-def corners(unit: Any, shape: tuple[int, int, int]) -> Corners:
-    """Return the corners of points in [0, 1]³ in a grid of `shape` (x, y, z) voxels; values live at voxel centres, and
-    the border is extended.
+def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
+    """Return index and weight of each of the eight voxels around points in [0, 1]³ in a grid of `shape` (x, y, z)
+    voxels; values live at voxel centres, and the border is extended.
 
     The interpolation is that of Mitsuba's `gridvolume` and torch's `grid_sample(align_corners=False,
     padding_mode="border")`.
@@ -49,22 +41,18 @@ def corners(unit: Any, shape: tuple[int, int, int]) -> Corners:
         low.append(dr.clip(integer(below), 0, voxels - 1))
         high.append(dr.clip(integer(below) + 1, 0, voxels - 1))
         share.append(at - below)
-    index, weight = [], []
+    found = []
     for corner in range(8):
         upper = [bool(corner >> axis & 1) for axis in range(3)]
         x, y, z = (high[axis] if upper[axis] else low[axis] for axis in range(3))
         wx, wy, wz = (share[axis] if upper[axis] else 1.0 - share[axis] for axis in range(3))
-        index.append((z * shape[1] + y) * shape[0] + x)
-        weight.append(wx * wy * wz)
-    return Corners(index, weight)
+        found.append(((z * shape[1] + y) * shape[0] + x, wx * wy * wz))
+    return found
 
 
-def interpolated(values: Any, at: Corners, kind: type) -> Any:
+def interpolated(values: Any, at: list[tuple[Any, Any]], kind: type) -> Any:
     """Interpolate a flat array that holds one `kind` (a number, or a few side by side) per voxel."""
-    return sum(
-        weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index))
-        for index, weight in zip(at.index, at.weight, strict=True)
-    )
+    return sum(weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index)) for index, weight in at)
 
 
 def softplus(x: Any) -> Any:
@@ -144,15 +132,11 @@ class VoxelField:
         return {"density_grid": density, "colour_grid": colour, "total": density + colour}
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return `density` [z, y, x] and `red`, `green`, `blue` [z, y, x, coefficients], before
-        softplus and sigmoid.
-        """
+        """Return `density` [z, y, x] and each colour [z, y, x, coefficients] before softplus and sigmoid."""
         return {name: self._as_grid(name) for name in self.values}
 
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
-        """Return a field with the values of a `state_dict`; raises `ValueError` if it is of another box or another
-        degree.
-        """
+        """Return a field of a `state_dict`; raises `ValueError` if it is of another box or degree."""
         shape = tuple(values["density"].shape[::-1])
         found = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
         for name in found.values:
@@ -176,8 +160,7 @@ class VoxelField:
 
     def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
         with dr.suspend_grad():
-            found = self._density(corners(self._in_box(self._triple(x)), self.shape))
-            return self._torch(found, x.device)
+            return self._torch(self._density(corners(self._in_box(self._triple(x)), self.shape)), x.device)
 
     def density_before_and_after(
         self, x: Float[Tensor, "points 3"]
@@ -217,7 +200,8 @@ class VoxelField:
         shown, _, _ = self._seen(samples)
         truth = self._triple(colours)
         error = share * sum(dr.sum(dr.square(one - there)) for one, there in zip(shown, truth, strict=True))
-        rough = self._roughness(self.types.UInt32(self._flat_integers(smooth)))
+        _finished(smooth.device)
+        rough = self._roughness(self.types.UInt32(self.types.TensorXi(smooth.to(torch.int32).contiguous()).array))
         dr.backward(error + smoothing * rough)
         gradients = {name: dr.grad(value) for name, value in self.values.items()}
         dr.disable_grad(self.values)  # leaves plain numbers behind, whatever comes of this step
@@ -237,22 +221,18 @@ class VoxelField:
             hit = opacity > 0.0
             depth = dr.select(hit, over_rays(w * samples.t, bins) / dr.select(hit, opacity, 1.0), rays.far)
             device = rays.origins.device
-            colour = torch.stack([self._torch(one, device) for one in shown], dim=-1)
-            white[inside] = colour
+            white[inside] = torch.stack([self._torch(channel, device) for channel in shown], dim=-1)
             nothing[inside] = self._torch(opacity, device)
             far[inside] = self._torch(depth, device)
         return Rendering(white, nothing, far, samples.rays * bins)
 
     def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
-        """Return display colours of the rays over white, channel by channel, weights of their points,
-        their opacities.
-        """
+        """Return the rays' colours over white by channel, their points' weights, their opacities."""
         types, bins = self.types, samples.bins
         ray = dr.arange(types.UInt32, samples.rays * bins) // bins
         direction = dr.gather(types.Array3f, samples.direction, ray)
-        at = corners(
-            self._in_box(dr.fma(direction, samples.t, dr.gather(types.Array3f, samples.origin, ray))), self.shape
-        )
+        position = dr.fma(direction, samples.t, dr.gather(types.Array3f, samples.origin, ray))
+        at = corners(self._in_box(position), self.shape)
         w, T_end = ray_weights(self._density(at) * samples.delta, bins)
         harmonics = dr.sh_eval(direction, self.degree)
         shown = []
@@ -269,9 +249,7 @@ class VoxelField:
         return self.density_unit * softplus(raw + DENSITY_BIAS)
 
     def _roughness(self, voxel: Any) -> Any:
-        """Return the mean squared difference of the chosen voxels from the next along each axis, over all values of a
-        voxel.
-        """
+        """Return the mean squared difference of the chosen voxels from the next along each axis."""
         nx, ny, nz = self.shape
         x, y, z = voxel % nx, voxel // nx % ny, voxel // (nx * ny)
         following = [
@@ -302,10 +280,6 @@ class VoxelField:
         _finished(values.device)
         return self.types.Float(self.types.TensorXf(values.detach().float().contiguous()).array)
 
-    def _flat_integers(self, values: Tensor) -> Any:
-        _finished(values.device)
-        return self.types.TensorXi(values.to(torch.int32).contiguous()).array
-
     def _triple(self, x: Float[Tensor, "points 3"]) -> Any:
         return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
 
@@ -333,9 +307,10 @@ class Adam:
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return `steps` [], and `first` and `second` moments by the field's arrays, flat."""
-        moments = {"first": self.first, "second": self.second}
-        found = {f"{kind}.{name}": one for kind, values in moments.items() for name, one in values.items()}
-        return {"steps": torch.tensor(self.steps)} | {name: torch.tensor(one.numpy()) for name, one in found.items()}
+        tensors = {"steps": torch.tensor(self.steps)}
+        for kind, values in {"first": self.first, "second": self.second}.items():
+            tensors |= {f"{kind}.{name}": torch.tensor(value.numpy()) for name, value in values.items()}
+        return tensors
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
         """Restore the moments; raises `KeyError` if one is missing."""

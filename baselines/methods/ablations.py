@@ -37,14 +37,10 @@ BANDWIDTH: dict[str, Parts] = {
     "nerf_phi_far": replace(NERF, encoding="phi_matched"),
     "nerf_base165": replace(NERF, encoding="base1.65"),
 }
-"""The controls of bandwidth, beside nerf, nerf_matched and nerf_phi_encoding: φ with NeRF's reach, φ's
-reach without φ.
-"""
+"""The controls of bandwidth: φ with NeRF's reach, φ's reach without φ."""
 
 UNITS = {"0_3": 0.3, "1": 1.0, "3": 3.0, "10": 10.0, "100": 100.0}
-"""Map name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and
-QNERF themselves.
-"""
+"""Name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and QNERF."""
 
 LADDER: dict[str, Parts] = {
     f"{name}_unit_{label}": replace(parts, density_scale=scale)

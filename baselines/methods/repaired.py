@@ -10,24 +10,6 @@ from dataclasses import replace
 from baselines.composition import Parts
 from baselines.methods.qnerf import QNERF
 
-_AMPLIFIERS = (
-    "running_mean",
-    "running_mean_preactivation",
-    "running_mean_positive",
-    "box_mean",
-    "running_mean_boost",
-    "running_mean_opacity",
-    "running_mean_listing2",
-    "running_mean_listing2_shifted",
-)
-"""The amplifiers, from the simplest, Eq. 4 as printed, to the one that departs from it most."""
-
-CANDIDATES: dict[str, Parts] = {f"qnerf_{name}": replace(QNERF, amplifier=name) for name in _AMPLIFIERS}
-"""The candidates in the order in which a tie is decided: the simpler one first."""
-
-REPAIRED = CANDIDATES["qnerf_running_mean"]
-"""The candidate that `docs/repair_search.json` chose."""
-
 MEANING = {
     "running_mean": "Eq. 4 on NeRF's density, about a running mean over training samples",
     "running_mean_preactivation": "Eq. 4 before the softplus, about a running mean over training samples",
@@ -38,6 +20,13 @@ MEANING = {
     "running_mean_listing2": "Listing 2 as printed, about a running mean",
     "running_mean_listing2_shifted": "Listing 2 about a running mean, beginning as thin fog like NeRF",
 }
+"""The amplifiers, from the simplest, Eq. 4 as printed, to the one that departs from it most."""
+
+CANDIDATES: dict[str, Parts] = {f"qnerf_{name}": replace(QNERF, amplifier=name) for name in MEANING}
+"""The candidates in the order in which a tie is decided: the simpler one first."""
+
+REPAIRED = CANDIDATES["qnerf_running_mean"]
+"""The candidate that `docs/repair_search.json` chose."""
 
 EXCLUDED = {
     "mean of a ray": "density would depend on the ray that asks for it: no field, no surface, no consistent views",

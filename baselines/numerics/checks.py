@@ -34,17 +34,13 @@ class BadDensity(FloatingPointError):
 
 
 def require_interval(near: float, far: float) -> None:
-    """Require near <= far, both finite; raises `BadInterval`. An interval of length 0 is valid: it shows the
-    background.
-    """
+    """Require near <= far, both finite; raises `BadInterval`. Length 0 is valid and shows the background."""
     if not (math.isfinite(near) and math.isfinite(far) and near <= far):
         raise BadInterval(None, f"runs from {near} to {far}; near and far must be finite, near <= far")
 
 
 def require_rising(t: Float[Tensor, "rays places"]) -> None:
-    """Require finite distances in rising order along each ray, equal ones allowed; raises `BadInterval`
-    naming the ray.
-    """
+    """Require finite distances that do not fall along a ray; raises `BadInterval` naming the ray."""
     ends = torch.cat([t[:, :1], t[:, -1:]])
     # NaN fails both comparisons; where distances rise, the ends tell whether they are finite
     if bool((torch.diff(t, dim=-1) >= 0).all() & torch.isfinite(ends).all()):

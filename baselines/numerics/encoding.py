@@ -14,13 +14,9 @@ from torch import Tensor
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
 MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
-"""The most bands by recurrence per base. For φ^12 the sine is 3.3 times as accurate; base 2 is limited
-by tests alone.
-"""
+"""The most bands by recurrence per base: at φ^12 a sine is 3.3 times as accurate."""
 DOUBLINGS = 4
-"""The doublings between two sines of base 2. All bands from one sine would lose 3^k: 8e-4 at 2^9, nothing right at
-2^16.
-"""
+"""The doublings between two sines of base 2: with all bands from one, nothing is right at 2^16."""
 
 REACH = 1.0001
 """The largest coordinate for which the errors stated here hold: rays are cut to the box, which rounds by 1e-6."""
@@ -30,9 +26,7 @@ BLOCK = 1 << 14
 
 
 def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) -> Float[Tensor, " bands"]:
-    """Return f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision to `dtype` or torch's
-    default.
-    """
+    """Return f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision."""
     if bands < 0:
         raise ValueError(f"bands must be >= 0, is {bands}")
     return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(dtype or torch.get_default_dtype())
@@ -171,9 +165,7 @@ def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 @lru_cache(maxsize=64)
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
-    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, since making it costs as
-    much as 500 points.
-    """
+    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; it costs as much as 500 points."""
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
 
 

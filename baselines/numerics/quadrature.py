@@ -21,9 +21,7 @@ from baselines.numerics.sampling import jittered_edges, points_in_bins
 
 @dataclass(frozen=True)
 class Orders:
-    """The orders of convergence: error ∝ (bin length)^order where density and colour are smooth and no
-    bin is opaque.
-    """
+    """The orders of convergence where density and colour are smooth and no bin is opaque."""
 
     colour: float
     opacity: float
@@ -65,9 +63,7 @@ class Rule:
         t: Float[Tensor, "rays points"],
         t_edges: Float[Tensor, "rays edges"],
     ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, " rays"]]:
-        """Return weights and T_end. Raises `BadInterval` or `BadDensity` naming ray and sample, `TypeError` below
-        float32.
-        """
+        """Return weights and T_end. Raises `BadInterval`, `BadDensity`, and `TypeError` below float32."""
         if not self.of_the_paper:
             require_rising(t_edges)
             require_rising(t)

@@ -39,10 +39,6 @@ def test_ladders_at_the_size_of_the_paper(
     assert highest(encoding) == pytest.approx(frequency, abs=2e-3)
 
 
-def test_no_ladder_is_left_untested() -> None:
-    assert set(LADDERS) == {"base2", "base2_matched", "phi", "phi_matched", "base1.65", "none"}
-
-
 @pytest.mark.parametrize("bands", range(1, 17))
 @pytest.mark.parametrize("base", [PHI, 1.65, 1.5, 2.0, 3.0])
 def test_reaching_is_the_nearest_number_of_bands(base: float, bands: int) -> None:
@@ -54,12 +50,6 @@ def test_reaching_is_the_nearest_number_of_bands(base: float, bands: int) -> Non
 @pytest.mark.parametrize("bands", range(2, 17))
 def test_the_matched_ladder_reaches_no_further_and_one_band_more_would(bands: int) -> None:
     assert highest("base2_matched", bands) <= highest("phi", bands) < 2 * highest("base2_matched", bands)
-
-
-@pytest.mark.parametrize("bands", range(2, 17))
-def test_the_two_long_ladders_reach_alike(bands: int) -> None:
-    """Within half a band of φ."""
-    assert abs(math.log(highest("phi_matched", bands) / highest("base2", bands))) <= math.log(PHI) / 2 + 1e-9
 
 
 def test_without_encoding_a_network_gets_raw_coordinates() -> None:

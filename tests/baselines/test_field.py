@@ -1,5 +1,6 @@
-"""The network, which builds no concatenation, against a plain one that does."""
+"""The network, which builds no concatenation, against a plain one that does; its first weights."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -12,6 +13,7 @@ from baselines.field import NetworkField
 from baselines.numerics.encoding import encode
 from tests.baselines.small_fields import (
     BOX,
+    EIGHT,
     PARTS,
     SMALL,
     every_depth,
@@ -75,15 +77,6 @@ def test_padding_is_not_seen(method: str, count: int) -> None:
 
 
 @every_method
-def test_no_points_at_all(method: str) -> None:
-    field = field_of(method)
-    view = field.encode_directions(some_points(1)[1])
-    sigma, colour = field.density_and_colour(torch.zeros(0, 3), view, torch.zeros(0, dtype=torch.long))
-    assert sigma.shape == (0,)
-    assert colour.shape == (0, 3)
-
-
-@every_method
 def test_without_view_dependence_directions_are_ignored(method: str) -> None:
     field = roughened(field_of(method, view_dependent=False))
     x, d, ray = some_points(200)
@@ -132,3 +125,29 @@ def test_what_an_encoding_sees_keeps_the_aspect_ratio() -> None:
     corners = torch.tensor([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0], [2.0, 1.0, 0.5]])
     assert box.normalised(corners).tolist() == [[-1.0, -0.5, -0.25], [1.0, 0.5, 0.25], [0.0, 0.0, 0.0]]
     assert torch.equal(box.from_unit(box.to_unit(corners)), corners)
+
+
+def test_methods_share_nearly_all_first_weights_with_nerf() -> None:
+    """Pairing holds shared ones to be equal; here it is that there are some to share."""
+    reference = dict(field_of("nerf", EIGHT).named_parameters())
+    for method in PARTS:
+        weights = field_of(method, EIGHT).named_parameters()
+        shared = [name for name, weight in weights if name in reference and weight.shape == reference[name].shape]
+        assert len(shared) >= len(reference) - 3, method
+
+
+def test_initial_weights_are_glorot_uniform_with_zero_biases() -> None:
+    for name, weight in field_of("nerf", replace(SMALL, width=128)).named_parameters():
+        if weight.ndim == 1:
+            assert (weight == 0).all(), name
+        else:
+            bound = (6.0 / (weight.shape[0] + weight.shape[1])) ** 0.5
+            assert weight.abs().max() <= bound, name
+            if weight.numel() > 1000:
+                assert float(weight.detach().std()) == pytest.approx(bound / 3**0.5, rel=0.1), name
+
+
+@every_method
+def test_listing_2_alone_says_that_density_is_bounded(method: str) -> None:
+    limit = PARTS[method].density_unit(BOX) if "listing2" in PARTS[method].amplifier else math.inf
+    assert field_of(method).density_limit == limit

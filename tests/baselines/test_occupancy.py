@@ -86,13 +86,6 @@ def test_nothing_is_left_out_before_it_has_been_measured() -> None:
     assert grid.occupied_share() >= 0.75
 
 
-def test_cells_wholly_outside_are_dropped() -> None:
-    grid = refreshed(AnalyticField(ball(100.0, 0.5)))
-    outside = centres().norm(dim=-1) - 0.5 * math.sqrt(3.0) * SIDE > 0.5
-    assert not grid.occupied[outside].any()
-    assert 0.0 < grid.occupied_share() < 0.3
-
-
 def test_order_of_cells_is_that_of_lookups() -> None:
     density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.5, 100.0, 0.0)
     grid = refreshed(cell_by_cell(density))

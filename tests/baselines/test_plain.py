@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines import plain
 from baselines.contract import Accelerations, Box, NetworkSize, Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
 from harness.plan.schedule import Budget
@@ -159,12 +158,6 @@ def test_rays_cut_to_the_box_are_another_rendering() -> None:
     assert colour_gap(one, oracle(one), rays_through()) > 25 * COLOUR_BOUND
 
 
-def _fewer_bands(field: PlainField) -> None:
-    original = field.density_net[0].weight
-    with torch.no_grad():
-        original[:, -6:] = 0.0
-
-
 def _another_box(field: PlainField) -> None:
     field.box = Box(field.box.lower, 1.001 * field.box.upper)
 
@@ -174,17 +167,12 @@ def _no_skip(field: PlainField) -> None:
         field.density_net[field.skip + 1].weight[:, SIZE.width :] = 0.0
 
 
-def _no_view(field: PlainField) -> None:
-    with torch.no_grad():
-        field.colour_net[0].weight[:, SIZE.width :] = 0.0
-
-
 def _a_bias(field: PlainField) -> None:
     with torch.no_grad():
         field.colour_net[1].bias[0] += 0.01
 
 
-@pytest.mark.parametrize("spoil", [_fewer_bands, _another_box, _no_skip, _no_view, _a_bias])
+@pytest.mark.parametrize("spoil", [_another_box, _no_skip, _a_bias])
 def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> None:
     one = trainer()
     field = oracle(one)
@@ -193,20 +181,6 @@ def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> No
     loss, gradient = loss_gap(spoil=spoil, batches=1)
     assert loss > 5 * LOSS_BOUND
     assert gradient > 5 * GRADIENT_BOUND
-
-
-@pytest.mark.parametrize(("name", "factor"), [("DENSITY_BIAS", 1.001), ("DENSITY_SCALE", 1.001)])
-def test_a_density_that_differs_is_seen(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trainer()
-    field = oracle(one)
-    monkeypatch.setattr(plain, name, factor * getattr(plain, name))
-    assert colour_gap(one, field) > 5 * COLOUR_BOUND
-    assert loss_gap(batches=1)[1] > 5 * GRADIENT_BOUND
-
-
-def test_fewer_samples_are_seen() -> None:
-    one = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
-    assert colour_gap(one, oracle(one)) > 5 * COLOUR_BOUND
 
 
 def test_weights_start_as_those_of_the_field() -> None:

@@ -154,12 +154,6 @@ def test_rays_that_miss_the_box_are_background_without_any_evaluation(with_fine:
     assert field.points == 0
 
 
-def test_empty_space_is_background_exactly() -> None:
-    rendering = render(AnalyticField(homogeneous(0.0)), rays_at(0.3, 20), 32)
-    assert torch.equal(rendering.colour, BACKGROUND.expand(20, 3))
-    assert torch.equal(rendering.depth, torch.full((20,), 6.0, dtype=torch.float64))
-
-
 def test_no_rays() -> None:
     rays = rays_at(0.3, 0)
     rendering = render(AnalyticField(homogeneous(1.0)), rays, 8, fine=AnalyticField(homogeneous(1.0)), fine_bins=8)
@@ -203,14 +197,6 @@ def test_fine_pass_improves_the_picture_of_a_thin_shell() -> None:
 
     assert error(both.colour, truth.colour) < 0.5 * error(coarse.colour, truth.colour)
     assert error(both.depth, truth.depth) < 0.5 * error(coarse.depth, truth.depth)
-
-
-def test_fine_pass_of_an_unseen_shell_is_no_worse_than_even_bins() -> None:
-    """All weights zero: importance sampling falls back to even spacing."""
-    rendering = render(
-        AnalyticField(homogeneous(0.0)), straight_ray(), 16, fine=AnalyticField(ball(3.0, 0.5)), fine_bins=32
-    )
-    assert float(rendering.opacity) == pytest.approx(-math.expm1(-3.0), abs=0.1)
 
 
 def test_evaluations_of_both_passes_are_counted() -> None:

@@ -3,11 +3,9 @@
 import math
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
 
 from baselines.amplifiers import (
     AMPLIFIERS,
@@ -18,13 +16,12 @@ from baselines.amplifiers import (
     NoAmplifier,
 )
 from baselines.composition import DENSITY_SCALE
-from baselines.contract import Rays
 from baselines.field import NetworkField, training_step
 from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF
 from baselines.methods.repaired import CANDIDATES, MEANING
 from baselines.numerics.encoding import PHI
-from tests.baselines.small_fields import PARTS, field_of, render, roughened, set_alpha, some_points, some_rays
+from tests.baselines.small_fields import field_of, roughened, set_alpha, some_points
 
 READINGS = [parts.amplifier for parts in CANDIDATES.values()]
 every_candidate = pytest.mark.parametrize("method", CANDIDATES)
@@ -121,22 +118,6 @@ def test_solid_matter_is_within_reach(reading: str) -> None:
 
 
 @every_candidate
-@torch.no_grad()
-def test_a_pixel_does_not_depend_on_its_company(method: str) -> None:
-    field, parts, some = settled(method), PARTS[method], some_rays(120)
-    whole = render(field, parts, some)
-    assert float(whole.opacity.max() - whole.opacity.min()) > 0.05, "nothing to be seen"
-    order = torch.randperm(120, generator=torch.Generator().manual_seed(9))
-    shuffled = render(field, parts, some.chosen(order))
-    padded = Rays(*(torch.cat([one[:40], one.flip(0)]) for one in (some.origins, some.directions)), 2.0, 6.0)
-    with_others = render(field, parts, padded)
-    single = torch.cat([render(field, parts, some.part(i, i + 1)).colour for i in range(120)])
-    assert float((single - whole.colour).abs().max()) <= 2e-6
-    assert float((shuffled.colour - whole.colour[order]).abs().max()) <= 2e-6
-    assert float((with_others.colour[:40] - whole.colour[:40]).abs().max()) <= 2e-6
-
-
-@every_candidate
 def test_training_and_rendering_see_the_same_field(method: str) -> None:
     field, x = settled(method), some_points(200)[0]
     with torch.no_grad():
@@ -144,17 +125,6 @@ def test_training_and_rendering_see_the_same_field(method: str) -> None:
     with training_step([field]):
         trained = torch.cat([field.density(x[:50]), field.density(x[50:])])
     torch.testing.assert_close(trained.detach(), rendered, rtol=1e-5, atol=1e-5)
-
-
-@every_candidate
-def test_a_checkpoint_gives_the_same_picture(method: str, tmp_path: Path) -> None:
-    field = settled(method)
-    save_file({name: value.contiguous() for name, value in field.state_dict().items()}, tmp_path / "weights")
-    fresh = field_of(method, seed=9)
-    picture = render(field, PARTS[method], some_rays()).colour
-    assert not torch.equal(render(fresh, PARTS[method], some_rays()).colour, picture)
-    fresh.load_state_dict(load_file(tmp_path / "weights"))
-    assert torch.equal(render(fresh, PARTS[method], some_rays()).colour, picture)
 
 
 @every_reading

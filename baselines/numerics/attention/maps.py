@@ -14,16 +14,7 @@ from baselines.numerics.attention.priorities import BadAttention, checked
 from baselines.numerics.attention.regions import Regions
 
 HALF_ACUITY_DEGREES = 2.3
-"""The eccentricity at which the eye resolves half of what it does in the fovea's centre: e₂ of Geisler
-& Perry (1998).
-"""
-
-
-def from_mask(regions: Regions, mask: np.ndarray) -> np.ndarray:
-    """Return the attention of a user's mask [height, width]: booleans or numbers ≥ 0. An empty one is
-    plain rendering.
-    """
-    return _mean(regions, mask, "mask")
+"""Where the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998)."""
 
 
 def around_point(regions: Regions, row: float, column: float, radius: float) -> np.ndarray:
@@ -35,7 +26,7 @@ def around_point(regions: Regions, row: float, column: float, radius: float) -> 
     if not (math.isfinite(radius) and radius > 0.0):
         raise BadAttention(f"point of interest: radius {radius:g} px; must be finite and above 0")
     down, right = _offsets(regions, row, column)
-    return _mean(regions, 1.0 / (1.0 + (down / radius) ** 2 + (right / radius) ** 2), "point of interest")
+    return mean_attention(regions, 1.0 / (1.0 + (down / radius) ** 2 + (right / radius) ** 2), "point of interest")
 
 
 def foveal(
@@ -57,7 +48,7 @@ def foveal(
     ray = np.stack([right, down, np.full_like(down, focal)], axis=-1)
     # the arc cosine of a scalar product would lose half of the digits near the centre
     angle = np.arctan2(np.linalg.norm(np.cross(ray, centre), axis=-1), ray @ centre)
-    return _mean(regions, 1.0 / (1.0 + np.degrees(angle) / half_at), "fovea")
+    return mean_attention(regions, 1.0 / (1.0 + np.degrees(angle) / half_at), "fovea")
 
 
 def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
@@ -69,14 +60,7 @@ def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
         raise _wrong_shape(regions, given, "image")
     slopes = [np.gradient(given, axis=axis) for axis in (0, 1) if given.shape[axis] > 1]
     square = sum((slope**2 for slope in slopes), np.zeros_like(given))
-    return _mean(regions, np.sqrt(square.sum(axis=-1) if given.ndim == 3 else square), "gradient")
-
-
-def from_error(regions: Regions, estimate_of_error: np.ndarray) -> np.ndarray:
-    """Return the attention of an estimate of error or variance [height, width], ≥ 0, such as
-    `progressive.estimated_error`.
-    """
-    return _mean(regions, estimate_of_error, "estimated error")
+    return mean_attention(regions, np.sqrt(square.sum(axis=-1) if given.ndim == 3 else square), "gradient")
 
 
 def _nothing() -> np.ndarray:
@@ -85,9 +69,7 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True)
 class MapInputs:
-    """The inputs of the maps. Inputs that have to be rendered first are callables, so that only a map that uses them
-    pays.
-    """
+    """The inputs of the maps; what has to be rendered first is a callable, for the maps that use it alone."""
 
     regions: Regions
     row: float
@@ -106,17 +88,19 @@ class MapInputs:
 
 
 MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
-    "point": lambda sight: around_point(sight.regions, sight.row, sight.column, sight.radius),
-    "mask": lambda sight: from_mask(sight.regions, sight.mask()),
-    "gradients": lambda sight: from_gradients(sight.regions, sight.image()),
-    "error": lambda sight: from_error(sight.regions, sight.error()),
-    "foveal": lambda sight: foveal(sight.regions, sight.row, sight.column, sight.focal),
+    "point": lambda inputs: around_point(inputs.regions, inputs.row, inputs.column, inputs.radius),
+    "mask": lambda inputs: mean_attention(inputs.regions, inputs.mask(), "mask"),
+    "gradients": lambda inputs: from_gradients(inputs.regions, inputs.image()),
+    "error": lambda inputs: mean_attention(inputs.regions, inputs.error(), "estimated error"),
+    "foveal": lambda inputs: foveal(inputs.regions, inputs.row, inputs.column, inputs.focal),
 }
 """Every map by the name that records, the viewer and its address use."""
 
 
-def _mean(regions: Regions, values: Any, what: str) -> np.ndarray:
-    """Return the mean of each region; a pixel that is no attention is named, as a mean could hide it."""
+def mean_attention(regions: Regions, values: Any, what: str) -> np.ndarray:
+    """Return the mean of each region over `values` [height, width]: booleans or numbers ≥ 0; none above 0 are plain
+    rendering. A pixel that is no attention is named, as a mean could hide it.
+    """
     given = np.asarray(values, dtype=np.float64)
     if given.shape != (regions.height, regions.width):
         raise _wrong_shape(regions, given, what)
@@ -140,8 +124,6 @@ def _require_point(row: float, column: float) -> None:
 
 
 def _offsets(regions: Regions, row: float, column: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the offsets of pixel centres from a point, downwards [height, 1] and to the right [1,
-    width], in pixels.
-    """
+    """Return the offsets in pixels of pixel centres from a point: down [height, 1], to the right [1, width]."""
     down = np.arange(regions.height)[:, None] + 0.5 - row
     return down, np.arange(regions.width)[None, :] + 0.5 - column

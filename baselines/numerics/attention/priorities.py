@@ -23,9 +23,7 @@ class BadAttention(ValueError):
 
 
 def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
-    """Return `attention` as float64 [regions]. Raises `BadAttention` unless it is one number for each of at least one
-    region, none of them negative, NaN or infinite.
-    """
+    """Return `attention` as float64 [regions], at least one; raises `BadAttention` unless finite and ≥ 0."""
     if np.iscomplexobj(attention):
         raise BadAttention("attention is complex: a priority has a size alone")
     try:
@@ -72,9 +70,7 @@ def priorities(attention: np.ndarray) -> np.ndarray:
 
 
 def region_order(attention: np.ndarray) -> np.ndarray:
-    """Return all regions, the most attended first, int [regions]; equal ones (to `TIE`) row by row, those without any
-    attention last. Raises `BadAttention`.
-    """
+    """Return all regions, most attended first, ties (`TIE`) row by row; raises `BadAttention`."""
     found = checked(attention)
     falling = np.argsort(-found, kind="stable")
     inorder = found[falling]

@@ -1,7 +1,9 @@
 """The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 
@@ -17,6 +19,8 @@ METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "
 
 PRINTED = ("listing2", "equation4")
 """The amplifiers as the paper has them; others are ours, and must pass."""
+
+_Error = TypeVar("_Error", bound=Exception)
 
 Rows = list[list[str | float | None]]
 """The rows of a table."""
@@ -60,6 +64,15 @@ def whose(method: str) -> Owner:
     parts = CATALOG[method].parts
     printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
     return "paper" if printed else "ours"
+
+
+def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: object) -> _Error | None:
+    """Return the error of that kind which an attempt raises; None if it is accepted."""
+    try:
+        attempt(*arguments)
+    except kind as error:
+        return error
+    return None
 
 
 def not_judged(subject: str, why: str, status: Status = "not_applicable", owner: Owner = "ours") -> Check:

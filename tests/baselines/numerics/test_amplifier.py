@@ -57,11 +57,6 @@ def test_listing_2_is_the_printed_code_with_its_gradients(alpha: float, beta: fl
     torch.testing.assert_close(ours.beta.grad, printed.beta.grad, rtol=1e-4, atol=1e-4)
 
 
-def test_scalars_start_as_the_paper_says() -> None:
-    assert Listing2Amplifier().alpha.item() == Equation4Amplifier().alpha.item() == pytest.approx(1.0 / PHI)
-    assert Listing2Amplifier().beta.item() == 1.0
-
-
 def test_equation_4_is_the_identity_at_one_over_phi() -> None:
     sigma = torch.rand(1000, generator=torch.Generator().manual_seed(6))
     amplified = amplify_about_mean(sigma, sigma.mean(), scalar(1.0 / PHI))
@@ -123,37 +118,11 @@ def test_alpha_has_no_gradient_where_all_densities_are_equal() -> None:
     assert abs(float(amplifier.alpha.grad)) <= 1e-6 * float(before.sum())  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("raw", [-1e4, -100.0, 0.0, 100.0, 1e4])
 @pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
-@pytest.mark.parametrize("alpha", [-1.0, 0.0, 1e3])
-def test_extreme_raw_densities_stay_finite_with_finite_gradients(
-    raw: float, make: type[nn.Module], alpha: float
-) -> None:
+def test_bounded_says_whether_density_stays_within_0_and_1(make: type[nn.Module]) -> None:
     amplifier = make()
-    if hasattr(amplifier, "alpha"):
-        with torch.no_grad():
-            amplifier.alpha.fill_(alpha)
-    values = torch.tensor([raw, -raw, raw, 1.0], requires_grad=True)
-    before, after = amplifier.before_and_after(values)
-    after.sum().backward()
-    assert torch.isfinite(before).all()
-    assert torch.isfinite(after).all()
-    assert torch.isfinite(values.grad).all()  # type: ignore[arg-type]
-    assert all(torch.isfinite(weight.grad) for weight in amplifier.parameters())
-
-
-@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
-def test_no_points_are_no_points(make: type[nn.Module]) -> None:
-    before, after = make().before_and_after(torch.zeros(0))
-    assert before.shape == after.shape == (0,)
-
-
-def test_bounded_says_whether_density_stays_within_0_and_1() -> None:
-    raw = raw_densities(scale=30.0)
-    for make in (NoAmplifier, Listing2Amplifier, Equation4Amplifier):
-        amplifier = make()
-        after = amplifier.before_and_after(raw)[1]
-        assert amplifier.bounded == bool((after <= 1.0).all()), make.__name__
+    assert amplifier.bounded == bool((amplifier.before_and_after(raw_densities(scale=30.0))[1] <= 1.0).all())
+    assert amplifier.before_and_after(torch.zeros(0))[1].shape == (0,), "no points are no points"
 
 
 def test_softplus_density_in_closed_form() -> None:

@@ -1,4 +1,4 @@
-"""The midpoint rule: closed forms by mpmath, gradients, limits; Listing 4 as a literal loop."""
+"""The midpoint rule in closed forms, Listing 4 as a literal loop, and what every rule must do."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.numerics.quadrature import listing4, midpoint
+from baselines.numerics.quadrature import QUADRATURES, Rule, listing4, midpoint
 
 MAGNITUDES = [0.0, 1e-10, 1e-5, 1e-2, 1.0, 1e2, 1e5, 1e10, 1e30]
 
@@ -26,25 +26,6 @@ def random_rays(rays: int, bins: int, seed: int = 20) -> tuple[Tensor, Tensor, T
     t_edges = torch.cat([torch.full((rays, 1), 2.0, dtype=torch.float64), 2.0 + lengths.cumsum(-1)], dim=-1)
     sigma = 3.0 * torch.rand(rays, bins, dtype=torch.float64, generator=generator)
     return sigma, 0.5 * (t_edges[:, 1:] + t_edges[:, :-1]), t_edges
-
-
-def plain_formula(sigma: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """Eq. 6 with alpha and a running product, as a loop over bins."""
-    T = torch.ones_like(sigma[:, 0])
-    w = []
-    for bin_ in range(sigma.shape[1]):
-        alpha = 1.0 - torch.exp(-sigma[:, bin_] * (t_edges[:, bin_ + 1] - t_edges[:, bin_]))
-        w.append(T * alpha)
-        T = T * (1.0 - alpha)
-    return torch.stack(w, dim=-1), T
-
-
-def test_midpoint_is_equation_6_as_a_loop() -> None:
-    sigma, t, t_edges = random_rays(20, 30)
-    w, T_end = midpoint(sigma, t, t_edges)
-    expected_w, expected_T = plain_formula(sigma, t_edges)
-    torch.testing.assert_close(w, expected_w, rtol=0.0, atol=1e-14)
-    torch.testing.assert_close(T_end, expected_T, rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("bins", [1, 64, 4096])
@@ -113,24 +94,6 @@ def test_listing4_does_not_converge_where_light_reaches_the_far_end(profile: str
     assert errors[-1] == pytest.approx(1.0 - exact_opacity, rel=0.01)
 
 
-def test_stiff_bins_stay_within_half_a_bin_of_the_colour() -> None:
-    """Order is lost where one bin is opaque; the error stays below h/2 · max|c'|."""
-    for tau in (1e3, 1e5):
-        with mpmath.workdps(20):
-            exact = float((tau**2 * mpmath.mpf(1)) / (tau**2 + 4))  # ∫ tau e^(−tau t) cos 2t dt, to e^−tau
-        for bins in (16, 64, 256):
-            t_edges, t = edges_and_points(0.0, 1.0, bins)
-            w, _ = midpoint(torch.full_like(t, tau), t, t_edges)
-            assert abs(float((w * torch.cos(2 * t)).sum()) - exact) <= 1.1 * (0.5 / bins) * 2.0
-
-
-def test_empty_space_is_the_background_exactly() -> None:
-    _, t, t_edges = random_rays(5, 12)
-    w, T_end = midpoint(torch.zeros_like(t), t, t_edges)
-    assert torch.equal(w, torch.zeros_like(w))
-    assert torch.equal(T_end, torch.ones_like(T_end))
-
-
 @pytest.mark.parametrize("opaque", [0, 5, 11])
 def test_huge_density_in_one_bin_is_that_bin_exactly(opaque: int) -> None:
     _, t, t_edges = random_rays(5, 12)
@@ -141,65 +104,12 @@ def test_huge_density_in_one_bin_is_that_bin_exactly(opaque: int) -> None:
     assert torch.equal(T_end, torch.zeros_like(T_end))
 
 
-def test_bins_without_length_contribute_nothing() -> None:
-    sigma, t, t_edges = random_rays(5, 12)
-    t_edges[:, 6] = t_edges[:, 5]
-    w, T_end = midpoint(sigma, t, t_edges)
-    assert torch.equal(w[:, 5], torch.zeros(5, dtype=torch.float64))
-    sigma[:, 5] = 1e30
-    again, T_again = midpoint(sigma, t, t_edges)
-    assert torch.equal(again, w)
-    assert torch.equal(T_again, T_end)
-
-
 def test_many_bins_do_not_drift_in_float32() -> None:
     bins = 2**18
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).float().unsqueeze(0)
     w, T_end = midpoint(torch.full((1, bins), 5.0), t_edges[:, :-1], t_edges)
     assert T_end.item() == pytest.approx(math.exp(-5.0), rel=1e-5)
     assert w.double().sum().item() == pytest.approx(-math.expm1(-5.0), rel=1e-6)
-
-
-def random_gradients(w: Tensor, T_end: Tensor) -> tuple[Tensor, Tensor]:
-    generator = torch.Generator().manual_seed(21)
-    return (
-        torch.randn(w.shape, dtype=torch.float64, generator=generator).to(w.dtype),
-        torch.randn(T_end.shape, dtype=torch.float64, generator=generator).to(w.dtype),
-    )
-
-
-def gradient_of(rule: Callable[[Tensor], tuple[Tensor, Tensor]], sigma: Tensor) -> Tensor:
-    sigma = sigma.clone().requires_grad_()
-    w, T_end = rule(sigma)
-    torch.autograd.backward([w, T_end], list(random_gradients(w, T_end)))
-    assert sigma.grad is not None
-    return sigma.grad
-
-
-def test_gradient_equals_that_of_the_plain_formula() -> None:
-    sigma, t, t_edges = random_rays(20, 24)
-    ours = gradient_of(lambda s: midpoint(s, t, t_edges), sigma)
-    plain = gradient_of(lambda s: plain_formula(s, t_edges), sigma)
-    torch.testing.assert_close(ours, plain, rtol=1e-12, atol=1e-13)
-
-
-@pytest.mark.parametrize("scale", [1e-8, 1e-4, 1.0, 10.0, 30.0])
-def test_gradient_in_float32_against_float64(scale: float) -> None:
-    """Also at 15 < τ of a bin, where the gradient of a stock `expm1` has no correct digit."""
-    sigma, t, t_edges = random_rays(20, 24)
-    sigma, t_edges = (sigma * scale).float(), t_edges.float()
-    exact = gradient_of(lambda s: plain_formula(s, t_edges.double()), sigma.double())
-    single = gradient_of(lambda s: midpoint(s, t.float(), t_edges), sigma)
-    assert float((single - exact).abs().max()) <= 5e-6 * float(exact.abs().max())
-
-
-def test_gradcheck() -> None:
-    sigma, t, t_edges = random_rays(3, 7)
-    sigma[0, 2] = 0.0
-    sigma.requires_grad_()
-    assert torch.autograd.gradcheck(lambda s: midpoint(s + 0.1, t, t_edges), (sigma,), atol=1e-9, rtol=1e-7)
-    lengths = t_edges.clone().requires_grad_()
-    assert torch.autograd.gradcheck(lambda e: midpoint(sigma.detach(), t, e), (lengths,), atol=1e-9, rtol=1e-7)
 
 
 def test_an_infinite_optical_depth_is_opaque() -> None:
@@ -238,3 +148,221 @@ def test_listing4_makes_the_thinnest_haze_opaque() -> None:
     haze = torch.full_like(t, 1e-8)
     assert float(listing4(haze, t, t_edges)[0].sum()) == pytest.approx(1.0, abs=1e-6)
     assert float(midpoint(haze, t, t_edges)[0].sum()) == pytest.approx(4e-8, rel=1e-6)
+
+
+# every rule
+
+SOUND = {name: rule for name, rule in QUADRATURES.items() if not rule.of_the_paper}
+every_sound_rule = pytest.mark.parametrize("name", SOUND)
+every_rule = pytest.mark.parametrize("name", QUADRATURES)
+
+
+def random_case(rule: Rule, rays: int = 6, bins: int = 9, seed: int = 50) -> tuple[Tensor, Tensor, Tensor]:
+    """Densities at the rule's points in uneven bins."""
+    _, _, t_edges = random_rays(rays, bins, seed)
+    t, t_edges = rule.place(t_edges, None)
+    generator = torch.Generator().manual_seed(seed + 1)
+    return 3.0 * torch.rand(t.shape, dtype=torch.float64, generator=generator), t, t_edges
+
+
+def exact_weights(name: str, sigma: list[mpmath.mpf], lengths: list[float]) -> list[mpmath.mpf]:
+    """Weights of one ray and, last, T_end: the ends' shares of a bin by their definition as an integral."""
+    stride, closed = QUADRATURES[name].stride, QUADRATURES[name].closed
+    w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
+    T = mpmath.mpf(1)
+    for i, length in enumerate(lengths):
+        at = sigma[stride * i : stride * (i + 1) + closed]
+        tau = ((at[0] + 4 * at[1] + at[2]) / 6 if len(at) == 3 else sum(at) / len(at)) * mpmath.mpf(length)
+        opacity = -mpmath.expm1(-tau)
+        second = opacity / 2 if closed else mpmath.mpf(0)
+        if name == "linear":  # ∫₀^τ e^−s s/τ ds
+            second = mpmath.gammainc(2, 0, tau) / tau if tau else mpmath.mpf(0)
+        w[stride * i] += T * (opacity - second)
+        if closed:
+            w[stride * (i + 1)] += T * second
+        T *= mpmath.exp(-tau)
+    return [*w, T]
+
+
+@every_sound_rule
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 0.3, 1.0, 8.0, 300.0])
+def test_weights_are_those_of_the_slow_reference(name: str, scale: float) -> None:
+    rule = SOUND[name]
+    sigma, t, t_edges = random_case(rule, rays=2)
+    sigma[1, 3] = 0.0
+    w, T_end = rule(scale * sigma, t, t_edges)
+    for ray in range(2):
+        with mpmath.workdps(40):
+            densities = [mpmath.mpf(one) for one in (scale * sigma[ray]).tolist()]
+            exact = [float(one) for one in exact_weights(name, densities, torch.diff(t_edges[ray]).tolist())]
+        torch.testing.assert_close(w[ray], torch.tensor(exact[:-1], dtype=torch.float64), rtol=2e-12, atol=1e-300)
+        assert float(T_end[ray]) == pytest.approx(exact[-1], rel=1e-11, abs=1e-300)
+
+
+@every_sound_rule
+def test_weights_are_shares_that_sum_to_one(name: str) -> None:
+    sigma, t, t_edges = random_case(SOUND[name], rays=100)
+    for scale in MAGNITUDES:
+        w, T_end = SOUND[name](sigma * scale, t, t_edges)
+        assert ((w >= 0) & (w <= 1)).all()
+        torch.testing.assert_close(w.sum(-1) + T_end, torch.ones(100, dtype=torch.float64), rtol=0.0, atol=1e-12)
+
+
+@every_sound_rule
+@pytest.mark.parametrize("profile", PROFILES)
+def test_order_is_the_declared_one(name: str, profile: str) -> None:
+    rule = SOUND[name]
+    exact_opacity, exact_colour = exact_opacity_and_colour(profile)
+    counts = [16, 32, 64, 128, 256]
+    opacity_errors, colour_errors = [], []
+    for bins in counts:
+        t, t_edges = rule.place(edges_and_points(0.0, FAR, bins)[0], None)
+        w, T_end = rule(PROFILES[profile](t), t, t_edges)
+        opacity_errors.append(abs(float(1.0 - T_end) - exact_opacity))
+        colour_errors.append(abs(float((w * torch.cos(2 * t)).sum()) - exact_colour))
+    assert order_of(colour_errors, counts) == pytest.approx(rule.orders.colour, abs=0.15)
+    if profile == "linear" and name != "left":
+        assert max(opacity_errors) <= 1e-12, "the mean of a linear density is exact"
+    else:
+        assert order_of(opacity_errors, counts) == pytest.approx(rule.orders.opacity, abs=0.15)
+
+
+def test_only_the_linear_rule_sees_the_front_of_an_opaque_bin() -> None:
+    """Homogeneous, 15 optical depths a bin: half a bin of colour is lost by the others, nothing by it."""
+    tau, bins = 1e3, 64
+    exact = float(mpmath.mpf(tau) ** 2 / (mpmath.mpf(tau) ** 2 + 4))
+    errors = {}
+    for name, rule in SOUND.items():
+        t, t_edges = rule.place(edges_and_points(0.0, 1.0, bins)[0], None)
+        w, _ = rule(torch.full_like(t, tau), t, t_edges)
+        errors[name] = abs(float((w * (1.0 + torch.sin(2 * t))).sum()) - 1.0 - 2.0 * exact / tau)
+    assert errors["linear"] <= 1e-5
+    assert errors["midpoint"] == pytest.approx(1.0 / bins, rel=0.2)
+    assert errors["trapezoid"] == pytest.approx(1.0 / bins, rel=0.2)
+
+
+def objective(rule: Rule, sigma: Tensor, lengths: Tensor) -> Tensor:
+    w, T_end = rule.weights(sigma, lengths)
+    generator = torch.Generator().manual_seed(53)
+    g_w = torch.randn(w.shape, dtype=torch.float64, generator=generator).to(w.dtype)
+    g_T = torch.randn(T_end.shape, dtype=torch.float64, generator=generator).to(w.dtype)
+    return (w * g_w).sum() + (T_end * g_T).sum()
+
+
+@every_rule
+def test_gradcheck_of_every_rule(name: str) -> None:
+    sigma, t, t_edges = random_case(QUADRATURES[name], rays=3, bins=7)
+    lengths = QUADRATURES[name].lengths(t, t_edges)
+    for scale in (0.01, 1.0, 5.0):
+        s = (scale * (0.1 + sigma)).requires_grad_()
+        assert torch.autograd.gradcheck(lambda s: QUADRATURES[name].weights(s, lengths), (s,), atol=1e-8)
+    if name in SOUND:
+        lengths.requires_grad_()
+        assert torch.autograd.gradcheck(lambda ls: SOUND[name].weights(sigma, ls), (lengths,), atol=1e-8)
+
+
+@every_sound_rule
+@pytest.mark.parametrize("scale", [1e-8, 1e-4, 0.05, 1.0, 10.0, 30.0])
+def test_gradient_in_float32_against_float64(name: str, scale: float) -> None:
+    sigma, _, t_edges = random_case(SOUND[name], rays=20, bins=24)
+    lengths = torch.diff(t_edges).float()
+    single, double = (scale * sigma).float().requires_grad_(), (scale * sigma).float().double().requires_grad_()
+    (ours,) = torch.autograd.grad(objective(SOUND[name], single, lengths), single)
+    (exact,) = torch.autograd.grad(objective(SOUND[name], double, lengths.double()), double)
+    assert float((ours - exact).abs().max()) <= 5e-6 * float(exact.abs().max())
+
+
+@every_sound_rule
+@pytest.mark.parametrize("length", MAGNITUDES)
+@pytest.mark.parametrize("density", MAGNITUDES)
+def test_outputs_and_gradients_are_finite_at_all_magnitudes(name: str, density: float, length: float) -> None:
+    """Densities and lengths from 0 to 1e30 in float32 (the template of multinerf's tests)."""
+    rule = SOUND[name]
+    generator = torch.Generator().manual_seed(22)
+    for varied in (1.0, 0.0):
+        posts = length * torch.cat([torch.zeros(4, 1), torch.rand(4, 9, generator=generator).cumsum(-1)], dim=-1)
+        t, t_edges = rule.place(posts, None)
+        sigma = density * (1.0 - varied + varied * torch.rand(t.shape, generator=generator))
+        sigma[1, ::2] = 0.0
+        sigma.requires_grad_()
+        w, T_end = rule(sigma, t, t_edges)
+        assert torch.isfinite(w).all()
+        assert torch.isfinite(T_end).all()
+        assert ((w >= 0) & (w <= 1)).all()
+        (gradient,) = torch.autograd.grad(objective(rule, sigma, rule.lengths(t, t_edges)), sigma)
+        assert torch.isfinite(gradient).all()
+
+
+@every_sound_rule
+def test_empty_bins_and_bins_without_length_contribute_nothing(name: str) -> None:
+    rule = SOUND[name]
+    sigma, t, t_edges = random_case(rule)
+    w, T_end = rule(torch.zeros_like(sigma), t, t_edges)
+    assert torch.equal(w, torch.zeros_like(w))
+    assert torch.equal(T_end, torch.ones_like(T_end))
+    lengths = torch.diff(t_edges)
+    lengths[:, 4] = 0.0
+    alone = torch.zeros_like(sigma)
+    alone[:, 4 * rule.stride + rule.stride - 1] = 1e30  # in bin 4 alone, or at its front where bins share points
+    if name in ("midpoint", "left", "linear"):
+        w, T_end = rule.weights(alone, lengths)
+        assert torch.equal(w, torch.zeros_like(w))
+        assert torch.equal(T_end, torch.ones_like(T_end))
+
+
+@every_rule
+@pytest.mark.parametrize("rays", [0, 3])
+@pytest.mark.parametrize("bins", [0, 4])
+def test_no_rays_and_no_bins(name: str, rays: int, bins: int) -> None:
+    rule = QUADRATURES[name]
+    t, t_edges = rule.place(torch.arange(bins + 1.0).expand(rays, -1), None)
+    sigma = torch.zeros_like(t, requires_grad=True)
+    w, T_end = rule(sigma, t, t_edges)
+    assert t.shape == w.shape == (rays, bins * rule.stride + rule.closed)
+    assert torch.equal(w, torch.zeros_like(w))
+    assert torch.equal(T_end, torch.full((rays,), 0.0 if rule.of_the_paper else 1.0))
+
+
+@every_rule
+def test_points_lie_in_their_bins_in_training_and_without(name: str) -> None:
+    rule = QUADRATURES[name]
+    _, _, posts = random_rays(20, 7)
+    for generator in (None, torch.Generator().manual_seed(3)):
+        t, edges = rule.place(posts, generator)
+        assert t.shape == (20, 7 * rule.stride + rule.closed)
+        assert (torch.diff(t) >= 0).all()
+        assert torch.equal(edges[:, [0, -1]], posts[:, [0, -1]]), "the whole ray is covered"
+        assert (torch.diff(edges) >= 0).all()
+        for i in range(7):
+            own = t[:, i * rule.stride : (i + 1) * rule.stride + rule.closed]
+            assert ((own >= edges[:, i : i + 1]) & (own <= edges[:, i + 1 : i + 2])).all()
+        if generator is None:
+            assert torch.equal(edges, posts)
+        else:
+            assert not torch.equal(t, rule.place(posts, None)[0])
+
+
+@every_rule
+def test_bins_and_their_points(name: str) -> None:
+    """Brute force over which points belong to which bin."""
+    rule = QUADRATURES[name]
+    bins, points = 5, 5 * rule.stride + rule.closed
+    belongs = torch.zeros(bins, points, dtype=torch.bool)
+    for i in range(bins):
+        belongs[i, i * rule.stride : (i + 1) * rule.stride + rule.closed] = True
+    for marked in torch.eye(points, dtype=torch.bool):
+        assert torch.equal(rule.bins_with(marked.unsqueeze(0))[0], (belongs & marked).any(-1))
+    for pair in torch.eye(bins, dtype=torch.bool) | torch.eye(bins, dtype=torch.bool).roll(2, 0):
+        assert torch.equal(rule.points_of(pair.unsqueeze(0))[0], belongs[pair].any(0))
+
+
+@every_sound_rule
+def test_bin_weights_are_what_bins_contribute(name: str) -> None:
+    rule = SOUND[name]
+    sigma, t, t_edges = random_case(rule)
+    w, _ = rule(sigma, t, t_edges)
+    lengths = torch.diff(t_edges)
+    tau = rule.optical_depth(sigma, lengths)
+    before = torch.exp(-torch.cumsum(torch.nn.functional.pad(tau, (1, 0))[:, :-1], dim=-1))
+    expected = before * (1.0 - torch.exp(-tau))
+    torch.testing.assert_close(rule.bin_weights(w, sigma, lengths), expected, rtol=1e-12, atol=1e-14)

@@ -22,7 +22,7 @@ from harness.records.json_record import finite_or_none
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import at_an_end, new_trainer, setup, trained, with_parts
-from harness.studies.stability.stability_context import PRINTED, Rows, StabilityContext, not_judged, whose
+from harness.studies.stability.stability_context import PRINTED, Rows, StabilityContext, error_of, not_judged, whose
 from harness.training.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
@@ -116,24 +116,21 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     """Return the messages about a NaN ray and a NaN sample that do not name the number of the ray."""
     origins = rays.origins.clone()
     origins[bad, 1] = math.nan
-    messages = {"a NaN ray": "accepted", "a NaN sample": "accepted"}
-    try:
-        trainer.render(Rays(origins, rays.directions, rays.near, rays.far), len(rays))
-    except ValueError as error:
-        messages["a NaN ray"] = "" if f"ray {bad} " in str(error) else str(error)
+    spoilt = Rays(origins, rays.directions, rays.near, rays.far)
+    of_ray = str(error_of(ValueError, trainer.render, spoilt, len(rays)) or "accepted")
     inside = rays_in_the_chunk(trainer, rays)
     nth = len(inside) // 2
     # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
     expected = int(inside[nth if trainer.field.pointwise else 0])
     first = trainer.coarse
     trainer.coarse = Spoilt(first, nth)
-    try:
-        trainer.render(rays, len(rays))
-    except Diverged as error:
-        messages["a NaN sample"] = "" if error.tensor.endswith(f" of ray {expected}") else error.tensor
-    finally:
-        trainer.coarse = first
-    return messages
+    error = error_of(Diverged, trainer.render, rays, len(rays))
+    trainer.coarse = first
+    of_sample = error.tensor if error else "accepted"
+    return {
+        "a NaN ray": "" if f"ray {bad} " in of_ray else of_ray,
+        "a NaN sample": "" if of_sample.endswith(f" of ray {expected}") else of_sample,
+    }
 
 
 def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
@@ -182,9 +179,7 @@ def slab(context: StabilityContext) -> Iterator[Found]:
 
 @torch.no_grad()
 def largest_density(reading: str) -> float:
-    """Return the largest density over raw outputs up to ±1e4 of a network, any share of geometry in the chunk, α and
-    β.
-    """
+    """Return the largest density over raw outputs up to ±1e4, shares of geometry in the chunk, α and β."""
     largest = 0.0
     for solid, empty, share, alpha, beta in product(
         (1.0, 10.0, 1e2, 1e4), (-1e4, 0.0, 1e4), (0.01, 0.5, 1.0), (0.0, 1.0 / PHI, 1.0, 10.0, 1e3), (1.0, 10.0, 1e3)
@@ -238,9 +233,7 @@ def extremes(context: StabilityContext) -> Iterator[Found]:
 
 
 def at_inputs(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, bool]:
-    """Return whether outputs and all gradients are finite, the share of dead points, and whether dense has become
-    thin.
-    """
+    """Return whether all is finite, the share of dead points, and whether dense has become thin."""
     amplifier = amplifier_with(reading, alpha=alpha)
     raw = raw.clone().requires_grad_()
     before, after = amplifier.before_and_after(raw)
@@ -333,9 +326,7 @@ def digits_by_layer(context: StabilityContext) -> Iterator[Found]:
 
 
 def _seen(context: StabilityContext, method: str) -> Iterator[Found]:
-    """Yield how much of the loss is visible: the same weights rendered with matrix multiplications of reduced
-    precision.
-    """
+    """Yield what is visible of it: the same weights rendered with reduced multiplications."""
     source = trained(context, method).trainer
     rays = setup(context).test.all_rays(0)
     exact = source.render(rays, len(rays)).colour

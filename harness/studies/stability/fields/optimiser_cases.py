@@ -24,7 +24,7 @@ from harness.studies.stability.fields.small_training import (
     train,
     trained,
 )
-from harness.studies.stability.stability_context import Rows, StabilityContext, not_judged
+from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, not_judged
 from harness.training.learner import Clipping
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
@@ -35,9 +35,7 @@ METHOD = "nerf"
 
 
 def half_precision(context: StabilityContext) -> Iterator[Found]:
-    """O1: weights that are kept in half precision, against float32 weights whose matrix multiplications alone are
-    reduced.
-    """
+    """O1: weights in half precision, against float32 weights with reduced matrix multiplications."""
     kept = {"float32": torch.float32, **HALF}
     rows: Rows = [[name, f"{gradient:g}", *(_moved(dtype, gradient, epsilon) for epsilon in (1e-8, 1e-4))]
                   for name, dtype in kept.items() for gradient in (0.0, 1e-5, 1e-4)]  # fmt: skip
@@ -95,14 +93,7 @@ def accepted_by_parts(dtype: torch.dtype) -> list[str]:
         "amplifier": lambda: amplify_about_mean(values, unit, unit),
         "quadrature": lambda: QUADRATURES["midpoint"](values, 0.5 * (edges[:, 1:] + edges[:, :-1]), edges),
     }
-    accepted = []
-    for name, use in parts.items():
-        try:
-            use()
-            accepted.append(name)
-        except TypeError:
-            pass
-    return accepted
+    return [name for name, use in parts.items() if error_of(TypeError, use) is None]
 
 
 def not_float32(context: StabilityContext, precision: Precision) -> list[str]:
@@ -229,9 +220,7 @@ class NotedClipping(Clipping):
 def _spiked(
     context: StabilityContext, method: str, at: int, factor: float, clipping: str
 ) -> tuple[list[float], list[tuple[float, float]]]:
-    """Return the losses of a training whose gradient is `factor` times as large at step `at`, and the norms of the
-    gradient of each step, before and after clipping.
-    """
+    """Return losses with one gradient `factor` times as large; norms before and after clipping."""
     settings = replace(setup(context).settings, **CLIPPING[clipping])  # type: ignore[arg-type]
     trainer = new_trainer(context, method, settings)
     noted = NotedClipping(settings.clip_norm, settings.clip_ratio)
@@ -260,9 +249,7 @@ def smoothed(losses: list[float]) -> list[float]:
 
 
 def steps_until_back(losses: list[float], base: list[float], at: int) -> int | None:
-    """Return the steps after `at` from which the smoothed loss stays within `BAR` above the other's; None if it never
-    does.
-    """
+    """Return the steps after `at` until the smoothed loss stays within `BAR`; None if it never does."""
     above = [loss > (1.0 + BAR) * plain for loss, plain in zip(smoothed(losses), smoothed(base), strict=True)]
     last = max((step for step in range(at, len(above)) if above[step]), default=at - 1)
     return None if last == len(above) - 1 else last + 1 - at
@@ -280,11 +267,7 @@ def _nan_gradient(context: StabilityContext) -> Check:
     train(context, trainer, 3)
     before = [weight.detach().clone() for weight in trainer.fields.parameters()]
     trainer.coarse.density_head.weight.register_hook(lambda gradient: gradient * math.nan)
-    message = ""
-    try:
-        train(context, trainer, 1)
-    except Diverged as error:
-        message = str(error)
+    message = str(error_of(Diverged, train, context, trainer, 1) or "")
     misnamed = message != "not finite at step 3: gradient of coarse.density_head.weight"
     untouched = all(torch.equal(a, b) for a, b in zip(before, trainer.fields.parameters(), strict=True))
     what = "mistakes of two: step and tensor not named, weights not those before the step"

@@ -82,9 +82,7 @@ def _apart(a: Tensor, b: Tensor) -> float:
 
 
 def differences(context: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
-    """Return way → largest difference of a colour to the complete view in one chunk, of an opacity at `OTHER_POINTS`;
-    in the order of `WAYS`.
-    """
+    """Return way → largest difference from the complete view in one chunk, in the order of `WAYS`."""
     rays = setup(context).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
     few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if context.quick else 256))
@@ -229,9 +227,7 @@ def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -
 
 
 def scores_of(width: int, height: int) -> list[float]:
-    """Return scores of random pictures, against others and, if a score of equal ones is a number, against
-    themselves.
-    """
+    """Return scores of a random picture against another and, if defined, against itself."""
     generator = np.random.default_rng(width * 100 + height)
     first, second = generator.uniform(size=(2, height, width, 3)).astype(np.float32)
     pairs = [(first, second), (first, first)]
@@ -262,9 +258,7 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
 
 
 def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
-    """Return the test PSNR after the usual small training, on views that are rescaled after every other normalisation;
-    NaN if a view has none.
-    """
+    """Return the test PSNR after the small training on rescaled views; NaN if a view has none."""
     views = rescaled(setup(context).views, k)
     trainer = new_trainer(context, method, box=box_of(views, CPU))
     train(context, trainer, batches=Batches(cameras_of(views, views.train, CPU), views.train.rgba))

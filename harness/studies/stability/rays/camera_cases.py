@@ -14,7 +14,7 @@ from baselines.contract import Rays
 from baselines.numerics.bounds import ray_box
 from harness.records.study import Check, Owner, check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, error_of
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
@@ -60,20 +60,10 @@ def _damaged() -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def _accepted(attempts: dict[str, Callable[[], object]], error: type[Exception]) -> list[str]:
-    """Return the names of those that do not raise `error`."""
-    through = []
-    for what, attempt in attempts.items():
-        try:
-            attempt()
-            through.append(what)
-        except error:
-            pass
-    return through
-
-
-def _none_of(what: str, names: list[str], subject: str = "harness", owner: Owner = "ours") -> Check:
-    return check(what, len(names), high=0, why="; ".join(names), subject=subject, owner=owner)
+def _accepted(what: str, attempts: dict[str, Callable[[], object]], error: type[Exception]) -> Check:
+    """Count those that do not raise `error`."""
+    through = [name for name, attempt in attempts.items() if error_of(error, attempt) is None]
+    return check(what, len(through), high=0, why="; ".join(through), subject="harness")
 
 
 def cameras(context: StabilityContext) -> Iterator[Found]:
@@ -107,7 +97,7 @@ def _refused(scratch: Path) -> Check:
         attempts[f"file: field of view {degrees:g}°"] = partial(read, all_poses("test")[:1], fov)
     for near, far in ((2.0, 2.0), (6.0, 2.0), (0.0, 6.0), (-1.0, 6.0), (2.0, math.inf), (math.nan, 6.0)):
         attempts[f"near {near:g}, far {far:g}"] = partial(Scene, "s", "t", dict, near=near, far=far)
-    return _none_of(f"cameras of {len(attempts)} that are none and not refused", _accepted(attempts, InputError))
+    return _accepted(f"cameras of {len(attempts)} that are none and not refused", attempts, InputError)
 
 
 def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
@@ -150,13 +140,11 @@ def _rendered_by_mitsuba_alone() -> Check:
         if np.isfinite(image).all() and not image.any():
             silent.append(what)
     what = f"cameras of {len(tries)} that are none and give a clean background, without a word"
-    return _none_of(what, silent, "Mitsuba alone", "usual")
+    return check(what, len(silent), high=0, why="; ".join(silent), subject="Mitsuba alone", owner="usual")
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:
-    """Return origins and directions [rays, 3]: along and against every axis, with +0 and −0, outside, on faces,
-    inside.
-    """
+    """Return rays [rays, 3] along and against every axis, with ±0, outside, on faces, inside."""
     places = torch.cartesian_prod(*[torch.tensor([-2.0, -1.0, 0.25, 1.0, 2.0])] * 3)
     directions = []
     for axis in range(3):
@@ -168,9 +156,7 @@ def _axis_parallel() -> tuple[Tensor, Tensor]:
 
 
 def _exact(o: Tensor, d: Tensor, near: float, far: float) -> tuple[float, float] | None:
-    """Return the interval of one axis-parallel ray inside [−1, 1]³, by cases; None if there is none of positive
-    length.
-    """
+    """Return the interval of an axis-parallel ray inside [−1, 1]³, by cases; None if it has no length."""
     axis = int(d.abs().argmax())
     if any(abs(float(o[other])) > 1.0 for other in range(3) if other != axis):
         return None
@@ -205,9 +191,7 @@ def _slabs() -> Iterator[Check]:
 
 
 def _directions() -> Iterator[Check]:
-    """Yield that directions of cameras are unit even if the camera's matrix is not quite, and that others are
-    refused.
-    """
+    """Yield that cameras' directions are unit even if the matrix is not quite, and others refused."""
     poses = all_poses("train")[:8].copy()
     poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
     check_poses(poses, [str(number) for number in range(len(poses))])
@@ -219,7 +203,7 @@ def _directions() -> Iterator[Check]:
         d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
         d[1] *= length
         attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), d, 2.0, 6.0).require_finite
-    yield _none_of("rays whose direction is not unit and that are not refused", _accepted(attempts, ValueError))
+    yield _accepted("rays whose direction is not unit and that are not refused", attempts, ValueError)
     tolerated = _spread_of_opacity(_middle_ray(scale) for scale in (0.9996, 1.0, 1.0004))
     what = "change of a ray's opacity with the scale of its camera's matrix, as far as that is let through"
     yield check(what, tolerated, high=1e-6, subject="harness")

@@ -1,6 +1,4 @@
-"""E1 to E3: how exact an encoding is in its box, what it returns for other positions, and what it cannot
-distinguish.
-"""
+"""E1 to E3: how exact an encoding is, what it returns outside of its box, what it cannot distinguish."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +14,7 @@ from baselines.numerics.encoding import PHI, REACH, checked_positions, encode, f
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import Rows, StabilityContext
+from harness.studies.stability.stability_context import Rows, StabilityContext, error_of
 
 DIGITS = 60
 BARS = {("2^k", 10): 1.2e-4, ("2^k", 14): 1.9e-3, ("φ^k", 10): 2.5e-5, ("φ^k", 14): 1.6e-4}
@@ -89,11 +87,7 @@ def positions(context: StabilityContext) -> Iterator[Found]:
     not_finite: dict[str, list[str]] = {ladder: [] for ladder in BASES}
     for value in POSITIONS:
         x = torch.tensor([[value]])
-        inside, refused = abs(value) <= REACH, False
-        try:
-            checked_positions(x)
-        except ValueError:
-            refused = True
+        inside, refused = abs(value) <= REACH, error_of(ValueError, checked_positions, x) is not None
         if refused == inside:
             wrong.append(f"{value:g}")
         rows.append([f"{value:g}", "refused" if refused else "encoded"])
@@ -129,9 +123,7 @@ def largest_error(features: Tensor, value: float, base: float) -> float:
 RATIOS: dict[str, tuple[float, Owner]] = {"2": (2.0, "usual"), "φ": (PHI, "paper"), "1.65": (1.65, "ours")}
 """The ratio of a ladder, and its owner. The third is the control: neither a Pisot number nor an integer."""
 DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
-"""The distances of possible ghosts: φ^k is within φ^−k of the Lucas number L_k, and L_k √5 / 2 = φ^k + …, so that cos(π
-φ^k d) returns to 1 at these.
-"""
+"""Where ghosts may be: φ^k is near the Lucas number L_k, so that cos(π φ^k d) returns to 1 at these."""
 BURST = 0.05
 """The standard deviation of the burst's envelope."""
 GHOST_BAR = 0.1
@@ -200,9 +192,7 @@ class Gap:
 
 
 def ghost(base: float, bands: int, distance: float, quick: bool) -> Gap:
-    """Return the prediction in a gap of ±3 widths at `distance` from the burst, unseen in training, in which everything
-    but the burst is 0.
-    """
+    """Return the prediction in an unseen gap of ±3 widths at `distance` from the only burst."""
     centre = -0.5 * distance
     seen = 2.0 * torch.rand(1024, generator=generator_for("stability", "ghost")) - 1.0
     seen = seen[(seen - (centre + distance)).abs() > 3.0 * BURST]
@@ -222,9 +212,7 @@ def fitted(
     asked: Float[Tensor, " places"],
     steps: int,
 ) -> Float[Tensor, "networks places"]:
-    """Return the values at `asked` of networks of two hidden layers of 64, each trained on its own `values` at
-    `seen`.
-    """
+    """Return, at `asked`, networks of two hidden layers of 64, each trained on its `values` at `seen`."""
     f = frequency_ladder(base, bands)
     inputs, places = (fourier_features(x.unsqueeze(-1), f) for x in (seen, asked))
     networks, widths = len(values), [inputs.shape[1], 64, 64, 1]
@@ -255,9 +243,7 @@ def fitted(
 
 
 GRATINGS = (27.0, 37.0, 61.0, 100.0, 175.0, 284.0)
-"""Cycles on [−1, 1]. At 160 = 128 + 32 base 2 would be five times better than at 99 or 230: a product of two of its
-waves.
-"""
+"""Cycles on [−1, 1]. At 160 = 128 + 32 base 2 would be five times better: a product of two waves."""
 POINTS = 512
 """The random points seen: 256 cycles are the Nyquist limit of as many evenly spread ones."""
 LADDERS: dict[str, tuple[float, int]] = {

@@ -107,9 +107,7 @@ def exact(profile: Profile) -> tuple[float, float]:
 
 
 def weights_in_digits(rule: str, sigma: Sequence[Any], lengths: Sequence[Any]) -> list[Any]:
-    """Return the weights of one ray's points and, last, T_end by the definition of a rule of ours, in mpmath
-    numbers.
-    """
+    """Return one ray's weights and, last, T_end by the definition of a rule of ours, in mpmath numbers."""
     stride, closed = QUADRATURES[rule].stride, QUADRATURES[rule].closed
     w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
     T = mpmath.mpf(1)

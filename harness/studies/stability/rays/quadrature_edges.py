@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -16,7 +17,7 @@ from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
 from harness.studies.stability.rays.quadrature_rounding import running_product
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, error_of
 
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
@@ -26,6 +27,11 @@ ACROSS = (-0.5, -0.25, 0.0, 0.25, 0.5)
 
 def everywhere(sigma: float) -> Callable[[Tensor], Tensor]:
     return lambda x: torch.full_like(x[:, 0], sigma)
+
+
+def fourth_ray(sigma: float) -> Callable[[Tensor], Tensor]:
+    """Return a density of 1 but on the fourth of the five rays."""
+    return lambda x: torch.where((x[:, 0] - ACROSS[3]).abs() < 1e-3, sigma, 1.0)
 
 
 def rendered(
@@ -114,7 +120,10 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
     del context
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
-        accepted = [what for what, (near, far) in backwards.items() if not _refused(name, near, far)]
+        accepted = [
+            what for what, (near, far) in backwards.items()
+            if error_of(BadInterval, rendered, everywhere(0.0), name, near, far) is None
+        ]  # fmt: skip
         what, why = "intervals that the renderer does not refuse", ", ".join(accepted)
         yield check(what, float(len(accepted)), high=0.0, why=why, subject=name)
         t, t_edges = rule.place(posts(8), None)
@@ -128,24 +137,13 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
             why = f"accepted; {without:.3g} where its last interval is 1 instead of 1e10"
             yield check(what, abs(opacity), high=0.0, why=why, subject=name, owner="paper")
             continue
-        try:
-            rule(torch.ones_like(t), t, mixed)
-            named = "accepted"
-        except BadInterval as error:
-            named = "" if error.ray == 5 else f"names ray {error.ray}, not 5"
+        error = error_of(BadInterval, rule, torch.ones_like(t), t, mixed)
+        named = "accepted" if error is None else "" if error.ray == 5 else f"names ray {error.ray}, not 5"
         yield check("unsorted rays accepted or misnamed", float(bool(named)), high=0.0, why=named, subject=name)
     falling = -torch.diff(posts(), dim=-1)
     opacity = float(running_product(torch.ones_like(falling), falling)[0].sum())
     what, why = "|opacity| of a ray whose distances fall", f"opacity {opacity:.3g}, nothing is said"
     yield check(what, abs(opacity), high=0.0, why=why, subject="running product", owner="usual")
-
-
-def _refused(rule: str, near: float, far: float) -> bool:
-    try:
-        rendered(everywhere(0.0), rule, near, far)
-    except BadInterval:
-        return True
-    return False
 
 
 def bad_sample(context: StabilityContext) -> Iterator[Found]:
@@ -161,12 +159,11 @@ def bad_sample(context: StabilityContext) -> Iterator[Found]:
         for wrong in (math.nan, math.inf, -1.0):
             sigma = valid.clone()
             sigma[ray, sample] = wrong
-            try:
-                rule(sigma, t, t_edges)
-                unnamed.append(f"{wrong} accepted")
-            except BadDensity as error:
-                unnamed += [] if (error.ray, error.sample) == (ray, sample) else [f"{wrong} misnamed"]
-            if not _renderer_names(name, wrong):
+            error = error_of(BadDensity, rule, sigma, t, t_edges)
+            if error is None or (error.ray, error.sample) != (ray, sample):
+                unnamed.append(f"{wrong} {'misnamed' if error else 'accepted'}")
+            error = error_of(BadDensity, partial(rendered, fourth_ray(wrong), name, clip=True))
+            if error is None or error.ray != 3:
                 unnamed.append(f"{wrong} not named by the renderer")
             after = _pixels(rule, sigma, t, t_edges)
             others = torch.arange(rays) != ray
@@ -189,15 +186,6 @@ def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
     ray = torch.arange(len(t)).repeat_interleave(t.shape[1])
     seen = composite(w.flatten(), ray, torch.cos(t).flatten().unsqueeze(-1).expand(-1, 3), T_end, BACKGROUND)
     return torch.cat([seen, w.sum(dim=-1, keepdim=True), expected_depth(w, t, FAR).unsqueeze(-1)], dim=-1)
-
-
-def _renderer_names(rule: str, wrong: float) -> bool:
-    """Whether a density that is wrong on the fourth of five rays is refused by that name."""
-    try:
-        rendered(lambda x: torch.where((x[:, 0] - 0.25).abs() < 1e-3, wrong, 1.0), rule, clip=True)
-    except BadDensity as error:
-        return error.ray == 3
-    return False
 
 
 SAMPLED_BINS = 16
@@ -261,15 +249,12 @@ def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
     what = "largest distance outside of the bins with weight, or backwards"
     yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")
     accepted = []
-    for bad, error in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
+    for bad, kind in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
         w = torch.ones(3, SAMPLED_BINS)
         w[1, 4] = bad
-        try:
-            inverse_cdf(posts(3, SAMPLED_BINS), w, U.expand(3, -1))
-            accepted.append(f"{bad} accepted")
-        except (FloatingPointError, ValueError) as raised:
-            if not isinstance(raised, error) or "bin 4 on ray 1" not in str(raised):
-                accepted.append(f"{bad}: {raised}")
+        error = error_of(kind, inverse_cdf, posts(3, SAMPLED_BINS), w, U.expand(3, -1))
+        if error is None or "bin 4 on ray 1" not in str(error):
+            accepted.append(f"{bad}: {error or 'accepted'}")
     what, why = "bad weights accepted or misnamed", "; ".join(accepted)
     yield check(what, float(len(accepted)), high=0.0, why=why, subject="inverse_cdf")
     count = 0

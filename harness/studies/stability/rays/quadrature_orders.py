@@ -53,9 +53,7 @@ SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
 an error of 0.95 is all there is: no bar short of that would hold for left ends.
 """
 TIMED = "ms for 16 rays of a 3 × 64 network, float32"
-"""The time is that of a small network, not of the profile whose error it is plotted against: what its own density would
-cost is no property of a rule.
-"""
+"""The time of a small network, not of the profile whose density nobody would evaluate."""
 
 
 @cache
@@ -145,9 +143,7 @@ def _needed(context: StabilityContext) -> Table:
 
 
 def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[float]]:
-    """Return how long it takes, per rule and number of bins, to place points, evaluate a network of 3 layers of 64 at
-    each of them, weigh and sum, for 16 rays.
-    """
+    """Return the time to place, evaluate (3 layers of 64), weigh and sum the points of 16 rays."""
     generator = torch.Generator().manual_seed(1)
     layers = [torch.randn(a, b, generator=generator) / a**0.5 for a, b in pairwise((8, 64, 64, 4))]
     entry = torch.zeros(16)

@@ -12,7 +12,7 @@ from baselines.numerics.quadrature import QUADRATURES
 from harness.records.study import Check, Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import DIGITS, OURS, colour, weights_in_digits
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, error_of
 
 SHADE = 0.75
 """The colour of the homogeneous ray, a number of every precision."""
@@ -91,7 +91,8 @@ def homogeneous(context: StabilityContext) -> Iterator[Found]:
             for error in _errors(QUADRATURES[name].weights, name, 10.0**k, bins)
         )
         yield check(what, worst, high=BAR, why=relative, subject=name)
-        accepted = sum(not _refused(name, dtype) for dtype in (torch.float16, torch.bfloat16))
+        half = [_ray(name, 1.0, 4, dtype)[:2] for dtype in (torch.float16, torch.bfloat16)]
+        accepted = sum(error_of(TypeError, QUADRATURES[name].weights, *ray) is None for ray in half)
         yield check("half precisions that are not refused", float(accepted), high=0.0, subject=name)
     for name, (owner, weights) in OTHERS.items():
         errors = {k: max(_errors(weights, "midpoint", 10.0**k, 64)) for k in exponents}
@@ -135,14 +136,6 @@ def _errors(
     T_error = 0.0 if T_error < tiny else T_error / max(transmittance, tiny) / max(1.0, tau)
     errors = (abs(seen / (SHADE * opacity) - 1.0), abs(total / opacity - 1.0), T_error)
     return errors if all(map(math.isfinite, errors)) else (math.inf,) * 3
-
-
-def _refused(rule: str, dtype: torch.dtype) -> bool:
-    try:
-        QUADRATURES[rule].weights(*_ray(rule, 1.0, 4, dtype)[:2])
-    except TypeError:
-        return True
-    return False
 
 
 def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
@@ -218,9 +211,7 @@ def _badness(error: float) -> float:
 def _gradient_error(
     weights: Weights, rule: str, depth: float, bins: int, dtype: torch.dtype, shape: str = "one density"
 ) -> float:
-    """Return the error of ∂C/∂σ against 120 digits, over its largest entry; only entries that the precision can hold
-    are compared.
-    """
+    """Return the error of ∂C/∂σ over its largest entry, against 120 digits, where the precision has any."""
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, _ = QUADRATURES[rule].place(t_edges, None)
     sigma = (depth * bins * SHAPES[shape](t)).to(dtype)
@@ -239,9 +230,7 @@ def _gradient_error(
 
 @cache
 def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float) -> list[float]:
-    """Return the gradient by central differences in 120 digits, of the sum and not of any formula for its
-    derivative.
-    """
+    """Return the gradient by central differences of the sum in 120 digits."""
     with mpmath.workdps(120):
         step = mpmath.mpf(10) ** -20
         lengths = [mpmath.mpf(length)] * ((len(sigma) - QUADRATURES[rule].closed) // QUADRATURES[rule].stride)
@@ -256,9 +245,7 @@ def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ..
 
 
 def _gradcheck(name: str) -> Check:
-    """Check with central differences in float64, of random sums of weights and transmittance, as torch's gradcheck
-    takes them.
-    """
+    """Check random sums of weights and transmittance against central differences, in float64."""
     rule = QUADRATURES[name]
     generator = torch.Generator().manual_seed(5)
     t_edges = torch.rand(1, 8, dtype=torch.float64, generator=generator).cumsum(-1)

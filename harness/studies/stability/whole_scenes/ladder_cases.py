@@ -89,9 +89,7 @@ def ladders(context: StabilityContext) -> Iterator[Found]:
 
 
 def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> RungScore:
-    """Score a method; `looks` does so within the silhouette, on the pictures that the record keeps, else on all test
-    views.
-    """
+    """Score a method on complete test views or, with `looks`, within the silhouette of the kept ones."""
     if cell.status != "done":
         return RungScore(None, f"{cell.status}: {cell.reason}")
     mse = mse_over_tests(cell)
@@ -194,9 +192,7 @@ def _plan(context: StabilityContext) -> Plan:
 
 
 def _worst(omitted: list[Omission]) -> Check:
-    """Return the worst of one part over scenes: what costs more than its bound fails; what is not settled is no pass,
-    nor a failure.
-    """
+    """Return the worst of one part over scenes: unless all is settled within bounds, it does not pass."""
     costly = [omission for omission in omitted if omission.verdict == "costs more"]
     unsettled = [x for x in omitted if x.verdict != "within its bound" or x.difference is None]
     unmeasured = any(omission.difference is None for omission in unsettled)

@@ -37,9 +37,7 @@ from scenes.view_sets.pixels import decode_srgb, display_from_linear, over_white
 from scenes.view_sets.viewpoints import camera_to_world
 
 LARGEST_OPACITY_ERROR = {"fog_dense": 0.03, "fog_thin": 0.5 / 255}
-"""The largest errors; thin fog is below what pictures of 8 bits can show: there is nothing to learn, and a method can
-only add its own.
-"""
+"""The largest errors; thin fog is below what 8 bits show: a method can only add its own."""
 
 
 def fog(context: StabilityContext) -> Iterator[Found]:
@@ -85,9 +83,7 @@ def _fog_by_quadrature(scene: str, tau: float) -> Iterator[Check]:
 
 
 def mean_of_ramp(tau: np.ndarray) -> np.ndarray:
-    """Return ∫ τ e^(−τ s) s ds from 0 to 1; below 1e-2 its series, as the difference of two near ones has few
-    digits.
-    """
+    """Return ∫ τ e^(−τ s) s ds from 0 to 1, by its series where the difference would have few digits."""
     thin = tau / 2 - tau**2 / 3 + tau**3 / 8 - tau**4 / 30
     exact: np.ndarray = np.where(tau < 1e-2, thin, (1 - np.exp(-tau) * (1 + tau)) / np.maximum(tau, 1e-2))
     return exact
@@ -198,9 +194,7 @@ def mirror_and_glass(context: StabilityContext) -> Iterator[Found]:
 
 
 def virtual_depth() -> float:
-    """Return the median over a test view of how far behind its surface the mirror's image lies: light's way from there
-    on.
-    """
+    """Return how far behind its surface the mirror's image lies, light's way from there: the median."""
     o, d = _rays_of_a_view()
     surface = geometry.first_ball(o, d, mirror.CENTRE, mirror.RADIUS)
     met = np.isfinite(surface)
@@ -232,9 +226,7 @@ def extreme_light(context: StabilityContext) -> Iterator[Found]:
 
 
 def _left_of_blank(run: SceneRun, views: Views, cell: CellRecord) -> float | None:
-    """Return the error relative to that of a blank picture: at the Nyquist limit the fields need not be distinguished,
-    but their mean must be there.
-    """
+    """Return the error over that of a blank picture: the mean of fields must be there, not each."""
     left, blank = [], []
     for kept in shown(run, cell):
         view = views.of(kept.view)

@@ -16,7 +16,7 @@ from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Owner, Table, check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import Rows, StabilityContext
+from harness.studies.stability.stability_context import Rows, StabilityContext, error_of
 from harness.studies.stability.whole_scenes.scene_truth import (
     ITEM,
     LARGEST_Z,
@@ -137,9 +137,7 @@ def too_close(context: StabilityContext) -> Iterator[Found]:
 
 
 def depth_error(views: Views) -> float:
-    """Return the largest |rendered − true| distance over pixels that are completely covered, scene units; NaN if none
-    is.
-    """
+    """Return the largest error of a completely covered pixel's depth, scene units; NaN if there is none."""
     if not views.covered.any():
         return float("nan")
     return float(np.abs(views.depth - views.true_depth)[views.covered].max())
@@ -250,8 +248,4 @@ def refused(change: Similarity) -> bool:
     """Whether the unit scene in another unit would be refused if somebody rendered it as it is."""
     box = box_of(scales.described(change))
     assert box is not None
-    try:
-        check_scale(box)
-    except InputError:
-        return True
-    return False
+    return error_of(InputError, check_scale, box) is not None

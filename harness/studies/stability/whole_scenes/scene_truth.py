@@ -1,6 +1,4 @@
-"""The common parts of all cases about scenes: scenes rendered and trained once, closed forms, and a check of each
-method.
-"""
+"""What all cases about scenes share: scenes rendered and trained once, closed forms, checks of methods."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -34,9 +32,7 @@ is free of bias, and what the two differ by is the noise of their mean. Even gri
 alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
 """
 LARGEST_EXCESS = 1.5
-"""The largest quotient of the mean square difference of pixels from closed form and what noise explains; measured: 0.92
-to 1.35.
-"""
+"""The largest mean square difference of pixels over what noise explains; measured: 0.92 to 1.35."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +43,7 @@ class Views:
     rendered: np.ndarray
     """Colour, float64 [n, h, w, 4]: linear, premultiplied."""
     variance: np.ndarray
-    """Variance [n, h, w, 4]: the renderer's estimate of its noise, and the difference of the two means of the closed
-    form.
-    """
+    """Variance [n, h, w, 4]: the renderer's estimate, and that of the closed form's mean."""
     truth: np.ndarray
     """The closed form [n, h, w, 4]."""
     depth: np.ndarray
@@ -58,9 +52,7 @@ class Views:
 
     @property
     def covered(self) -> np.ndarray:
-        """Return the pixels [n, h, w] that are covered from border to border, by the rendering and by the closed
-        form.
-        """
+        """Return the pixels [n, h, w] that rendering and closed form cover from border to border."""
         whole: np.ndarray = (self.rendered[..., 3] > 1 - 1e-6) & (self.truth[..., 3] > 1 - 1e-9)
         return whole
 
@@ -98,9 +90,7 @@ def closed_form(
 
 
 def z_score(estimate: float, truth: float, variance: float) -> float:
-    """Return (estimate − truth) / standard error. Without variance: 0 if they agree to float32's digits, else
-    infinite.
-    """
+    """Return (estimate − truth) / standard error; without variance 0 if they agree, else infinite."""
     difference = estimate - truth
     if variance <= 0.0:
         return 0.0 if abs(difference) <= 1e-6 * max(abs(truth), 1.0) else float("inf")
@@ -254,9 +244,7 @@ def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
 
 
 def view_set_of(context: StabilityContext, scene: str) -> Path:
-    """Return a scene's view set as the stress scenes have theirs, rendered if the cache has none, and nothing
-    trained.
-    """
+    """Return a scene's view set in the profile's size, rendered if the cache has none."""
     views = context.plan(PROFILE).views
     return next(event.path for event in render_view_sets((scene,), views, context.view_sets) if event.path)
 

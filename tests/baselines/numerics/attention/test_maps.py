@@ -13,20 +13,19 @@ from baselines.numerics.attention.regions import Regions
 REGIONS = Regions(12, 20, 4)
 PIXELS = Regions(9, 15, 1)
 """Regions of a pixel each: a map is then the formula itself."""
-BY_PIXEL = {"mask": maps.from_mask, "error": maps.from_error, "gradients": maps.from_gradients}
 
 
 def test_a_mask_counts_its_share_of_each_region() -> None:
     mask = np.zeros((12, 20), bool)
     mask[0:4, 0:4] = True
     mask[4, 4:8] = True
-    found = maps.from_mask(REGIONS, mask)
+    found = maps.mean_attention(REGIONS, mask, "mask")
     assert found.dtype == np.float64
     assert found.tolist() == [1.0, *[0.0] * 5, 0.25, *[0.0] * 8]
 
 
 def test_an_empty_mask_attends_to_nothing() -> None:
-    assert maps.from_mask(REGIONS, np.zeros((12, 20))).tolist() == [0.0] * 15
+    assert maps.mean_attention(REGIONS, np.zeros((12, 20)), "mask").tolist() == [0.0] * 15
 
 
 def test_a_point_of_interest_is_half_at_its_radius_and_falls_with_distance_everywhere() -> None:
@@ -69,18 +68,13 @@ def test_an_image_of_one_colour_or_one_pixel_attends_to_nothing() -> None:
     assert maps.from_gradients(Regions(1, 1, 4), np.ones((1, 1, 3))).tolist() == [0.0]
 
 
-def test_an_error_is_its_mean() -> None:
-    error = np.random.default_rng(0).uniform(size=(12, 20))
-    assert maps.from_error(REGIONS, error).tolist() == REGIONS.mean(error).tolist()
-
-
 @pytest.mark.parametrize("value", [-1e-9, np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("name", ["mask", "error"])
 def test_a_pixel_that_is_no_attention_is_named_even_where_the_mean_would_hide_it(name: str, value: float) -> None:
     values = np.ones((12, 20))
     values[5, 17] = value
     with pytest.raises(BadAttention, match=rf"region 9 has {value:g} at row 5, column 17"):
-        BY_PIXEL[name](REGIONS, values)
+        maps.mean_attention(REGIONS, values, name)
 
 
 def test_an_image_that_is_not_finite_is_refused() -> None:
