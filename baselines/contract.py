@@ -151,15 +151,21 @@ class FieldSpec:
     """Whether colour may depend on direction; False where the scene looks the same from all sides."""
 
 
+Points = Float[Tensor, "points 3"]
+Densities = Float[Tensor, " points"]
+"""In 1 / scene unit."""
+Views = Float[Tensor, "rays features"]
+"""What `RadianceField.encode_directions` gives for each ray."""
+RayOf = Int[Tensor, " points"]
+"""The row of `Views` that belongs to each point."""
+
+
 @runtime_checkable
 class RadianceField(Protocol):
     """A density and a colour for each point in space: all that a renderer needs of a method.
 
     Density is in 1 / scene unit. A field that is made for a box k times as large has 1 / k of it, so that no result
     depends on the unit of length (`Box.half_extent`).
-
-    `view` [rays, features] comes from `encode_directions`, and `ray` [points] gives the row of it that belongs to each
-    point.
     """
 
     @property
@@ -167,22 +173,15 @@ class RadianceField(Protocol):
         """Whether a point's density does not depend on the other points of the chunk."""
         ...
 
-    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]: ...
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views: ...
 
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
+    def density(self, x: Points) -> Densities: ...
 
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
         """Return the density entering the amplifier and the density that is rendered; equal without an amplifier."""
         ...
 
-    def density_and_colour(
-        self,
-        x: Float[Tensor, "points 3"],
-        view: Float[Tensor, "rays features"],
-        ray: Int[Tensor, " points"],
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]: ...
+    def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]: ...
 
 
 @runtime_checkable

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, cast
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import linear, relu
 
@@ -23,9 +23,13 @@ from baselines.contract import (
     EVERY_ACCELERATION,
     Accelerations,
     Box,
+    Densities,
     FieldSpec,
     NetworkSize,
+    Points,
     Precision,
+    RayOf,
+    Views,
     uniform_weights,
 )
 from baselines.numerics.encoding import encode, feature_count
@@ -91,25 +95,18 @@ class NetworkField(nn.Module):
     def density_limit(self) -> float:
         return self.density_unit if self.amplifier.bounded else math.inf
 
-    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
         on = self.accelerations.recurrence
         return encode(d, self.base, self.direction_bands, on) if self.view_dependent else d[:, :0]
 
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+    def density(self, x: Points) -> Densities:
         return self.density_before_and_after(x)[1]
 
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
         before, after = self.amplifier.before_and_after(self._outputs(x, None, None)[0])
         return before * self.density_unit, after * self.density_unit
 
-    def density_and_colour(
-        self,
-        x: Float[Tensor, "points 3"],
-        view: Float[Tensor, "rays features"],
-        ray: Int[Tensor, " points"],
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
+    def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]:
         raw, logits = self._outputs(x, view, ray)
         assert logits is not None
         return self.amplifier.rendered(raw) * self.density_unit, torch.sigmoid(logits)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from baselines.amplifiers import DENSITY_BIAS
 from baselines.composition import DENSITY_SCALE
-from baselines.contract import Box, Rays, Rendering
+from baselines.contract import Box, Densities, Points, Rays, Rendering
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
@@ -158,13 +158,11 @@ class VoxelField:
             finer.values[name] = self._flat(resized[0].permute(1, 2, 3, 0))
         return finer
 
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+    def density(self, x: Points) -> Densities:
         with dr.suspend_grad():
             return self._torch(self._density(corners(self._in_box(self._triple(x)), self.shape)), x.device)
 
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
         sigma = self.density(x)
         return sigma, sigma
 
@@ -280,7 +278,7 @@ class VoxelField:
         _finished(values.device)
         return self.types.Float(self.types.TensorXf(values.detach().float().contiguous()).array)
 
-    def _triple(self, x: Float[Tensor, "points 3"]) -> Any:
+    def _triple(self, x: Points) -> Any:
         return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
 
     def _torch(self, values: Any, device: torch.device) -> Tensor:

@@ -16,8 +16,9 @@ from math import factorial
 from typing import Any
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
+
+from baselines.numerics.sampling import Bins
 
 Shares = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 """The map τ [rays, bins] → first, second, and e^−τ − ∂second/∂τ, every digit of them right for all τ from 0 to ∞."""
@@ -26,17 +27,13 @@ SERIES = [(-1) ** m * (m + 1) / factorial(m + 2) for m in range(19)]
 """The coefficients of second(τ)/τ = Σ (−1)^m (m + 1)/(m + 2)! τ^m; the next term is below 1e-17 at τ = 1."""
 
 
-def even_shares(
-    tau: Float[Tensor, "rays bins"],
-) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, "rays bins"], Float[Tensor, "rays bins"]]:
+def even_shares(tau: Bins) -> tuple[Bins, Bins, Bins]:
     """Return the `Shares` of the mean of both colours."""
     half = -0.5 * torch.expm1(-tau)
     return half, half, 0.5 * torch.exp(-tau)
 
 
-def shares_linear_in_depth(
-    tau: Float[Tensor, "rays bins"],
-) -> tuple[Float[Tensor, "rays bins"], Float[Tensor, "rays bins"], Float[Tensor, "rays bins"]]:
+def shares_linear_in_depth(tau: Bins) -> tuple[Bins, Bins, Bins]:
     """Return the `Shares` of a colour linear in τ; the third is second(τ)/τ."""
     thin = tau < 1.0
     small = torch.where(thin, tau, 1.0)

@@ -16,7 +16,9 @@ from torch import Tensor
 
 from baselines.numerics.checks import require_density, require_rising
 from baselines.numerics.end_weights import EndWeights, Shares, even_shares, shares_linear_in_depth
-from baselines.numerics.sampling import jittered_edges, points_in_bins
+from baselines.numerics.sampling import Bins, Edges, jittered_edges, points_in_bins
+
+PointsOfRays = Float[Tensor, "rays points"]
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Orders:
     opacity: float
 
 
-def bin_lengths(t: Float[Tensor, "rays points"], t_edges: Float[Tensor, "rays edges"]) -> Float[Tensor, "rays bins"]:
+def bin_lengths(t: PointsOfRays, t_edges: Edges) -> Bins:
     """Return the differences of the fenceposts, wherever the points are."""
     del t
     return torch.diff(t_edges, dim=-1)
@@ -59,10 +61,10 @@ class Rule:
 
     def __call__(
         self,
-        sigma: Float[Tensor, "rays points"],
-        t: Float[Tensor, "rays points"],
-        t_edges: Float[Tensor, "rays edges"],
-    ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, " rays"]]:
+        sigma: PointsOfRays,
+        t: PointsOfRays,
+        t_edges: Edges,
+    ) -> tuple[PointsOfRays, Float[Tensor, " rays"]]:
         """Return weights and T_end. Raises `BadInterval`, `BadDensity`, and `TypeError` below float32."""
         if not self.of_the_paper:
             require_rising(t_edges)
@@ -85,9 +87,7 @@ class Rule:
         points[:, self.stride :: self.stride] |= bins
         return points
 
-    def bin_weights(
-        self, w: Float[Tensor, "rays points"], sigma: Float[Tensor, "rays points"], lengths: Float[Tensor, "rays bins"]
-    ) -> Float[Tensor, "rays bins"]:
+    def bin_weights(self, w: PointsOfRays, sigma: PointsOfRays, lengths: Bins) -> Bins:
         """Return the weight of each bin, as importance sampling needs it, where the rule gave its points `w`."""
         return _of_depth(self.optical_depth(sigma, lengths))[0] if self.closed else w
 

@@ -7,10 +7,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+Edges = Float[Tensor, "rays edges"]
+Bins = Float[Tensor, "rays bins"]
 
-def uniform_edges(
-    entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], bins: int
-) -> Float[Tensor, "rays edges"]:
+
+def uniform_edges(entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], bins: int) -> Edges:
     """Return bins + 1 equally spaced fenceposts from `entry` to `leave` of each ray, both ends exact."""
     if bins < 1:
         raise ValueError(f"bins must be >= 1, is {bins}")
@@ -18,9 +19,7 @@ def uniform_edges(
     return torch.lerp(entry.unsqueeze(-1), leave.unsqueeze(-1), share)
 
 
-def points_in_bins(
-    t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
-) -> Float[Tensor, "rays bins"]:
+def points_in_bins(t_edges: Edges, generator: torch.Generator | None) -> Bins:
     """Return one point in each bin: uniformly random with a generator, the midpoint without one."""
     left, right = t_edges[:, :-1], t_edges[:, 1:]
     if generator is None:
@@ -29,9 +28,7 @@ def points_in_bins(
     return torch.lerp(left, right, u.to(left.device))
 
 
-def jittered_edges(
-    t_edges: Float[Tensor, "rays edges"], generator: torch.Generator | None
-) -> Float[Tensor, "rays edges"]:
+def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
     """Move each inner fencepost at random between the middles of its two bins; without a generator, return those given.
     They still rise, and the ends stay where they are.
     """
@@ -42,8 +39,8 @@ def jittered_edges(
 
 
 def inverse_cdf_edges(
-    t_edges: Float[Tensor, "rays edges"],
-    w: Float[Tensor, "rays bins"],
+    t_edges: Edges,
+    w: Bins,
     count: int,
     generator: torch.Generator | None,
 ) -> Float[Tensor, "rays count"]:
@@ -59,9 +56,7 @@ def inverse_cdf_edges(
     return inverse_cdf(t_edges, w, (torch.arange(count, dtype=w.dtype, device=w.device) + u) / count)
 
 
-def inverse_cdf(
-    t_edges: Float[Tensor, "rays edges"], w: Float[Tensor, "rays bins"], u: Float[Tensor, "rays count"]
-) -> Float[Tensor, "rays count"]:
+def inverse_cdf(t_edges: Edges, w: Bins, u: Float[Tensor, "rays count"]) -> Float[Tensor, "rays count"]:
     """Return the distances below which the shares `u`, 0 to 1, of all mass lie; within their ray, and rising as `u`
     does.
 
