@@ -117,9 +117,7 @@ def _coarse_and_fine(
     fine_edges, _ = torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1)
     second, _, _ = _march(fine, rays, fine_edges, march)
     return replace(
-        second,
-        network_evaluations=first.network_evaluations + second.network_evaluations,
-        coarse_colour=first.colour,
+        second, network_evaluations=first.network_evaluations + second.network_evaluations, coarse_colour=first.colour
     )
 
 

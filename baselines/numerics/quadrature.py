@@ -60,10 +60,7 @@ class Rule:
     """Whether the rule is kept as printed, with all consequences."""
 
     def __call__(
-        self,
-        sigma: PointsOfRays,
-        t: PointsOfRays,
-        t_edges: Edges,
+        self, sigma: PointsOfRays, t: PointsOfRays, t_edges: Edges
     ) -> tuple[PointsOfRays, Float[Tensor, " rays"]]:
         """Return weights and T_end. Raises `BadInterval`, `BadDensity`, and `TypeError` below float32."""
         if not self.of_the_paper:

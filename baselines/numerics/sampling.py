@@ -39,10 +39,7 @@ def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
 
 
 def inverse_cdf_edges(
-    t_edges: Edges,
-    w: Bins,
-    count: int,
-    generator: torch.Generator | None,
+    t_edges: Edges, w: Bins, count: int, generator: torch.Generator | None
 ) -> Float[Tensor, "rays count"]:
     """Return `count` distances distributed as the step function with mass `w` in each bin, in rising order.
 

@@ -14,14 +14,7 @@ from baselines.methods.ablations import LADDER, PARTS_OF_QNERF, combination
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
-from tests.baselines.small_fields import (
-    ALL_PARTS,
-    BOX,
-    SMALL,
-    field_of,
-    render,
-    some_rays,
-)
+from tests.baselines.small_fields import ALL_PARTS, BOX, SMALL, field_of, render, some_rays
 
 
 def linear_weights(*widths: int) -> int:

@@ -6,12 +6,7 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from baselines.numerics.sampling import (
-    inverse_cdf_edges,
-    jittered_edges,
-    points_in_bins,
-    uniform_edges,
-)
+from baselines.numerics.sampling import inverse_cdf_edges, jittered_edges, points_in_bins, uniform_edges
 
 
 def generator(seed: int = 30) -> torch.Generator:

@@ -16,14 +16,7 @@ from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.schedule import Budget
 from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
-from harness.studies.stability.fields.small_training import (
-    CPU,
-    STREAM,
-    new_trainer,
-    setup,
-    train,
-    trained,
-)
+from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
 from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, not_judged
 from harness.training.learner import Clipping
 from harness.training.lockstep import box_of, needs_view_direction

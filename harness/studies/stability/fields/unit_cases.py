@@ -16,15 +16,7 @@ from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Picture, Series, Table, check
 from harness.studies.framework import Found
-from harness.studies.stability.fields.small_training import (
-    CPU,
-    PROBES,
-    new_trainer,
-    setup,
-    train,
-    trained,
-    with_parts,
-)
+from harness.studies.stability.fields.small_training import CPU, PROBES, new_trainer, setup, train, trained, with_parts
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from harness.training import evaluate, metrics
 from harness.training.batches import Batches, Cameras
