@@ -47,11 +47,6 @@ def test_reaching_is_the_nearest_number_of_bands(base: float, bands: int) -> Non
     assert off[reaching(base, bands)] == pytest.approx(min(off.values()))
 
 
-@pytest.mark.parametrize("bands", range(2, 17))
-def test_the_matched_ladder_reaches_no_further_and_one_band_more_would(bands: int) -> None:
-    assert highest("base2_matched", bands) <= highest("phi", bands) < 2 * highest("base2_matched", bands)
-
-
 def test_without_encoding_a_network_gets_raw_coordinates() -> None:
     field = field_of("nerf_no_encoding", NetworkSize())
     widths = [layer.in_features for layer in field.density_net]  # type: ignore[union-attr]
@@ -92,15 +87,6 @@ def test_partial_combinations_are_all_but_nothing_and_everything(amplifier: str,
         on = {part for word, part in words.items() if word in name}
         assert parts == replace(NERF, **{part: getattr(whole, part) for part in on}), name
     assert found[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)
-
-
-def test_readings_share_what_has_no_amplifier_and_nothing_else() -> None:
-    one, other = partial_combinations("amplifier", QNERF), partial_combinations("equation4", QNERF_THEOREM)
-    shared = set(one) & set(other)
-    assert shared == {"nerf_phi_encoding", "nerf_phi_skip", "nerf_phi_encoding_phi_skip"}
-    assert {one[name] for name in shared} == {other[name] for name in shared}
-    assert one | other == PARTIAL
-    assert len(set(PARTIAL.values())) == len(PARTIAL) == 9
 
 
 def test_all_of_them_are_in_the_catalogue_under_their_names() -> None:

@@ -141,14 +141,6 @@ def test_dropped_haze_costs_no_more_than_the_threshold_allows() -> None:
     assert 0.0 < difference <= bound
 
 
-def test_a_smooth_field_looks_the_same() -> None:
-    """A ray passes its faint edge twice, through three cells or fewer that may each lose the threshold."""
-    field = AnalyticField(gaussian(30.0, 0.2))
-    grid = refreshed(field, times=3)
-    assert 0.0 < grid.occupied_share() < 0.5
-    assert float((colours(field, grid) - colours(field, None)).abs().max()) <= 6 * THRESHOLD
-
-
 def test_exploration_of_everything_is_as_if_there_were_no_grid() -> None:
     field, corner = AnalyticField(gaussian(30.0, 0.2)), torch.zeros(CELLS**3)
     corner[0] = 100.0
@@ -219,11 +211,6 @@ def test_matter_that_went_away_is_forgotten() -> None:
         assert grid.occupied[inside].all(), "but not at once"
     grid.refresh(moved, 1.0, generator())
     assert not grid.occupied[inside].any()
-
-
-def test_refreshing_depends_on_the_generator_alone() -> None:
-    field = AnalyticField(gaussian(30.0, 0.2))
-    assert torch.equal(refreshed(field, 0.3, 4).density, refreshed(field, 0.3, 4).density)
 
 
 def test_number_of_evaluations() -> None:

@@ -101,12 +101,6 @@ def test_density_has_the_unit_of_the_box_and_as_printed_that_of_the_scene(extent
         assert parts.density_unit(box) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", PARTS_OF_QNERF)
-def test_a_single_part_changes_that_part_alone(name: str) -> None:
-    part = PARTS_OF_QNERF[name]
-    assert replace(combination(name), **{part: getattr(NERF, part)}) == NERF
-
-
 def trained(parts: Parts) -> NetworkField:
     """After three steps of Adam on random colours."""
     field = NetworkField(parts, SMALL, BOX, "float32", seed=5)

@@ -70,18 +70,6 @@ def test_depth_in_fog_converges_with_order_two() -> None:
     assert slope == pytest.approx(2.0, abs=0.15)
 
 
-@pytest.mark.parametrize("bins", [32, 128, 512])
-def test_homogeneous_ball_within_the_error_of_its_two_ends(bins: int) -> None:
-    """Each end of the chord is misplaced by at most half a bin, and a bin is at most √12 / bins long."""
-    density, rays = 2.0, rays_at(0.4, 200)
-    exact = -torch.expm1(-density * chord(rays, 0.8))
-    rendering = render(AnalyticField(ball(density, 0.8)), rays, bins)
-    bound = density * math.sqrt(12.0) / bins
-    assert float((rendering.opacity - exact).abs().max()) <= bound
-    assert float((rendering.colour - over_background(exact)).abs().max()) <= bound
-    assert (exact > 0.5).sum() > 50
-
-
 def test_homogeneous_ball_converges_with_order_one() -> None:
     density, rays, counts = 2.0, rays_at(0.4, 400), [16, 32, 64, 128, 256, 512]
     exact = -torch.expm1(-density * chord(rays, 0.8))

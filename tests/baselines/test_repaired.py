@@ -170,11 +170,5 @@ def test_half_precision_is_refused(reading: str, dtype: torch.dtype) -> None:
         made(reading).before_and_after(torch.zeros(4, dtype=dtype))
 
 
-@every_reading
-def test_no_points_are_no_points(reading: str) -> None:
-    before, after = made(reading).before_and_after(torch.zeros(0))
-    assert before.shape == after.shape == (0,)
-
-
 def test_nerf_has_none_of_it() -> None:
     assert not list(AMPLIFIERS[NERF.amplifier]().buffers())

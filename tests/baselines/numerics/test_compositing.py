@@ -25,21 +25,6 @@ def test_no_points_are_the_background_exactly() -> None:
     assert torch.equal(colour, background.expand(4, 3))
 
 
-def test_order_of_points_does_not_matter() -> None:
-    generator = torch.Generator().manual_seed(11)
-    ray = torch.randint(7, (40,), generator=generator)
-    w = torch.rand(40, dtype=torch.float64, generator=generator)
-    values = torch.rand(40, 3, dtype=torch.float64, generator=generator)
-    T_end, background = torch.rand(7, dtype=torch.float64, generator=generator), torch.ones(3, dtype=torch.float64)
-    order = torch.randperm(40, generator=generator)
-    torch.testing.assert_close(
-        composite(w[order], ray[order], values[order], T_end, background),
-        composite(w, ray, values, T_end, background),
-        rtol=0.0,
-        atol=1e-14,
-    )
-
-
 def test_gradients() -> None:
     generator = torch.Generator().manual_seed(12)
     w = torch.rand(5, dtype=torch.float64, generator=generator, requires_grad=True)

@@ -169,15 +169,6 @@ def test_where_it_is_accurate_it_is_used(base: float, first: int) -> None:
 
 
 @BASES
-@pytest.mark.parametrize("bands", [0, 1, 2, 4, 10])
-def test_order_of_features_is_that_of_listing_1(base: float, bands: int) -> None:
-    x = random_points(300)
-    oracle = fourier_features(x, frequency_ladder(base, bands))
-    torch.testing.assert_close(encode(x, base, bands), oracle, rtol=0.0, atol=2.2e-4)
-    assert torch.equal(encode(x, base, bands)[:, :3], x)
-
-
-@BASES
 @pytest.mark.parametrize("recurrence", [True, False])
 def test_a_point_has_its_features_whoever_its_neighbours_are(base: float, recurrence: bool) -> None:
     x = random_points(20001)

@@ -46,16 +46,6 @@ def test_features_are_those_of_listing_1_in_its_order(bands: int) -> None:
     torch.testing.assert_close(ours, printed, rtol=0.0, atol=4e-7 * PHI ** (bands - 1) * math.pi)
 
 
-def test_order_of_features_is_raw_then_band_then_wave_then_axis() -> None:
-    x = torch.tensor([[0.1, 0.2, 0.3]])
-    features = fourier_features(x, torch.tensor([1.0, 3.0]))[0]
-    literal = [0.1, 0.2, 0.3]
-    for frequency in (1.0, 3.0):
-        for wave in (math.sin, math.cos):
-            literal += [wave(frequency * math.pi * axis) for axis in (0.1, 0.2, 0.3)]
-    torch.testing.assert_close(features, torch.tensor(literal), rtol=0.0, atol=1e-6)
-
-
 @pytest.mark.parametrize("axes", [1, 2, 3])
 def test_no_bands_are_the_identity(axes: int) -> None:
     x = torch.randn(7, axes, generator=torch.Generator().manual_seed(2))

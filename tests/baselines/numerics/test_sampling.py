@@ -95,19 +95,6 @@ def test_midpoints_of_the_strata_without_a_generator() -> None:
     torch.testing.assert_close(drawn, torch.tensor([[0.5, 1 + 1 / 6, 1.5, 1 + 5 / 6]]))
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_distances_rise_and_stay_in_range(seed: int) -> None:
-    edges = torch.sort(2.0 + 4.0 * torch.rand(300, 33, generator=generator(seed)), dim=-1).values
-    w = torch.rand(300, 32, generator=generator(seed + 100)) ** 8
-    w[:100, 10:] = 0.0
-    for source in (None, generator(seed)):
-        drawn = inverse_cdf_edges(edges, w, 128, source)
-        assert torch.isfinite(drawn).all()
-        assert (drawn >= edges[:, :1]).all()
-        assert (drawn <= edges[:, -1:]).all()
-        assert rising(drawn)
-
-
 def test_a_ray_without_weight_is_sampled_uniformly() -> None:
     edges = uniform_edges(torch.tensor([2.0]), torch.tensor([6.0]), 8)
     drawn = inverse_cdf_edges(edges, torch.zeros(1, 8), 16, None)

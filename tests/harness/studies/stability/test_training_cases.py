@@ -95,7 +95,7 @@ def test_a_network_learns_what_it_sees_and_one_network_does_not_see_another() ->
     torch.testing.assert_close(both[0], other[0], rtol=0.0, atol=1e-3)
 
 
-def test_a_ghost_is_at_inputs_across_its_gap_and_its_share_is_that_of_the_burst() -> None:
+def test_a_ghost_is_looked_at_across_its_gap_and_its_share_is_that_of_the_burst() -> None:
     gap = encoding_cases.ghost(PHI, 14, encoding_cases.DISTANCES[0], quick=True)
     assert float(gap.offset.abs().max()) == pytest.approx(3.0 * encoding_cases.BURST, rel=1e-4)
     torch.testing.assert_close(gap.burst, encoding_cases.burst(gap.offset, 0.0), rtol=0.0, atol=1e-3)
