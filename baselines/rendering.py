@@ -7,10 +7,11 @@ A bin that is left out has optical depth 0, so one quadrature serves dense and s
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering
@@ -18,7 +19,7 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES
-from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
+from baselines.numerics.sampling import Bins, Edges, inverse_cdf_edges, uniform_edges
 from baselines.occupancy import OccupancyGrid
 
 OPAQUE = 1e-4
@@ -60,83 +61,61 @@ def render_rays(
     a density that is negative or not finite.
     """
     require_interval(rays.near, rays.far)
-    march = _Marcher(rays.far, sampling, grid, background, generator)
+    march = partial(_march, sampling=sampling, grid=grid, background=background, generator=generator)
+
+    def coarse_and_fine(rays: Rays, entry: Tensor, leave: Tensor) -> Rendering:
+        first, edges, w = march(coarse, rays, uniform_edges(entry, leave, sampling.bins))
+        if fine is None:
+            return first
+        drawn = inverse_cdf_edges(edges, w.detach(), sampling.fine_bins, generator)
+        fine_edges, _ = torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1)
+        second, _, _ = march(fine, rays, fine_edges)
+        evaluations = first.network_evaluations + second.network_evaluations
+        return replace(second, network_evaluations=evaluations, coarse_colour=first.colour)
+
     if not sampling.clip_to_box:
         entry = torch.full_like(rays.origins[:, 0], rays.near)
-        return _coarse_and_fine(coarse, fine, rays, entry, torch.full_like(entry, rays.far), march)
+        return coarse_and_fine(rays, entry, torch.full_like(entry, rays.far))
     entry, leave, hit = ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)
     inside = torch.nonzero(hit)[:, 0]
     try:
-        seen = _coarse_and_fine(coarse, fine, rays.chosen(inside), entry[inside], leave[inside], march)
+        seen = coarse_and_fine(rays.chosen(inside), entry[inside], leave[inside])
     except BadDensity as error:
         raise error.among(inside) from None
-    return _among_all(seen, inside, len(rays), background, rays.far)
 
-
-def _among_all(
-    seen: Rendering, inside: Int[Tensor, " hits"], rays: int, background: Float[Tensor, " 3"], far: float
-) -> Rendering:
-    """Expand a rendering of the rays `inside` to all rays, with background for the others."""
-
-    def colour(values: Tensor) -> Tensor:
-        return background.expand(rays, 3).index_put((inside,), values)
+    def over_background(values: Tensor) -> Tensor:
+        return background.expand(len(rays), 3).index_put((inside,), values)
 
     return Rendering(
-        colour=colour(seen.colour),
-        opacity=seen.opacity.new_zeros(rays).index_put((inside,), seen.opacity),
-        depth=seen.depth.new_full((rays,), far).index_put((inside,), seen.depth),
+        colour=over_background(seen.colour),
+        opacity=seen.opacity.new_zeros(len(rays)).index_put((inside,), seen.opacity),
+        depth=seen.depth.new_full((len(rays),), rays.far).index_put((inside,), seen.depth),
         network_evaluations=seen.network_evaluations,
-        coarse_colour=None if seen.coarse_colour is None else colour(seen.coarse_colour),
-    )
-
-
-@dataclass(frozen=True)
-class _Marcher:
-    """The state that both passes share."""
-
-    far: float
-    sampling: Sampling
-    grid: OccupancyGrid | None
-    background: Float[Tensor, " 3"]
-    generator: torch.Generator | None
-
-
-def _coarse_and_fine(
-    coarse: RadianceField,
-    fine: RadianceField | None,
-    rays: Rays,
-    entry: Float[Tensor, " rays"],
-    leave: Float[Tensor, " rays"],
-    march: _Marcher,
-) -> Rendering:
-    t_edges = uniform_edges(entry, leave, march.sampling.bins)
-    first, edges, w = _march(coarse, rays, t_edges, march)
-    if fine is None:
-        return first
-    drawn = inverse_cdf_edges(edges, w.detach(), march.sampling.fine_bins, march.generator)
-    fine_edges, _ = torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1)
-    second, _, _ = _march(fine, rays, fine_edges, march)
-    return replace(
-        second, network_evaluations=first.network_evaluations + second.network_evaluations, coarse_colour=first.colour
+        coarse_colour=None if seen.coarse_colour is None else over_background(seen.coarse_colour),
     )
 
 
 def _march(
-    field: RadianceField, rays: Rays, t_edges: Float[Tensor, "rays edges"], march: _Marcher
-) -> tuple[Rendering, Float[Tensor, "rays edges"], Float[Tensor, "rays bins"]]:
+    field: RadianceField,
+    rays: Rays,
+    t_edges: Edges,
+    sampling: Sampling,
+    grid: OccupancyGrid | None,
+    background: Float[Tensor, " 3"],
+    generator: torch.Generator | None,
+) -> tuple[Rendering, Edges, Bins]:
     """March once along all rays; returns the fenceposts of the bins and the weight of each.
 
     A bin is evaluated completely: where points are shared by two bins, an excluded bin has length 0 instead, and every
     point that has a weight has a colour.
     """
-    sampling, generator = march.sampling, march.generator
     rule = QUADRATURES[sampling.quadrature]
     t, t_edges = rule.place(t_edges, generator)
     x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
     lengths = rule.lengths(t, t_edges)
     keep = lengths > 0
-    if march.grid is not None:
-        occupied = march.grid.at(x)
+    if grid is not None:
+        occupied = grid.at(x)
         if generator is not None and sampling.exploration > 0.0:
             u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
             occupied = occupied | (u < sampling.exploration)
@@ -165,9 +144,9 @@ def _march(
     require_density(sigma)
     w, T_end = rule.weights(sigma, lengths)
     rendering = Rendering(
-        colour=composite(w[ray, point], ray, colour, T_end, march.background),
+        colour=composite(w[ray, point], ray, colour, T_end, background),
         opacity=w.sum(dim=-1),
-        depth=expected_depth(w, t, march.far),
+        depth=expected_depth(w, t, rays.far),
         network_evaluations=len(ray),
     )
     return rendering, t_edges, rule.bin_weights(w, sigma, lengths)

@@ -1,6 +1,5 @@
 """Invariants over many shapes and magnitudes."""
 
-
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st

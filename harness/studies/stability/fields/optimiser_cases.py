@@ -18,7 +18,7 @@ from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
 from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, not_judged
-from harness.training.learner import Clipping
+from harness.training.learner import Clipping, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from harness.training.trainer import Diverged
@@ -44,13 +44,13 @@ def half_precision(context: StabilityContext) -> Iterator[Found]:
         reduced = accepted_by_parts(dtype) + not_float32(context, name)
         what, why = "weights, moments, gradients and parts that are not kept in float32", ", ".join(reduced)
         yield check(what, len(reduced), high=0, why=why, subject=f"products in {name}")
-    steps = 4 if context.quick else 40
-    reference = _mean(train(context, new_trainer(context, METHOD), steps).losses[-10:])
+    count = 4 if context.quick else 40
+    reference = _mean(train(context, new_trainer(context, METHOD), count).losses[-10:])
     for name in HALF:
         settings = replace(setup(context).settings, precision=name)
-        losses = train(context, new_trainer(context, METHOD, settings), steps).losses
+        losses = train(context, new_trainer(context, METHOD, settings), count).losses
         what, difference = (
-            f"relative difference of the loss of float32 after {steps} steps",
+            f"relative difference of the loss of float32 after {count} steps",
             _mean(losses[-10:]) / reference - 1,
         )
         yield check(what, abs(difference), high=0.05, subject=f"training in {name}")
@@ -178,11 +178,7 @@ def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[
             return replace(plain, norm=plain.norm * factor, gradients=larger)
 
         learner._slope = spiked
-        losses = []
-        for _ in range(here.steps):
-            learner.train_on(*here.batches.batch(STREAM, learner.step, here.settings.rays))
-            losses.append(learner.last_loss)
-        return losses
+        return [x.last_loss for x in steps(learner, here.batches.stream(STREAM, here.settings.rays))]
     finally:
         dr.set_thread_count(threads)
 

@@ -17,6 +17,7 @@ from harness.studies.drawn_views import write_disc
 from harness.studies.stability.stability_context import StabilityContext, not_judged, whose
 from harness.training.batches import Batches, Cameras
 from harness.training.evaluate import cameras_of
+from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
@@ -66,9 +67,9 @@ def setup(context: StabilityContext) -> Setup:
     from harness.execution.run import view_set_folders
 
     plan = replace(context.plan("smoke", [SCENE]), methods=("nerf",))
-    sizes, steps = plan.views, 300
+    sizes, count = plan.views, 300
     if context.quick:
-        folder, steps = context.scratch / "small", 12
+        folder, count = context.scratch / "small", 12
         write_disc(folder, sizes.resolution, sizes.train, sizes.test, seed=0)
         settings = replace(
             plan.train, network=NetworkSize(6, 16, 2, 16, 6, 2), rays=64, bins=12, first_bins=8,
@@ -80,7 +81,7 @@ def setup(context: StabilityContext) -> Setup:
         settings = replace(plan.train, grid=GridSettings(cells=24, first_step=100, every=25))
     views = read_views(folder, sizes, context.scratch)
     batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
-    return Setup(views, batches, cameras_of(views, views.test, CPU), settings, steps)
+    return Setup(views, batches, cameras_of(views, views.test, CPU), settings, count)
 
 
 def new_trainer(
@@ -94,15 +95,15 @@ def new_trainer(
 def train(
     context: StabilityContext,
     trainer: Trainer,
-    steps: int | None = None,
+    count: int | None = None,
     batches: Batches | None = None,
     dead_every: int | None = None,
 ) -> History:
-    """Train to the end of its budget, or for `steps`. Raises `Diverged`."""
+    """Train to the end of its budget, or for `count` steps. Raises `Diverged`."""
     here, history = setup(context), History(trainer)
-    batches = batches or here.batches
-    for _ in range(here.steps if steps is None else steps):
-        trainer.train_on(*batches.batch(STREAM, trainer.step, trainer.settings.rays))
+    batch_at = (batches or here.batches).stream(STREAM, trainer.settings.rays)
+    until = at_step(trainer.step + (here.steps if count is None else count))
+    for _ in steps(trainer, batch_at, until):
         assert trainer.last_loss is not None
         history.losses.append(trainer.last_loss)
         if dead_every and (trainer.step % dead_every == 0 or trainer.step == 1):

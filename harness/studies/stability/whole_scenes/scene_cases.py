@@ -38,6 +38,7 @@ from harness.studies.stability.whole_scenes.scene_truth import (
 from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.cell_training import BILLBOARD_GAP_DB, warnings_of
+from harness.training.learner import train
 from harness.training.lockstep import box_of as box_of_views
 from harness.training.trainer import Trainer
 from scenes.catalog.stress import scales
@@ -188,8 +189,7 @@ def _billboard(context: StabilityContext) -> Check:
     learner = Trainer("nerf", box_of_views(views, cpu), settings, budget, "billboard", cpu)
     with torch.no_grad():
         learner.coarse.density_head.bias.add_(FOG)
-    while learner.progress < 1.0:
-        learner.train_on(*batches.batch("billboard", learner.step, settings.rays))
+    train(learner, batches.stream("billboard", settings.rays))
     images = list(evaluate.render_split(learner, evaluate.cameras_of(views, views.test, cpu), chunk=4096))
     scores = {
         "psnr": evaluate.quick_scores(images, views.test)["psnr"],
@@ -198,9 +198,9 @@ def _billboard(context: StabilityContext) -> Check:
     }
     opacity = float(np.mean([image.opacity.mean() for image in images]))
     warnings = warnings_of(scores, opacity, grid_emptied=False)
-    test, train, floor = (score or 0.0 for score in scores.values())
+    test, training, floor = (score or 0.0 for score in scores.values())
     why = (
-        f"training views {train:.1f} dB, test views {test:.1f} dB, a copy of the nearest training "
+        f"training views {training:.1f} dB, test views {test:.1f} dB, a copy of the nearest training "
         f"view {floor:.1f} dB; median depth {np.median([image.depth for image in images]):.2f}, rays begin at "
         f"{views.near:g}; the name needs a gap of {BILLBOARD_GAP_DB:g} dB, and test views below the copy"
     )
