@@ -276,12 +276,9 @@ class _Gradients:
         """Return the gradients in the order of the flat weights."""
         heads, bias = self.heads.weight(), self.heads.bias
         direction = torch.mm(self.of_view.t(), view)
-        density, colour = (
-            [part for stage in stages for part in (stage.weight(), stage.bias)]
-            for stages in (self.density, self.colour)
-        )
-        of_heads = [heads[:1], bias[:1], torch.cat([heads[1:], direction], dim=1), self.of_view.sum(dim=0)]
-        return [*density, *of_heads, *colour]
+        flat = [part for stage in self.density for part in (stage.weight(), stage.bias)]
+        flat += [heads[:1], bias[:1], torch.cat([heads[1:], direction], dim=1), self.of_view.sum(dim=0)]
+        return flat + [part for stage in self.colour for part in (stage.weight(), stage.bias)]
 
 
 def _way_back(

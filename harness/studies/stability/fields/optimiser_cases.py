@@ -49,11 +49,9 @@ def half_precision(context: StabilityContext) -> Iterator[Found]:
     for name in HALF:
         settings = replace(setup(context).settings, precision=name)
         losses = train(context, new_trainer(context, METHOD, settings), count).losses
-        what, difference = (
-            f"relative difference of the loss of float32 after {count} steps",
-            _mean(losses[-10:]) / reference - 1,
-        )
-        yield check(what, abs(difference), high=0.05, subject=f"training in {name}")
+        difference = abs(_mean(losses[-10:]) / reference - 1.0)
+        what = f"relative difference of the loss of float32 after {count} steps"
+        yield check(what, difference, high=0.05, subject=f"training in {name}")
 
 
 def _owner(ours: bool) -> Owner:
@@ -222,10 +220,8 @@ def _spiked(
 def _norms(name: str, norms: list[float], at: int) -> Series:
     """Return a few steps before the spike, and the steps until one of its size would have left a running mean."""
     part = slice(max(0, at - SMOOTHED), at + 2 * SMOOTHED)
-    x, y = (
-        [float(step) for step in range(1, len(norms) + 1)][part],
-        [norm if norm > 0.0 else None for norm in norms[part]],
-    )
+    x = [float(step) for step in range(1, len(norms) + 1)][part]
+    y = [norm if norm > 0.0 else None for norm in norms[part]]
     return Series("Norm of the gradient around a spike", 11, name, "step", "norm of the gradient", x, y, log_x=False)
 
 

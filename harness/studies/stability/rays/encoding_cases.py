@@ -61,11 +61,8 @@ def top_frequency(context: StabilityContext) -> Iterator[Found]:
             low = x.to(dtype) * (math.pi * frequency).to(dtype)
             waves[str(dtype).removeprefix("torch.")] = _waves(low)
         errors = {name: float((wave - truth).abs().max()) for name, wave in waves.items()}
-        what, subject, sine_bar = (
-            f"largest error of band {bands - 1}",
-            f"{ladder}, L = {bands}",
-            SINE_BARS[ladder, bands],
-        )
+        what, subject = f"largest error of band {bands - 1}", f"{ladder}, L = {bands}"
+        sine_bar = SINE_BARS[ladder, bands]
         why = f"traded for time: sines as printed are off by {errors['as printed']:.2g}" if bar > sine_bar else ""
         yield check(what, errors.pop(""), high=bar, why=why, subject=subject)
         error = errors.pop("as printed")
@@ -279,12 +276,8 @@ def _gratings(quick: bool) -> Iterator[Found]:
     rows: Rows = []
     for name, (base, bands) in LADDERS.items():
         learnt = fitted(base, bands, seen, truth_seen, torch.cat([asked, seen]), 5 if quick else 600)
-        test, train = (
-            ((part - truth) ** 2).mean(dim=-1).sqrt().tolist()
-            for part, truth in zip(
-                learnt.split([len(asked), len(seen)], dim=-1), (truth_asked, truth_seen), strict=True
-            )
-        )
+        parts = zip(learnt.split([len(asked), len(seen)], dim=-1), (truth_asked, truth_seen), strict=True)
+        test, train = (((part - truth) ** 2).mean(dim=-1).sqrt().tolist() for part, truth in parts)
         rows.append([name, *(f"{a:.2g} / {b:.2g}" for a, b in zip(test, train, strict=True))])
         yield Series(panel, 8, name, "cycles on [−1, 1]", label, list(GRATINGS), test, log_y=False)
     columns = ["ladder", *(f"{cycles:g} cycles" for cycles in GRATINGS)]

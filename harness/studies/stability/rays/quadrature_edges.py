@@ -103,10 +103,8 @@ def nothing(context: StabilityContext) -> Iterator[Found]:
         figures["no bins"] = float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
         wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
         why = "; ".join(wrong) or f"exact in {len(figures)} situations"
-        what, worst = (
-            "largest distance from opacity 0, colour = background, depth = far",
-            max(figures.values(), key=_badness),
-        )
+        what = "largest distance from opacity 0, colour = background, depth = far"
+        worst = max(figures.values(), key=_badness)
         yield check(what, worst, high=0.0, why=why, subject=name, owner=owner_of(name))
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()

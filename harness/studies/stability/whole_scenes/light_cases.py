@@ -107,10 +107,8 @@ def wires_thinner_than_a_pixel(context: StabilityContext) -> Iterator[Found]:
     size = views.truth.shape[2]
     for width in RENDERED_SPP:
         centres, area = covered_share(width, size, 1), covered_share(width, size, 0)
-        thin, why = (
-            f"wires {width:g} of a pixel thin",
-            f"{centres:.3g} found by rays through pixel centres, {area:.3g} covered",
-        )
+        thin = f"wires {width:g} of a pixel thin"
+        why = f"{centres:.3g} found by rays through pixel centres, {area:.3g} covered"
         what, error = f"{thin}: relative error of the covered share of a view", abs(centres / area - 1.0)
         yield check(what, error, high=0.5, why=why, subject="one ray a pixel", owner="usual")
         z, hits = z_of_thin_wires(width, size)
@@ -287,6 +285,5 @@ def _grazing_chord() -> Iterator[Check]:
     owners: dict[str, Owner] = {"ray cut to the box": "ours", "64 samples from near to far": "usual"}
     for (subject, owner), chord in zip(owners.items(), ((leave - entry).double().numpy(), sampled), strict=True):
         error = float(np.abs(chord / (THICKNESS / np.sin(elevation)) - 1.0).max())
-        yield check(
-            "relative error of the chord through a slab at 89.9°", error, high=1e-4, subject=subject, owner=owner
-        )
+        what = "relative error of the chord through a slab at 89.9°"
+        yield check(what, error, high=1e-4, subject=subject, owner=owner)

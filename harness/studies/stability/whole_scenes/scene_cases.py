@@ -72,17 +72,14 @@ def _scores_of_the_truth_itself(context: StabilityContext, run: SceneRun, scene:
     """Check a view against itself: every score must be a number, or None if it is not defined."""
     split = run.view_set(context, scene).test
     image, rgba = over_white(split.rgba[0]), split.rgba[0]
-    scores = structs.asdict(
-        evaluate.view_scores(evaluate.View(image, rgba[..., 3], np.zeros(rgba.shape[:2])), split, 0)
-    )
+    itself = evaluate.View(image, rgba[..., 3], np.zeros(rgba.shape[:2]))
+    scores = structs.asdict(evaluate.view_scores(itself, split, 0))
     numbers = [value for name, value in scores.items() if name != "view" and value is not None]
     textbook = list(textbook_scores(image, image).values())
     owners: dict[str, Owner] = {"harness": "ours", "textbook formulas": "usual"}
     for (subject, owner), values in zip(owners.items(), (numbers, textbook), strict=True):
-        what, count = (
-            f"{scene}: scores of a view against itself that are not finite",
-            np.count_nonzero(~np.isfinite(values)),
-        )
+        what = f"{scene}: scores of a view against itself that are not finite"
+        count = np.count_nonzero(~np.isfinite(values))
         yield check(what, float(count), high=0.0, subject=subject, owner=owner)
 
 
@@ -204,10 +201,9 @@ def _billboard(context: StabilityContext) -> Check:
         f"view {floor:.1f} dB; median depth {np.median([image.depth for image in images]):.2f}, rays begin at "
         f"{views.near:g}; the name needs a gap of {BILLBOARD_GAP_DB:g} dB, and test views below the copy"
     )
+    what = "fog planted before the cameras is named a billboard"
     named = any(warning.startswith("billboard:") for warning in warnings)
-    return check(
-        "fog planted before the cameras is named a billboard", float(named), low=1.0, why=why, subject="harness"
-    )
+    return check(what, float(named), low=1.0, why=why, subject="harness")
 
 
 RAW = {
