@@ -6,11 +6,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, encoding_bands, reaching
 from baselines.contract import NetworkSize
-from baselines.methods.ablations import BANDWIDTH, PARTIAL, PARTS_OF_QNERF, WEAKENED, combination, partial_combinations
-from baselines.methods.nerf import NERF, NERF_MATCHED
+from baselines.methods.ablations import BANDWIDTH, WEAKENED, combination, partial_combinations
+from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
 from tests.baselines.small_fields import field_of, some_points
@@ -87,9 +86,3 @@ def test_partial_combinations_are_all_but_nothing_and_everything(amplifier: str,
         on = {part for word, part in words.items() if word in name}
         assert parts == replace(NERF, **{part: getattr(whole, part) for part in on}), name
     assert found[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)
-
-
-def test_all_of_them_are_in_the_catalogue_under_their_names() -> None:
-    for name, parts in {**PARTIAL, **BANDWIDTH, **WEAKENED, "nerf_matched": NERF_MATCHED}.items():
-        assert CATALOG[name].parts == parts
-    assert set(PARTS_OF_QNERF) == {"phi_encoding", "amplifier", "phi_skip"}

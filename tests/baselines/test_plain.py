@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.contract import Accelerations, Box, NetworkSize, Rays
-from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
+from baselines.plain import PlainField, plain_loss, plain_render, plain_step
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
@@ -188,13 +188,6 @@ def test_weights_start_as_those_of_the_field() -> None:
     ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), one.field.state_dict()
     assert list(ours) == list(theirs)
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
-
-
-def test_encoding_by_hand() -> None:
-    x = torch.tensor([[0.25, -0.5, 0.0]], dtype=torch.float64)
-    root = 0.5**0.5
-    expected = torch.tensor([[0.25, -0.5, 0, root, -1, 0, root, 0, 1, 1, 0, 0, 0, -1, 1]], dtype=torch.float64)
-    torch.testing.assert_close(positional_encoding(x, 2), expected, rtol=0, atol=1e-15)
 
 
 def test_quadrature_by_hand() -> None:

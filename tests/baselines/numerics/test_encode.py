@@ -230,8 +230,3 @@ def test_inference_mode_leaves_nothing_behind_that_training_cannot_use() -> None
 def test_half_precision_is_refused(dtype: torch.dtype) -> None:
     with pytest.raises(TypeError, match="needs float32 or float64"):
         encode(torch.zeros(2, 3, dtype=dtype), 2.0, 3)
-
-
-def test_negative_number_of_bands_is_refused() -> None:
-    with pytest.raises(ValueError, match="bands must be >= 0, is -1"):
-        encode(torch.zeros(2, 3), 2.0, -1)

@@ -24,10 +24,6 @@ def test_a_mask_counts_its_share_of_each_region() -> None:
     assert found.tolist() == [1.0, *[0.0] * 5, 0.25, *[0.0] * 8]
 
 
-def test_an_empty_mask_attends_to_nothing() -> None:
-    assert maps.mean_attention(REGIONS, np.zeros((12, 20)), "mask").tolist() == [0.0] * 15
-
-
 def test_a_point_of_interest_is_half_at_its_radius_and_falls_with_distance_everywhere() -> None:
     found = maps.around_point(PIXELS, 4.5, 7.5, 2.0).reshape(9, 15)
     assert found[4, 7] == 1.0
