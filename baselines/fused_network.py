@@ -245,10 +245,12 @@ class _Evaluation(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         position, view, ray = ctx.saved_tensors
-        net, kept = ctx.net, ctx.kept
+        (g_raw, g_logits), net, kept = gradients, ctx.net, ctx.kept
         del ctx.net, ctx.kept
         blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
-        shares = _side_by_side(partial(_way_back, net, kept, position.to(net.dtype), view, ray, *gradients), blocks)
+        shares = _side_by_side(
+            partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits), blocks
+        )
         total = shares[0] if shares else _Gradients(net, len(view))
         for share in shares[1:]:
             total.add(share)
