@@ -5,33 +5,51 @@ A malformed request is refused with a sentence. Angles in radians, lengths in sc
 
 import json
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+import re
+from dataclasses import replace
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from harness.training.batches import Camera
 from harness.viewer.attended import Attention
 from scenes.view_sets.viewpoints import poses_on_sphere
 
+LARGEST_BODY = 4096
+"""The largest body in bytes."""
+LARGEST_WIDTH = 1024
+"""The largest width in pixels."""
+FARTHEST = 1000.0
+"""The largest coordinate and distance in scene units."""
+NEAREST = 1e-3
+MOST_METHODS = 8
+LARGEST_NUMBER = 2**53
+"""The number up to which a page counts exactly."""
 STEEPEST = math.radians(89.9)
 """The steepest elevation: right above its target a camera has no upright."""
 MARGIN = 1e-3
 """The share of the box's half diagonal that is kept free before and behind it."""
 
 
-@dataclass(frozen=True)
-class Orbit:
+Name = Annotated[str, Meta(min_length=1, max_length=200)]
+Number = Annotated[int, Meta(ge=0, le=LARGEST_NUMBER)]
+Angle = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Coordinate = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
+
+
+class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The place of a camera that looks at `target`, without roll.
 
     Raises `ValueError` for a number that is not finite, and for a distance that is not positive.
     """
 
-    target: tuple[float, float, float]
-    azimuth: float
+    target: tuple[Coordinate, Coordinate, Coordinate]
+    azimuth: Angle
     """The angle counterclockwise from x, seen from above."""
-    elevation: float
-    distance: float
+    elevation: Angle
+    distance: Annotated[float, Meta(ge=NEAREST, le=FARTHEST)]
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, (*self.target, self.azimuth, self.elevation, self.distance))):
@@ -73,66 +91,42 @@ def covering(camera: Camera, bounds: np.ndarray) -> Camera:
     return replace(camera, near=min(camera.near, near), far=max(camera.far, far))
 
 
-LARGEST_BODY = 4096
-"""The largest body in bytes."""
-LARGEST_WIDTH = 1024
-"""The largest width in pixels."""
-FARTHEST = 1000.0
-"""The largest coordinate and distance in scene units."""
-NEAREST = 1e-3
-MOST_METHODS = 8
-LARGEST_NUMBER = 2**53
-"""The number up to which a page counts exactly."""
-
-
 class BadRequest(ValueError):
-    """A request that a page would not send; the message says what to send instead."""
+    """A request that a page would not send; the message begins with what is wrong, and says what to send instead."""
+
+    status = 400
 
 
-@dataclass(frozen=True)
-class ViewRequest:
+class ViewRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A request for a view of methods of a scene."""
 
-    client: str
+    client: Name
     """The page; its newest request is the only one that is still rendered."""
-    generation: int
-    scene: str
-    methods: tuple[str, ...]
-    place: int | Orbit
-    """A test view's number, or the camera's place."""
+    generation: Number
+    scene: Name
+    methods: Annotated[tuple[Name, ...], Meta(min_length=1, max_length=MOST_METHODS)]
+    place: Number | Orbit
+    """A test view's number, which a page sends as `{"view": number}`, or the camera's place."""
     attention: Attention
-    width: int | None
+    width: Annotated[int, Meta(ge=8, le=LARGEST_WIDTH)] | None = None
     """The width in pixels; None for the views' own."""
 
 
 def parsed(body: bytes) -> ViewRequest:
     """Parse a request; raises `BadRequest` unless it is valid in every detail; names are not looked up here."""
-    needed = {"client", "generation", "scene", "methods", "place", "attention"}
-    data = _only(_json(body), "the request", needed, {"width"})
-    methods = data["methods"]
-    if not isinstance(methods, list) or not 1 <= len(set(map(str, methods))) == len(methods) <= MOST_METHODS:
-        raise BadRequest(f"methods: give 1 to {MOST_METHODS} different names")
-    attention = _only(data["attention"], "attention", {"kind", "row", "column"}, set())
+    data = _json(body)
+    place = data.get("place") if isinstance(data, dict) else None
+    if isinstance(place, dict) and set(place) == {"view"}:
+        data["place"] = place["view"]
     try:
-        attended = Attention(
-            _text(attention["kind"], "kind"),
-            _number(attention["row"], "row"),
-            _number(attention["column"], "column"),
-        )
-        place = _place(data["place"])
-    except BadRequest:
-        raise
-    except ValueError as mistake:
-        raise BadRequest(str(mistake)) from mistake
-    return ViewRequest(
-        client=_text(data["client"], "client"),
-        generation=_whole(data["generation"], "generation", 0, LARGEST_NUMBER),
-        scene=_text(data["scene"], "scene"),
-        methods=tuple(_text(name, "methods") for name in methods),
-        place=place,
-        attention=attended,
-        width=None if data.get("width") is None else _whole(data["width"], "width", 8, LARGEST_WIDTH),
-    )
+        request = msgspec.convert(data, ViewRequest)
+    except msgspec.ValidationError as error:
+        what, _, path = str(error).partition(" - at ")
+        names = re.findall(r"[a-z_]+", path) or ["the request"]
+        raise BadRequest(f"{names[-1]}: {what}") from error
+    if len(set(request.methods)) < len(request.methods):
+        raise BadRequest("methods: give different names")
+    return request
 
 
 def view_number(text: str | None) -> int:
@@ -142,53 +136,13 @@ def view_number(text: str | None) -> int:
     return int(text)
 
 
-def _place(data: Any) -> int | Orbit:
-    if isinstance(data, dict) and set(data) == {"view"}:
-        return _whole(data["view"], "view", 0, LARGEST_NUMBER)
-    place = _only(data, "place", {"azimuth", "elevation", "distance", "target"}, set())
-    target = place["target"]
-    if not isinstance(target, list) or len(target) != 3:
-        raise BadRequest("target: give three numbers")
-    x, y, z = (_number(one, "target", FARTHEST) for one in target)
-    distance = _number(place["distance"], "distance", FARTHEST)
-    if distance < NEAREST:
-        raise BadRequest(f"distance: must lie between {NEAREST:g} and {FARTHEST:g} scene units")
-    return Orbit((x, y, z), _number(place["azimuth"], "azimuth"), _number(place["elevation"], "elevation"), distance)
-
-
 def _json(body: bytes) -> Any:
     def refuse(name: str) -> None:
-        raise BadRequest(f"the request: {name} is not a number that can be shown")
+        raise ValueError(f"{name} is not a number that can be shown")
 
     if len(body) > LARGEST_BODY:
         raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")
     try:
         return json.loads(body, parse_constant=refuse)
-    except BadRequest:
-        raise
     except (ValueError, RecursionError) as error:
-        raise BadRequest("the request is not JSON") from error
-
-
-def _only(data: Any, what: str, needed: set[str], allowed: set[str]) -> dict[str, Any]:
-    if not isinstance(data, dict) or not needed <= set(data) <= needed | allowed:
-        raise BadRequest(f"{what}: give {' '.join(sorted(needed))}, and nothing else")
-    return data
-
-
-def _text(value: Any, what: str) -> str:
-    if not isinstance(value, str) or not 1 <= len(value) <= 200:
-        raise BadRequest(f"{what}: give a name of 1 to 200 characters")
-    return value
-
-
-def _number(value: Any, what: str, largest: float = 1e6) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= largest:
-        raise BadRequest(f"{what}: give a finite number, at most {largest:g} in size")
-    return float(value)
-
-
-def _whole(value: Any, what: str, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise BadRequest(f"{what}: give a whole number from {least} to {most}")
-    return value
+        raise BadRequest(f"the request is not JSON: {str(error)[:100]}") from error

@@ -1,9 +1,9 @@
 """The attention of every region, from what a viewer attends to."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from baselines.numerics.attention.maps import MAPS, MapInputs
@@ -28,8 +28,7 @@ LARGEST_MASK = 1024
 """The most pixels per side that are kept of a mask."""
 
 
-@dataclass(frozen=True)
-class Attention:
+class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The object of attention: `foveal` and `point` about a point, `gradients` and `error` of the coarse frame, `mask`
     as marked by a user, or nothing.
 
@@ -44,7 +43,7 @@ class Attention:
 
     def __post_init__(self) -> None:
         if self.kind not in ATTENTIONS:
-            raise ValueError(f"attention {self.kind!r}: choose one of {' '.join(ATTENTIONS)}")
+            raise ValueError(f"kind {self.kind!r}: choose one of {' '.join(ATTENTIONS)}")
         if not (0.0 <= self.row <= 1.0 and 0.0 <= self.column <= 1.0):
             where = f"row {self.row:g} and column {self.column:g} of the point of interest"
             raise ValueError(f"{where}: both lie between 0 and 1")

@@ -27,18 +27,9 @@ from harness.viewer.shown_run import ShownRun
 from harness.viewer.wire import message
 
 PAGE = Path(__file__).parent / "page"
-FILES = {
-    "/": ("index.html", "text/html"),
-    "/viewer.css": ("viewer.css", "text/css"),
-    "/viewer.js": ("viewer.js", "text/javascript"),
-    "/camera.js": ("camera.js", "text/javascript"),
-    "/panel.js": ("panel.js", "text/javascript"),
-    "/asking.js": ("asking.js", "text/javascript"),
-    "/words.js": ("words.js", "text/javascript"),
-    "/stream.js": ("stream.js", "text/javascript"),
-    "/icon.svg": ("icon.svg", "image/svg+xml"),
-}
-"""Map path → file and type: nothing else is read from the disk for a request."""
+TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+FILES = {"/": "index.html", **{f"/{file.name}": file.name for file in PAGE.iterdir() if file.suffix in TYPES}}
+"""Map path → file: nothing else is read from the disk for a request."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -56,6 +47,14 @@ BODY_SECONDS = 10.0
 """The seconds within which a request has to arrive."""
 
 Made = TypeVar("Made")
+
+
+class Refused(BadRequest):
+    """A refusal with a status of its own: the reason, in a sentence."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status = status
 
 
 @dataclass
@@ -77,22 +76,18 @@ class Desk:
 
         Raises `Refused` for a request that is not newer than that.
         """
-        known = self.newest.get(asked.client, -1)
-        if asked.generation <= known:
+        if asked.generation <= (known := self.newest.get(asked.client, -1)):
             raise Refused(409, f"generation {asked.generation}: this page has asked for number {known} already")
         self.newest[asked.client] = asked.generation
         self.newest.move_to_end(asked.client)
         while len(self.newest) > MOST_CLIENTS:
             self.newest.popitem(last=False)
 
-    def wanted(self, asked: ViewRequest) -> bool:
-        return self.newest.get(asked.client) == asked.generation
-
     async def stream(self, asked: ViewRequest, gone: Callable[[], Any]) -> AsyncIterator[bytes]:
         messages = self.shown.messages(asked)
         try:
             while not await gone():
-                if not self.wanted(asked):
+                if self.newest.get(asked.client) != asked.generation:
                     yield message("given up")
                     break
                 piece = await self.done(_next_piece, messages)
@@ -102,14 +97,6 @@ class Desk:
         finally:
             with suppress(RuntimeError):  # the worker has ended with the program
                 self.worker.submit(messages.close)
-
-
-class Refused(Exception):
-    """A refusal: the status and the reason, in a sentence."""
-
-    def __init__(self, status: int, why: str) -> None:
-        super().__init__(why)
-        self.status = status
 
 
 class Streamed(StreamingResponse):
@@ -179,31 +166,22 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
         return Streamed(desk, desk.stream(asked, request.is_disconnected))
 
     routes = [
-        *(Route(path, _file(*what), methods=["GET"]) for path, what in FILES.items()),
+        *(Route(path, _file(PAGE / name), methods=["GET"]) for path, name in FILES.items()),
         Route("/run.json", run, methods=["GET"]),
         Route("/scene.json", scene, methods=["GET"]),
         Route("/truth", truth, methods=["GET"]),
         Route("/render", render, methods=["POST"]),
     ]
-    refusals = {BadRequest: _bad, Refused: _refused, Exception: _broken}
-    middleware = [
-        Middleware(SafeHeaders),
-        Middleware(TrustedHostMiddleware, allowed_hosts=hosts, www_redirect=False),
-        Middleware(OwnPagesAlone),
-    ]
-    return Starlette(routes=routes, middleware=middleware, exception_handlers=refusals)
+    middleware = [Middleware(Guard), Middleware(TrustedHostMiddleware, allowed_hosts=hosts, www_redirect=False)]
+    return Starlette(routes=routes, middleware=middleware, exception_handlers={BadRequest: _refuse, Exception: _break})
 
 
-async def _bad(request: Request, mistake: Exception) -> Response:
-    return PlainTextResponse(str(mistake), 400)
-
-
-async def _refused(request: Request, reason: Exception) -> Response:
-    assert isinstance(reason, Refused)
+async def _refuse(request: Request, reason: Exception) -> Response:
+    assert isinstance(reason, BadRequest)
     return PlainTextResponse(str(reason), reason.status)
 
 
-async def _broken(request: Request, error: Exception) -> Response:
+async def _break(request: Request, error: Exception) -> Response:
     traceback.print_exception(error, file=sys.stderr)
     return PlainTextResponse(f"{type(error).__name__}; the terminal has the details", 500)
 
@@ -222,34 +200,19 @@ async def _body(request: Request) -> bytes:
     return found
 
 
-def _file(name: str, kind: str) -> Callable[[Request], Any]:
-    content = (PAGE / name).read_bytes()
+def _file(path: Path) -> Callable[[Request], Any]:
+    content = path.read_bytes()
 
     async def answer(request: Request) -> Response:
-        return Response(content, media_type=kind)
+        return Response(content, media_type=TYPES[path.suffix])
 
     return answer
 
 
-class OwnPagesAlone:
-    """A filter that refuses requests of another site's page, by the browser's own headers: rendering for them costs
-    work.
+class Guard:
+    """A filter that puts `HEADERS` on every answer, and refuses requests of another site's page, by the browser's own
+    headers: rendering for them costs work.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope)
-        own = f"http://{headers.get('host')}"
-        if headers.get("origin", own) != own or headers.get("sec-fetch-site") == "cross-site":
-            await PlainTextResponse("another site's page may not ask", 403)(scope, receive, send)
-        else:
-            await self.app(scope, receive, send)
-
-
-class SafeHeaders:
-    """A filter that puts `HEADERS` on every answer, refusals as well."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -261,4 +224,8 @@ class SafeHeaders:
                 part = {**part, "headers": [*part.get("headers", []), *added]}
             await send(part)
 
-        await self.app(scope, receive, with_headers)
+        headers = Headers(scope=scope)
+        own = f"http://{headers.get('host')}"
+        foreign = headers.get("origin", own) != own or headers.get("sec-fetch-site") == "cross-site"
+        app = PlainTextResponse("another site's page may not ask", 403) if foreign else self.app
+        await app(scope, receive, with_headers)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from msgspec.structs import asdict
 
 from harness.playback.run_loader import FinishedRun
 from harness.playback.store import StoreStatistics, ViewStore
@@ -29,44 +30,20 @@ from scenes.view_sets.view_set import Split
 class TrueViews:
     """The test views of one scene at one size; without any, `missing` has the reason."""
 
-    names: tuple[str, ...]
-    poses: np.ndarray
-    """The poses, float64 [views, 4, 4], OpenGL axes."""
     split: Split | None
     missing: str = ""
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def colour(self, view: int) -> np.ndarray:
-        """Return float32 [h, w, 3], display colour over white."""
-        assert self.split is not None
-        return over_white(self.split.rgba[view])
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.split.names if self.split else ()
 
-    def opacity(self, view: int) -> np.ndarray:
-        """Return float32 [h, w]."""
-        assert self.split is not None
-        return self.split.rgba[view][..., 3]
-
-    def depth(self, view: int) -> np.ndarray | None:
-        """Return float32 [h, w], 0 where nothing was hit; None for a view set that has no depth."""
-        assert self.split is not None
-        return None if self.split.depth is None else self.split.depth[view]
-
-
-def no_truth(why: str) -> TrueViews:
-    return TrueViews((), np.zeros((0, 4, 4)), None, why)
-
-
-def read_truth(run: FinishedRun, scene: SceneRecord, view_sets: Path, width: int, scratch: Path | None) -> TrueViews:
-    """Read the truth of a finished run's scene, at `width` pixels or the views' own width if that is smaller; decoded
-    images go to `scratch`. Never raises for faults of the view set.
-    """
-    try:
-        found = run.views(scene, view_sets, min(width, scene.width), scratch=scratch)
-    except (InputError, OSError) as error:
-        return no_truth(f"No ground truth: {error}")
-    return TrueViews(found.test.names, found.test.camera_to_world, found.test)
+    @property
+    def poses(self) -> np.ndarray:
+        """Return the poses, float64 [views, 4, 4], OpenGL axes."""
+        return self.split.camera_to_world if self.split else np.zeros((0, 4, 4))
 
 
 MEMORY_BYTES = 256 << 20
@@ -160,9 +137,9 @@ class ShownRun:
             "title": scene.title,
             "width": width,
             "height": max(1, round(scene.height * width / scene.width)),
-            "start": _as_json(_start(scene)),
+            "start": asdict(_start(scene)),
             "views": [
-                {"name": view, **_as_json(orbit_of(pose, centre))}
+                {"name": view, **asdict(orbit_of(pose, centre))}
                 for view, pose in zip(truth.names, truth.poses, strict=True)
             ],
             "missing": truth.missing,
@@ -197,10 +174,19 @@ class ShownRun:
         if found is None:
             while len(self.truths) >= TRUTHS:
                 self.truths.popitem(last=False)
-            scratch = None if self.memory_alone else self.run.out
-            found = read_truth(self.run, scene, self.view_sets, self.width or scene.width, scratch)
+            found = self._read_truth(scene)
         self.truths[scene.name] = found
         return found
+
+    def _read_truth(self, scene: SceneRecord) -> TrueViews:
+        """Read the views at their own width or, if that is smaller, at the shown one; decoded images go to the run's
+        folder if it can be written. A fault of the view set is the reason why they are missing.
+        """
+        width, scratch = min(self.width or scene.width, scene.width), None if self.memory_alone else self.run.out
+        try:
+            return TrueViews(self.run.views(scene, self.view_sets, width, scratch=scratch).test)
+        except (InputError, OSError) as error:
+            return TrueViews(None, f"No ground truth: {error}")
 
     def _attends(self, kind: str) -> bool:
         return kind != "mask" or self.mask is not None
@@ -230,17 +216,19 @@ class ShownRun:
         truth = self.truth(self.scene(name))
         if view >= len(truth):
             raise BadRequest(f"view: there are {len(truth)} test views")
-        colour, opacity, depth = truth.colour(view), truth.opacity(view), truth.depth(view)
-        height, width = opacity.shape
-        facts = {"name": truth.names[view], "width": width, "height": height, "has_depth": depth is not None}
-        return picture_message("truth", colour, opacity, depth, **facts)
+        assert truth.split is not None
+        rgba, depths = truth.split.rgba[view], truth.split.depth
+        height, width = rgba.shape[:2]
+        facts = {"name": truth.names[view], "width": width, "height": height, "has_depth": depths is not None}
+        depth = None if depths is None else depths[view]
+        return picture_message("truth", over_white(rgba), rgba[..., 3], depth, **facts)
 
     def messages(self, asked: ViewRequest) -> Generator[bytes, None, None]:
         """Yield all messages for a page's request, one piece of work after another; it has been `checked` before."""
         scene = self.scene(asked.scene)
         truth = self.truth(scene)
         exact = asked.place if isinstance(asked.place, int) else None
-        pose = truth.poses[exact] if exact is not None else asked.place.pose()  # type: ignore[union-attr]
+        pose = asked.place.pose() if isinstance(asked.place, Orbit) else truth.poses[asked.place]
         seats = []
         for method in asked.methods:
             if (scene.name, method) not in self.seats:
@@ -255,7 +243,7 @@ class ShownRun:
         began = time.perf_counter()
         camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
         yield message("start", width=camera.width, height=camera.height, exact=exact)
-        picture = truth.colour(exact) if exact is not None else None
+        picture = over_white(truth.split.rgba[exact]) if truth.split and exact is not None else None
         for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began, mask=self.mask):
             if frame.state == "whole":
                 self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
@@ -298,12 +286,3 @@ def _store(folder: Path) -> tuple[ViewStore, str]:
         return ViewStore(MEMORY_BYTES, folder, DISK_BYTES), ""
     except InputError as reason:
         return ViewStore(MEMORY_BYTES, None, 0), str(reason)
-
-
-def _as_json(orbit: Orbit) -> dict[str, Any]:
-    return {
-        "azimuth": orbit.azimuth,
-        "elevation": orbit.elevation,
-        "distance": orbit.distance,
-        "target": list(orbit.target),
-    }

@@ -44,8 +44,8 @@ class FrameFolder:
 
     def is_whole(self, number: int, key: str) -> bool:
         """Return whether a frame shows the view with `key`, and both files hold the bytes that were written."""
-        told = self._listed.get(_stem(number), {})
-        return told.get("key") == key and all(told.get(file.suffix) == _digest(file) for file in self._files(number))
+        listed = self._listed.get(_stem(number), {})
+        return listed.get("key") == key and all(listed.get(file.suffix) == _digest(file) for file in self._files(number))
 
     def write(self, number: int, key: str, view: View) -> None:
         """Write atomically; raises `OSError` if it cannot be written."""
@@ -91,9 +91,7 @@ def _digest(file: Path) -> str | None:
 def _read_listing(path: Path) -> dict[str, dict[str, str]]:
     """Read the listing; empty if that fails: frames are then rendered again, which costs time and nothing else."""
     try:
-        found = load_json(path)
+        frames = load_json(path)
     except (OSError, ValueError):
         return {}
-    if not isinstance(found, dict):
-        return {}
-    return {name: told for name, told in found.items() if isinstance(told, dict)}
+    return {name: one for name, one in frames.items() if isinstance(one, dict)} if isinstance(frames, dict) else {}

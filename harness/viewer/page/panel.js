@@ -1,12 +1,12 @@
 // One picture with its figures. Text from the server is put in as text, never as markup.
 
+const WHITE = [255, 255, 255]
 const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [109, 205, 89], [180, 222, 44], [253, 231, 37]]
 const INFERNO = [[0, 0, 4], [31, 12, 72], [85, 15, 109], [136, 34, 106], [186, 54, 85], [227, 89, 51], [249, 140, 10], [249, 201, 50], [252, 255, 164]]
-const GREY = [[0, 0, 0], [255, 255, 255]]
 export const LARGEST_ERROR = 0.3
-export const RAMPS = { depth: [...VIRIDIS].reverse(), opacity: GREY, error: INFERNO }
+export const RAMPS = { depth: [...VIRIDIS].reverse(), opacity: [[0, 0, 0], WHITE], error: INFERNO }
 
-export function ramp(stops, share) {
+function ramp(stops, share) {
   const at = Math.min(Math.max(share, 0), 1) * (stops.length - 1)
   const low = Math.min(Math.floor(at), stops.length - 2)
   return stops[low].map((value, i) => value + (at - low) * (stops[low + 1][i] - value))
@@ -14,47 +14,39 @@ export function ramp(stops, share) {
 
 const seconds = value => value < 0.001 ? '< 1 ms' : value < 1 ? `${(1000 * value).toFixed(0)} ms` : `${value.toFixed(2)} s`
 const count = value => value.toLocaleString('en').replaceAll(',', ' ')
-export const decibels = value => `${value.toFixed(2)} dB`
+export const decibels = value => value == null ? '–' : `${value.toFixed(2)} dB`
 
-export function made(tag, text = '', name = '') {
-  const found = document.createElement(tag)
-  if (text) found.textContent = text
-  if (name) found.className = name
-  return found
+/** An element with properties, and what it holds: texts and nodes. */
+export function made(tag, properties = {}, ...children) {
+  const node = Object.assign(document.createElement(tag), properties)
+  node.append(...children)
+  return node
 }
 
 const ROWS = { state: 'State', coarse: 'Coarse', whole: 'Whole', rays: 'Rays', evaluations: 'Evaluations', psnr: 'PSNR, this view', mean: 'PSNR, test mean' }
 const TRUTH_ROWS = { state: 'View', views: 'Test views', ceiling: 'PSNR ceiling', floor: 'PSNR floor' }
+const LASTING = ['mean', 'views', 'ceiling', 'floor']
 
 export class Panel {
   constructor(name, about, truth = false) {
     this.name = name
     this.truth = truth
-    this.root = made('figure', '', truth ? 'truth' : 'method')
-    this.root.dataset.method = name
-    const caption = made('figcaption')
-    this.about = made('span', about)
-    this.about.title = about
-    caption.append(made('strong', name), this.about)
-    this.canvas = made('canvas')
-    this.canvas.tabIndex = 0
-    this.canvas.setAttribute('role', 'application')
-    this.bar = made('div', '', 'bar')
-    this.over = made('div', '', 'over')
-    this.poi = made('div', '', 'poi')
-    this.poi.hidden = true
-    const box = made('div', '', 'picture')
-    box.append(this.canvas, this.poi, this.bar, this.over)
-    this.figures = {}
+    this.canvas = made('canvas', { tabIndex: 0, role: 'application' })
+    this.bar = made('div', { className: 'bar' })
+    this.over = made('div', { className: 'over' })
+    this.poi = made('div', { className: 'poi', hidden: true })
+    this.note = made('p', { className: 'note', hidden: true })
     const list = made('dl')
+    this.figures = {}
     for (const [key, title] of Object.entries(truth ? TRUTH_ROWS : ROWS)) {
-      this.figures[key] = made('dd', '–')
+      this.figures[key] = made('dd', {}, '–')
       this.figures[key].dataset.key = key
-      list.append(made('dt', title), this.figures[key])
+      list.append(made('dt', {}, title), this.figures[key])
     }
-    this.note = made('p', '', 'note')
-    this.note.hidden = true
-    this.root.append(caption, box, list, this.note)
+    this.root = made('figure', { className: truth ? 'truth' : 'method' },
+      made('figcaption', {}, made('strong', {}, name), made('span', { title: about }, about)),
+      made('div', { className: 'picture' }, this.canvas, this.poi, this.bar, this.over), list, this.note)
+    this.root.dataset.method = name
     this.size(1, 1)
   }
 
@@ -69,25 +61,21 @@ export class Panel {
     this.depth = new Float32Array(pixels)
   }
 
-  put(pixels) {
+  put({ number, depth, colour, opacity }) {
     this.filled = true
     this.over.textContent = ''
-    const { number, depth, colour, opacity } = pixels
-    for (let i = 0; i < number.length; i++) {
-      const at = number[i]
+    number.forEach((at, i) => {
       this.depth[at] = depth[i]
       this.opacity[at] = opacity[i]
-      this.colour[3 * at] = colour[3 * i]
-      this.colour[3 * at + 1] = colour[3 * i + 1]
-      this.colour[3 * at + 2] = colour[3 * i + 2]
-    }
+      this.colour.set(colour.subarray(3 * i, 3 * i + 3), 3 * at)
+    })
   }
 
   say(key, text, small = '', kind = '') {
     const cell = this.figures[key]
     cell.textContent = text
     cell.className = kind
-    if (small) cell.append(' ', made('small', small))
+    if (small) cell.append(' ', made('small', {}, small))
   }
 
   remark(text) {
@@ -109,7 +97,6 @@ export class Panel {
       this.say('state', 'coarse', `every ${frame.stride} pixels`)
       this.say('coarse', seconds(frame.seconds), `own work ${seconds(frame.work)}`)
       this.say('whole', '…')
-      this.say('evaluations', '–')
     } else if (frame.state === 'refining') {
       this.say('state', `refining ${Math.floor(100 * frame.share)} %`)
     } else {
@@ -119,21 +106,19 @@ export class Panel {
       if (cached) this.say('coarse', '–', 'not needed')
       this.say('whole', seconds(frame.seconds), cached ? '' : `own work ${seconds(frame.work)}`)
       this.root.dataset.level = cached ? frame.level : 'none'
+      this.root.dataset.psnr = frame.psnr ?? ''
     }
     this.say('rays', count(frame.rays))
-    if (frame.state !== 'coarse') this.say('evaluations', count(frame.evaluations))
+    this.say('evaluations', frame.state === 'coarse' ? '–' : count(frame.evaluations))
     if (frame.psnr !== null) this.say('psnr', decibels(frame.psnr), frame.state === 'coarse' ? 'coarse' : '', 'strong')
     else if (frame.state !== 'refining') this.say('psnr', '–', scored)
-    if (frame.state === 'whole') this.root.dataset.psnr = frame.psnr ?? ''
   }
 
   fail(why) {
     this.state('failed')
-    this.colour.fill(255)
     this.filled = false
     this.over.textContent = why
-    const kept = ['mean', 'views', 'ceiling', 'floor']
-    for (const key of Object.keys(this.figures)) if (!kept.includes(key)) this.say(key, key === 'state' ? 'not shown' : '–')
+    for (const key of Object.keys(this.figures)) if (!LASTING.includes(key)) this.say(key, key === 'state' ? 'not shown' : '–')
     this.remark('')
   }
 
@@ -147,34 +132,29 @@ export class Panel {
   /** Depths that were hit: the least and the largest. */
   depths() {
     let least = Infinity, most = -Infinity
-    if (this.filled) {
-      for (const value of this.depth) {
-        if (value > 0 && value < least) least = value
-        if (value > most) most = value
-      }
+    for (const value of this.filled ? this.depth : []) {
+      if (value > 0 && value < least) least = value
+      if (value > most) most = value
     }
     return [least, most]
   }
 
   draw(mode, [near, far], truth) {
+    const isError = mode === 'error' && !this.truth
+    const compared = isError && truth?.width === this.width && truth.height === this.height
+    if (this.filled) this.over.textContent = isError && !compared ? 'Errors are shown at a view of the ground truth.' : ''
+    const stops = RAMPS[mode]
+    const colour = at => this.colour.subarray(3 * at, 3 * at + 3)
+    const error = at => colour(at).reduce((sum, value, i) => sum + Math.abs(value - truth.colour[3 * at + i]), 0) / 765
+    let shade = colour
+    if (!this.filled || (isError && !compared)) shade = () => WHITE
+    else if (isError) shade = at => ramp(stops, error(at) / LARGEST_ERROR)
+    else if (mode === 'opacity') shade = at => ramp(stops, this.opacity[at] / 255)
+    else if (mode === 'depth') shade = at => this.depth[at] > 0 ? ramp(stops, (this.depth[at] - near) / (far - near || 1)) : WHITE
     const context = this.canvas.getContext('2d', { willReadFrequently: true }) // is written by hand alone
     const image = context.createImageData(this.width, this.height)
-    const compared = mode === 'error' && truth && !this.truth && truth.width === this.width && truth.height === this.height
-    if (mode === 'error' && !this.truth && this.filled && !compared) this.over.textContent = 'Errors are shown at a view of the ground truth.'
-    else if (this.filled) this.over.textContent = ''
-    const stops = RAMPS[mode]
-    for (let at = 0; at < this.depth.length; at++) {
-      let rgb = [this.colour[3 * at], this.colour[3 * at + 1], this.colour[3 * at + 2]]
-      if (!this.filled) rgb = [255, 255, 255]
-      else if (mode === 'opacity') rgb = ramp(stops, this.opacity[at] / 255)
-      else if (mode === 'depth') rgb = this.depth[at] > 0 ? ramp(stops, (this.depth[at] - near) / (far - near || 1)) : [255, 255, 255]
-      else if (compared) {
-        let sum = 0
-        for (let i = 0; i < 3; i++) sum += Math.abs(rgb[i] - truth.colour[3 * at + i])
-        rgb = ramp(stops, sum / 765 / LARGEST_ERROR)
-      } else if (mode === 'error' && !this.truth) rgb = [255, 255, 255]
-      image.data.set([rgb[0], rgb[1], rgb[2], 255], 4 * at)
-    }
+    image.data.fill(255)
+    for (let at = 0; at < this.depth.length; at++) image.data.set(shade(at), 4 * at)
     context.putImageData(image, 0, 0)
   }
 }

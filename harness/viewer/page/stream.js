@@ -1,6 +1,8 @@
-// Messages as `harness/viewer/wire.py` writes them: length of the header, header, and 12 bytes for each of its pixels.
+// What the page asks of the server: messages as `harness/viewer/wire.py` writes them (length of the header, header, and
+// 12 bytes for each of its pixels), and one render at a time, of which the newest request wins.
 
 const BYTES_PER_PIXEL = 12
+const PAUSE = 1000
 
 /** The arrays of a message: number, depth, colour and opacity of each pixel. */
 function pixelsOf(bytes, count) {
@@ -14,26 +16,25 @@ function pixelsOf(bytes, count) {
 }
 
 /** Whole messages from the front of `bytes`, and what is left. */
-export function split(bytes) {
-  const found = []
+function split(bytes) {
+  const messages = []
   let at = 0
   while (at + 4 <= bytes.length) {
-    const length = new DataView(bytes.buffer, bytes.byteOffset + at, 4).getUint32(0, true)
-    const start = at + 4 + length
+    const start = at + 4 + new DataView(bytes.buffer, bytes.byteOffset + at, 4).getUint32(0, true)
     if (start > bytes.length) break
     const header = JSON.parse(new TextDecoder().decode(bytes.subarray(at + 4, start)))
     const end = start + BYTES_PER_PIXEL * header.pixels
     if (end > bytes.length) break
-    found.push({ header, pixels: header.pixels ? pixelsOf(bytes.subarray(start, end), header.pixels) : null })
+    messages.push({ header, pixels: header.pixels ? pixelsOf(bytes.subarray(start, end), header.pixels) : null })
     at = end
   }
-  return [found, bytes.subarray(at)]
+  return [messages, bytes.subarray(at)]
 }
 
 /** What a reader should be told as it is. */
 export class Told extends Error {}
 /** The same question may be answered in a moment. */
-export class Busy extends Told {}
+class Busy extends Told {}
 
 /** What the network does; a TypeError of `fetch` or of a body is its way to say that there is none. */
 async function reached(promise) {
@@ -51,17 +52,15 @@ async function answer(address, options) {
   throw new (response.status === 503 ? Busy : Told)(text.slice(0, 300) || `The server answers ${response.status}.`)
 }
 
-export async function json(address) {
-  return reached((await answer(address)).json())
-}
+export const json = async address => reached((await answer(address)).json())
 
 export async function picture(address) {
-  const [found] = split(new Uint8Array(await reached((await answer(address)).arrayBuffer())))
-  return found[0]
+  const [[message]] = split(new Uint8Array(await reached((await answer(address)).arrayBuffer())))
+  return message
 }
 
 /** Calls `onMessage` for each message of a render as it arrives; ends early where the signal is aborted. */
-export async function render(request, signal, onMessage) {
+async function render(request, signal, onMessage) {
   const response = await answer('/render', {
     method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(request), signal,
   })
@@ -76,5 +75,65 @@ export async function render(request, signal, onMessage) {
     const [messages, left] = split(joined)
     kept = left
     for (const message of messages) onMessage(message)
+  }
+}
+
+/** One render at a time: the newest request wins, and each gets at least its coarse frames. */
+export class Asking {
+  wanted = false
+  running = false
+  current = null
+  coarse = new Set()
+  controller = new AbortController()
+
+  /** `make()` gives the request for what is wanted now, or null; `receive(message)` gets its answers, `fail(error)` why there are none. */
+  constructor(make, receive, fail) {
+    Object.assign(this, { make, receive, fail })
+  }
+
+  ask({ now = false } = {}) {
+    this.wanted = true
+    if (!this.running) this.pump()
+    else if (now || !this.coarse.size) this.abort()
+  }
+
+  /** Nothing of what was asked so far is shown any more. */
+  drop() {
+    this.wanted = false
+    this.abort()
+  }
+
+  abort() {
+    this.current = null
+    this.controller.abort()
+  }
+
+  /** There is something of this method to look at. */
+  seen(method) {
+    this.coarse.delete(method)
+    if (!this.coarse.size && this.wanted) this.abort()
+  }
+
+  async pump() {
+    this.running = true
+    while (this.wanted) {
+      this.wanted = false
+      const request = this.current = this.make()
+      if (!request) continue
+      this.controller = new AbortController()
+      this.coarse = new Set(request.methods)
+      try {
+        // what had been read before it was given up is not of the view that is shown now
+        await render(request, this.controller.signal, message => this.current === request && this.receive(message))
+      } catch (error) {
+        if (error.name === 'AbortError') continue
+        this.fail(error)
+        if (error instanceof Busy) {
+          await new Promise(resolve => setTimeout(resolve, PAUSE))
+          this.wanted ||= this.current === request
+        }
+      }
+    }
+    this.running = false
   }
 }

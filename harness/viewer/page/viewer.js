@@ -1,10 +1,8 @@
 // The page: what is chosen, what is asked of the server, and where its answers go.
 
-import { Asking } from './asking.js'
 import { closer, farther, handle, KEYS, nearest, reach, within } from './camera.js'
-import { decibels, LARGEST_ERROR, made, Panel, ramp, RAMPS } from './panel.js'
-import { json, picture, Told } from './stream.js'
-import { ofCache, ofPlace } from './words.js'
+import { decibels, LARGEST_ERROR, made, Panel, RAMPS } from './panel.js'
+import { Asking, json, picture, Told } from './stream.js'
 
 const $ = id => document.getElementById(id)
 const TRUTHS_KEPT = 60
@@ -19,26 +17,27 @@ const truths = new Map()
 const client = crypto.getRandomValues(new Uint32Array(4)).join('-')
 let generation = 0
 let drawing = false
+const every = () => [...panels.values(), truth]
 
 function draw() {
   if (drawing) return
   drawing = true
   requestAnimationFrame(() => {
     drawing = false
-    const all = [...panels.values(), truth]
-    const ranges = all.map(panel => panel.depths())
-    const near = Math.min(...ranges.map(range => range[0])), far = Math.max(...ranges.map(range => range[1]))
-    const known = Number.isFinite(near) && Number.isFinite(far)
+    const ranges = every().map(panel => panel.depths())
+    const near = Math.min(...ranges.map(([least]) => least)), far = Math.max(...ranges.map(([, most]) => most))
     const exact = page.view !== null && truth.filled && truth.key && truth.view === page.view ? truth : null
-    for (const panel of all) panel.draw(page.mode, known ? [near, far] : [0, 1], exact)
-    const scale = { depth: known ? [`${near.toFixed(2)} near`, `${far.toFixed(2)} far, scene units`] : null, opacity: ['0', '1'], error: ['0', `${LARGEST_ERROR} or more`] }[page.mode]
-    $('scale').hidden = !scale
-    if (!scale) return
-    $('least').textContent = scale[0]
-    $('most').textContent = scale[1]
-    const context = $('ramp').getContext('2d'), image = context.createImageData(128, 1)
-    for (let i = 0; i < 128; i++) image.data.set([...ramp(RAMPS[page.mode], i / 127), 255], 4 * i)
-    context.putImageData(image, 0, 0)
+    const isKnown = Number.isFinite(near) && Number.isFinite(far)
+    for (const panel of every()) panel.draw(page.mode, isKnown ? [near, far] : [0, 1], exact)
+    const ends = {
+      depth: isKnown ? [`${near.toFixed(2)} near`, `${far.toFixed(2)} far, scene units`] : null,
+      opacity: ['0', '1'], error: ['0', `${LARGEST_ERROR} or more`],
+    }[page.mode]
+    $('scale').hidden = !ends
+    if (!ends) return
+    $('least').textContent = ends[0]
+    $('most').textContent = ends[1]
+    $('ramp').style.background = `linear-gradient(90deg, ${RAMPS[page.mode].map(rgb => `rgb(${rgb})`)})`
   })
 }
 
@@ -60,31 +59,39 @@ function request() {
   }
 }
 
-function receive({ header, pixels }) {
-  const panel = panels.get(header.method)
-  if (header.kind === 'frame' && panel) {
+const receivers = {
+  frame(header, pixels, panel) {
     complain('')
     if (pixels) panel.put(pixels)
-    panel.read(header, scored())
+    panel.read(header, page.view === null ? 'only at a view of the ground truth' : page.scene.missing ? 'no ground truth' : 'only at the views’ own size')
     if (header.state !== 'refining') asking.seen(header.method)
-  } else if (header.kind === 'loading' && panel) {
+  },
+  loading(header, _, panel) {
     panel.say('state', 'loading …')
     panel.state('loading')
-  } else if (header.kind === 'failed' && panel) {
+  },
+  failed(header, _, panel) {
     panel.fail(header.note)
     asking.seen(header.method)
-  } else if (header.kind === 'start') {
-    for (const one of panels.values()) one.size(header.width, header.height)
-    if (!page.near) truth.size(header.width, header.height)
-  } else if (header.kind === 'end') {
-    $('cache').textContent = ofCache(header.cache)
-    $('said').textContent = page.methods.map(name => `${name}: ${panels.get(name).figures.state.textContent}, PSNR ${panels.get(name).figures.psnr.textContent}`).join('; ')
+  },
+  start({ width, height }) {
+    for (const panel of page.near ? panels.values() : every()) panel.size(width, height)
+  },
+  end({ cache }) {
+    $('cache').textContent = ofCache(cache)
+    $('said').textContent = [...panels].map(([name, { figures }]) => `${name}: ${figures.state.textContent}, PSNR ${figures.psnr.textContent}`).join('; ')
     document.body.dataset.ended = generation
-  } else if (header.kind === 'given up') stopped('as many other pages ask; move to ask again')
-  else if (header.kind === 'broken') {
-    complain(header.note)
+  },
+  'given up': () => stopped('as many other pages ask; move to ask again'),
+  broken({ note }) {
+    complain(note)
     stopped()
-  }
+  },
+}
+
+function receive({ header, pixels }) {
+  const panel = panels.get(header.method)
+  if (header.method === undefined || panel) receivers[header.kind](header, pixels, panel)
   draw()
 }
 
@@ -100,7 +107,20 @@ function failed(error) {
 }
 
 const asking = new Asking(request, receive, failed)
-const scored = () => page.view === null ? 'only at a view of the ground truth' : page.scene.missing ? 'no ground truth' : 'only at the views’ own size'
+
+function ofCache(cache) {
+  const [first, second, disk] = ['level 0', 'level 1', 'level 2'].map(level => cache.sources[level] ?? 0)
+  const hits = first + second + disk, all = hits + (cache.sources.rendered ?? 0)
+  const size = bytes => `${(bytes / 2 ** 20).toFixed(1)} MiB`
+  return [
+    `View cache, all pages together since the server began: ${hits} of ${all} pictures (${all ? Math.round(100 * hits / all) : 0} %) served from it`,
+    hits && `memory ${first + second}, disk ${disk}`,
+    `holds about ${size(cache.memory_bytes)} in memory${cache.memory_alone ? '' : `, ${size(cache.disk_bytes)} on disk`}`,
+    cache.memory_alone && `nothing is kept on disk: ${cache.memory_alone}`,
+    cache.failed_writes && `${cache.failed_writes} writes failed: ${cache.last_failure}`,
+    cache.damaged && `${cache.damaged} damaged files dropped`,
+  ].filter(Boolean).join(' · ')
+}
 
 // ---- ground truth
 
@@ -138,10 +158,19 @@ async function showTruth() {
 
 // ---- moving
 
+/** Nodes: where the camera stands, and how far from a view of the ground truth. */
+function place({ scene, view, near, orbit }) {
+  const degrees = angle => `${(angle * 180 / Math.PI).toFixed(1)}°`
+  const azimuth = ((orbit.azimuth + Math.PI) % (2 * Math.PI)) - Math.PI
+  const pose = `azimuth ${degrees(azimuth)}, elevation ${degrees(orbit.elevation)}, distance ${orbit.distance.toFixed(2)}`
+  if (view !== null) return ['At ', made('b', {}, `test view ${view + 1} of ${scene.views.length}`), ` · ${pose}`]
+  return [near ? `Free · nearest: test view ${near.index + 1} of ${scene.views.length}, ${near.degrees.toFixed(1)}° away · ${pose}` : `Free · ${pose}`]
+}
+
 function moved() {
   const { scene, view, orbit } = page
   page.near = view === null ? nearest(scene.views, orbit, scene.centre) : { index: view, degrees: 0 }
-  $('place').replaceChildren(...ofPlace(page))
+  $('place').replaceChildren(...place(page))
   for (const id of ['previous', 'next', 'nearest']) $(id).disabled = !scene.views.length
   showTruth()
   asking.ask()
@@ -154,11 +183,9 @@ function move(change) {
 }
 
 function goTo(view) {
+  const { azimuth, elevation, distance, target } = view === null ? page.scene.start : page.scene.views[view]
   page.view = view
-  if (view !== null) {
-    const { azimuth, elevation, distance, target } = page.scene.views[view]
-    page.orbit = { azimuth, elevation, distance, target }
-  } else page.orbit = page.scene.start
+  page.orbit = { azimuth, elevation, distance, target }
   moved()
 }
 
@@ -178,10 +205,10 @@ const actions = {
 
 function mark() {
   const shown = page.attention === 'foveal' || page.attention === 'point'
-  for (const panel of panels.values()) {
-    panel.poi.hidden = !shown
-    panel.poi.style.left = `${100 * page.point.column}%`
-    panel.poi.style.top = `${100 * page.point.row}%`
+  for (const { poi } of panels.values()) {
+    poi.hidden = !shown
+    poi.style.left = `${100 * page.point.column}%`
+    poi.style.top = `${100 * page.point.row}%`
   }
 }
 
@@ -200,24 +227,24 @@ function movable(panel) {
 // ---- choosing
 
 function label() {
-  for (const panel of [...panels.values(), truth]) panel.canvas.setAttribute('aria-label', `${panel.name}, ${page.scene.name}, ${page.mode}. Drag or use the arrow keys to orbit.`)
+  for (const { canvas, name } of every()) canvas.ariaLabel = `${name}, ${page.scene.name}, ${page.mode}. Drag or use the arrow keys to orbit.`
 }
 
 function showPanels() {
-  const about = Object.fromEntries(page.listing.methods.map(method => [method.name, method.about]))
   for (const name of [...panels.keys()]) if (!page.methods.includes(name)) panels.delete(name)
-  for (const name of page.methods) {
+  for (const { name, about } of page.listing.methods) {
+    if (!page.methods.includes(name)) continue
     if (!panels.has(name)) {
-      panels.set(name, new Panel(name, about[name]))
+      panels.set(name, new Panel(name, about))
       movable(panels.get(name))
     }
-    const cell = page.scene.cells[name], trained = `${cell.weights} weights, ${cell.train_seconds?.toFixed(0)} s of training`
-    panels.get(name).say('mean', cell.psnr == null ? '–' : decibels(cell.psnr))
-    panels.get(name).figures.mean.title = trained
+    const cell = page.scene.cells[name], panel = panels.get(name)
+    panel.say('mean', decibels(cell.psnr))
+    panel.figures.mean.title = `${cell.weights} weights, ${cell.train_seconds?.toFixed(0)} s of training`
   }
-  const ordered = page.listing.methods.map(method => method.name).filter(name => panels.has(name))
+  const ordered = page.listing.methods.filter(({ name }) => panels.has(name)).map(({ name }) => panels.get(name).root)
   const focused = $('panels').contains(document.activeElement) ? document.activeElement : null
-  $('panels').replaceChildren(...ordered.map(name => panels.get(name).root), truth.root)
+  $('panels').replaceChildren(...ordered, truth.root)
   if (focused) (focused.isConnected ? focused : $('panels').querySelector('canvas')).focus({ preventScroll: true })
   $('panels').classList.toggle('two', panels.size < 2)
   label()
@@ -238,70 +265,57 @@ async function choose(name) {
   document.title = `${scene.name} · ${page.listing.run}`
   for (const panel of panels.values()) panel.fail('')
   for (const box of $('methods').querySelectorAll('input')) {
-    const cell = scene.cells[box.value]
-    box.parentElement.classList.toggle('off', !cell.shown)
-    box.parentElement.title = cell.shown ? '' : `${box.value} on ${scene.name}: ${cell.why}`
+    const { shown, why } = scene.cells[box.value]
+    box.parentElement.classList.toggle('off', !shown)
+    box.parentElement.title = shown ? '' : `${box.value} on ${scene.name}: ${why}`
   }
-  const own = scene.width, before = page.width
+  const own = scene.width
   const sizes = [Math.max(8, Math.round(own / 2)), own, 2 * own, 4 * own].filter(width => width <= page.listing.largest_width)
-  $('size').replaceChildren(...sizes.map(width => {
-    const option = made('option', `${width} px${width === own ? ', own' : ''}`)
-    option.value = width
-    return option
-  }))
-  page.width = sizes.includes(before) ? before : own
-  $('size').value = page.width
+  if (!sizes.includes(page.width)) page.width = own
+  options('size', sizes.map(width => [width, `${width} px${width === own ? ', own' : ''}`]), page.width)
   truth.say('views', scene.views.length || '–')
-  truth.say('ceiling', scene.psnr_ceiling == null ? '–' : decibels(scene.psnr_ceiling), 'by its own noise')
-  truth.say('floor', scene.psnr_floor == null ? '–' : decibels(scene.psnr_floor), 'nearest training view')
+  truth.say('ceiling', decibels(scene.psnr_ceiling), scene.psnr_ceiling == null ? '' : 'by its own noise')
+  truth.say('floor', decibels(scene.psnr_floor), scene.psnr_floor == null ? '' : 'nearest training view')
   showPanels()
   goTo(scene.views.length ? 0 : null)
 }
 
-function fill() {
-  const { listing } = page
-  $('run').textContent = `${listing.run} · ${listing.profile} profile · seed ${listing.seed}`
-  for (const { name } of listing.scenes) $('scene').append(made('option', name))
-  for (const { name, about } of listing.attentions) {
-    const option = made('option', about)
-    option.value = name
-    $('attention').append(option)
-  }
-  const picks = made('div', '', 'picks')
-  for (const { name, about } of listing.methods) {
-    const box = made('input'), line = made('label')
-    box.type = 'checkbox'
-    box.value = name
-    box.checked = page.methods.includes(name)
-    line.append(box, name)
-    line.title = about
-    picks.append(line)
-  }
-  $('methods').append(picks)
-  $('scene').value = listing.first.scene
+function options(id, entries, value) {
+  $(id).replaceChildren(...entries.map(([value, text]) => made('option', { value }, text)))
+  $(id).value = value
+}
+
+function fill({ run, profile, seed, scenes, attentions, methods, first }) {
+  $('run').textContent = `${run} · ${profile} profile · seed ${seed}`
+  options('scene', scenes.map(({ name }) => [name, name]), first.scene)
+  options('attention', attentions.map(({ name, about }) => [name, about]), page.attention)
+  $('methods').append(made('div', { className: 'picks' }, ...methods.map(({ name, about }) =>
+    made('label', { title: about }, made('input', { type: 'checkbox', value: name, checked: page.methods.includes(name) }), name))))
   const narrow = matchMedia('(max-width: 36rem)'), fold = () => { $('choices').open = !narrow.matches }
   narrow.addEventListener('change', fold)
   fold()
 }
 
 function listen() {
+  const asks = change => event => {
+    change(event.target.value)
+    asking.ask({ now: true })
+  }
   for (const [id, action] of Object.entries(actions)) $(id).addEventListener('click', action)
   $('scene').addEventListener('change', () => choose($('scene').value).catch(error => {
     $('scene').value = page.scene.name
     failed(error)
   }))
-  $('attention').addEventListener('change', () => { page.attention = $('attention').value; mark(); asking.ask({ now: true }) })
-  $('size').addEventListener('change', () => { page.width = Number($('size').value); asking.ask({ now: true }) })
+  $('attention').addEventListener('change', asks(value => { page.attention = value; mark() }))
+  $('size').addEventListener('change', asks(value => { page.width = Number(value) }))
+  $('methods').addEventListener('change', asks(() => {
+    page.methods = [...$('methods').querySelectorAll('input:checked')].map(box => box.value)
+    showPanels()
+  }))
   $('mode').addEventListener('change', event => {
     page.mode = event.target.value
     label()
     showTruth()
-    draw()
-  })
-  $('methods').addEventListener('change', () => {
-    page.methods = [...$('methods').querySelectorAll('input:checked')].map(box => box.value)
-    showPanels()
-    asking.ask({ now: true })
   })
   const keys = { n: actions.nearest, '[': actions.previous, ']': actions.next, r: actions.reset }
   $('panels').addEventListener('keydown', event => {
@@ -316,7 +330,7 @@ function listen() {
 try {
   page.listing = await json('/run.json')
   page.methods = page.listing.first.methods
-  fill()
+  fill(page.listing)
   movable(truth)
   await choose(page.listing.first.scene)
   listen()

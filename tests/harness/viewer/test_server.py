@@ -13,7 +13,7 @@ from harness.records.cells import read_cells
 from harness.training.evaluate import LARGEST_PSNR
 from harness.training.metrics import psnr
 from harness.viewer import engine, server
-from harness.viewer.server import FILES
+from harness.viewer.server import FILES, TYPES
 from harness.viewer.shown_run import ShownRun
 from scenes.files.errors import InputError
 from scenes.view_sets.images import read_image
@@ -24,10 +24,10 @@ from tests.replacing import replace
 
 
 def test_every_file_of_the_page_is_there_and_may_load_nothing_from_elsewhere(site: Site) -> None:
-    for path, (_, kind) in FILES.items():
+    for path, name in FILES.items():
         status, headers, body = site.ask("GET", path)
         assert status == 200
-        assert headers["content-type"].startswith(kind)
+        assert headers["content-type"].startswith(TYPES[Path(name).suffix])
         assert b"://" not in body.replace(b"http://www.w3.org/2000/svg", b"")
         policy = dict(part.split(maxsplit=1) for part in headers["content-security-policy"].split("; "))
         assert policy["default-src"] == "'none'"
@@ -88,9 +88,9 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"methods": [["nerf"]]}, "methods"),
     ({"methods": [str(i) for i in range(9)]}, "methods"),
     ({"place": {"view": 3}}, "view"),
-    ({"place": {"view": -1}}, "view"),
-    ({"place": {"view": True}}, "view"),
-    ({"place": {"view": 0.5}}, "view"),
+    ({"place": {"view": -1}}, "place"),
+    ({"place": {"view": True}}, "place"),
+    ({"place": {"view": 0.5}}, "place"),
     ({"place": {**ORBIT, "azimuth": float("nan")}}, "NaN"),
     ({"place": {**ORBIT, "distance": float("inf")}}, "Infinity"),
     ({"place": {**ORBIT, "distance": 0}}, "distance"),
@@ -107,10 +107,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"generation": 2**60}, "generation"),
     ({"client": "x" * 500}, "client"),
     ({"client": None}, "client"),
-    ({"more": 1}, "nothing else"),
+    ({"more": 1}, "more"),
     ({"attention": {"kind": "all", "row": 0, "column": 0}}, "attention"),
     ({"attention": {"kind": "point", "row": 2, "column": 0}}, "point"),
-    ({"attention": {"kind": "point"}}, "attention"),
+    ({"attention": {"kind": "point", "radius": 1}}, "attention"),
 ]
 
 
