@@ -77,27 +77,19 @@ class MethodView:
     def pointwise(self) -> bool:
         return self.learner.field.pointwise
 
-    @property
-    def bins(self) -> int:
-        """Return the samples per ray."""
-        how = self.learner.rendered_by()
-        return int(how.get("sampling", how)["bins"])
-
 
 @dataclass(frozen=True)
 class FreshPixels:
-    """Newly rendered pixels of one method."""
+    """Newly rendered pixels of one method: `pixels` int64 [n] are their indices, numbered row by row, `colour`
+    float32 [n, 3], `opacity` float32 [n], and `depth` float32 [n] the distance along the ray in scene units.
+    """
 
     method: str
     state: State
     pixels: np.ndarray
-    """The indices int64 [n], numbered row by row."""
     colour: np.ndarray
-    """The colour, float32 [n, 3]."""
     opacity: np.ndarray
-    """The opacity, float32 [n]."""
     depth: np.ndarray
-    """The distance along the ray in scene units, float32 [n]."""
     share: float
     """The share of the picture's rays at full resolution that are done."""
     seconds: float
@@ -107,9 +99,7 @@ class FreshPixels:
     rays: int = 0
     """The number of rays rendered so far, with those of the coarse frame and of an estimate of its error."""
     evaluations: int = 0
-    """The number of network evaluations so far, without those of the coarse frame, with those of an estimate of its
-    error.
-    """
+    """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
     """The stride of a coarse frame."""
     level: int | None = None
@@ -146,16 +136,16 @@ def frames(
     waiting = []
     for seat in seats:
         turn = _Turn(seat, camera, attention, truth, use_cache, start, mask)
-        found = turn.from_cache()
-        if found is not None:
-            yield found
+        cached = turn.from_cache()
+        if cached is not None:
+            yield cached
         else:
             waiting.append((turn, turn.rendered()))
     while waiting:
-        next_one = min(waiting, key=lambda one: one[0].work)
-        frame = next(next_one[1], None)
+        turn, rendering = min(waiting, key=lambda one: one[0].work)
+        frame = next(rendering, None)
         if frame is None:
-            waiting.remove(next_one)
+            waiting.remove((turn, rendering))
         else:
             yield frame
 
@@ -218,7 +208,9 @@ class _Turn:
 
         def error() -> np.ndarray:
             nonlocal rays, evaluations
-            found = estimated_error(seat.learner, camera, first, stride, seat.chunk, seat.bins)
+            how = seat.learner.rendered_by()
+            bins = int(how.get("sampling", how)["bins"])  # samples per ray
+            found = estimated_error(seat.learner, camera, first, stride, seat.chunk, bins)
             rays, evaluations = rays + found.rays, evaluations + found.network_evaluations
             return found.error
 

@@ -58,6 +58,9 @@ class FilmPlan:
         missing = sum(len(part.missing) for part in self.parts)
         cached = sum(part.cached for part in self.parts)
         frames = sorted({len(part.keys) for part in self.parts})
+        cost = sum(self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached) for part in self.parts)
+        cameras = [(part.take.cameras[0], len(part.missing)) for part in self.parts]
+        pixels = sum(camera.width * camera.height * missing for camera, missing in cameras)
         measured = ", ".join(f"{method} {1e3 * spent:.0f} ms" for method, spent in self.seconds.items())
         return [
             f"film: {self.wish.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",
@@ -65,16 +68,9 @@ class FilmPlan:
             f"  methods  {' '.join(dict.fromkeys(part.method for part in self.parts))}, seed {self.wish.seed}",
             f"  folder   {self.folder}",
             f"  frames   {count}: {count - missing} there, {cached} in the view cache, {missing - cached} to render",
-            f"  estimated cost: {self._cost():.1f} s of rendering{f' ({measured} a frame)' if measured else ''}, "
-            f"{self._bytes() / 1e6:.1f} MB of frames at most",
+            f"  estimated cost: {cost:.1f} s of rendering{f' ({measured} a frame)' if measured else ''}, "
+            f"{pixels * BYTES_A_PIXEL / 1e6:.1f} MB of frames at most",
         ]
-
-    def _cost(self) -> float:
-        return sum(self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached) for part in self.parts)
-
-    def _bytes(self) -> int:
-        lenses = [(part.take.cameras[0], len(part.missing)) for part in self.parts]
-        return sum(lens.width * lens.height * missing * BYTES_A_PIXEL for lens, missing in lenses)
 
 
 def planned(

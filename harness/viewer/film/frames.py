@@ -45,7 +45,9 @@ class FrameFolder:
     def is_whole(self, number: int, key: str) -> bool:
         """Return whether a frame shows the view with `key`, and both files hold the bytes that were written."""
         listed = self._listed.get(_stem(number), {})
-        return listed.get("key") == key and all(listed.get(file.suffix) == _digest(file) for file in self._files(number))
+        return listed.get("key") == key and all(
+            listed.get(file.suffix) == _digest(file) for file in self._files(number)
+        )
 
     def write(self, number: int, key: str, view: View) -> None:
         """Write atomically; raises `OSError` if it cannot be written."""
