@@ -40,6 +40,7 @@ def train_run(
     no_need: list[str] | None = None,
     on_trained: Callable[[Learner], None] = lambda learner: None,
     others: Sequence[Path] = (),
+    size: int = SIZE,
 ) -> Path:
     """The output folder `run`; its view set `ball` is beside it, `others` are trained on as well. `on_trained` gets
     each learner at its end.
@@ -53,10 +54,10 @@ def train_run(
 
     views, out = folder / "ball", folder / "run"
     if not views.exists():
-        write_ball(views, size=SIZE, train=5, test=3)
+        write_ball(views, size=size, train=5, test=3)
     given = [views, *others]
     plan = planned(
-        "smoke", view_set=given, methods=methods, seeds=1, budget_steps=steps, resolution=SIZE, no_need=no_need
+        "smoke", view_set=given, methods=methods, seeds=1, budget_steps=steps, resolution=size, no_need=no_need
     )
     plan = replace(plan, train=train, score=replace(SCORE, checkpoints=1, chunk=100, train_views=1))
     machine = Machine("cpu", 1, 1)

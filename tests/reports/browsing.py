@@ -52,14 +52,6 @@ def until(view: Any, true: str, seconds: float = 5.0) -> None:
     raise AssertionError(f"not within {seconds:g} s: {true}")
 
 
-def unseen_buttons(view: Any) -> list[str]:
-    """Buttons that the tab key stops at, though the head that they stand in is clipped away."""
-    return view.evaluate(
-        """[...document.querySelectorAll('thead button')].filter(one => one.checkVisibility({visibilityProperty: true})
-            && getComputedStyle(one.closest('thead')).clipPath !== 'none').map(one => one.textContent)"""
-    )
-
-
 def unfold(view: Any) -> None:
     view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
 

@@ -3,16 +3,14 @@
 python -m tests.reports.comparer_page FILE    writes one with two scenes, to be looked at
 """
 
-import base64
 import sys
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from reports.data.packing import as_data
+from reports.data.packing import Packed, as_data, depth, display, light
 from reports.drawing import palette
 from reports.page import script as page_script
 from reports.page import shell
@@ -28,34 +26,15 @@ ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colou
 
 
 @dataclass
-class Packed:
-    """Picture bytes by name, as the page holds them."""
+class Held:
+    """Packed pictures by name, as the page holds them."""
 
     texts: dict[str, str] = field(default_factory=dict)
 
-    def add(
-        self, values: np.ndarray, bits: int = 8, low: float = 0.0, high: float = 1.0, **more: Any
-    ) -> dict[str, Any]:
-        """Values [h, w] or [h, w, c] → their REF, rounded to so many bits between low and high."""
-        planes = np.atleast_3d(values).transpose(2, 0, 1)
-        raw = np.round((planes - low) / (high - low) * (2**bits - 1)).astype(np.int64)
-        parts = [raw] if bits == 8 else [raw >> 8, raw & 255]
-        # A channel's parts follow one another: all of its high bytes, then all of its low ones.
-        data = b"".join(delta(part[channel]) for channel in range(len(planes)) for part in parts)
-        name = f"px{len(self.texts)}"
-        self.texts[name] = base64.b64encode(zlib.compress(data)).decode("ascii")
-        return {"channels": len(planes), "bits": bits, "low": low, "high": high, "id": name, **more}
-
-
-def delta(plane: np.ndarray) -> bytes:
-    """Each byte less its left neighbour, modulo 256; the first of a row less the first of the row above."""
-    shape = plane.shape
-    out = np.zeros(shape, np.uint8)
-    for row in range(shape[0]):
-        for column in range(shape[1]):
-            before = plane[row, column - 1] if column else plane[row - 1, 0] if row else 0
-            out[row, column] = (int(plane[row, column]) - int(before)) % 256
-    return out.tobytes()
+    def add(self, picture: Packed) -> dict[str, Any]:
+        """Return the description of a picture."""
+        self.texts[picture.id] = picture.text
+        return picture.ref
 
 
 def ball(height: int, width: int, seed: int = 0, hdr: bool = False) -> dict[str, np.ndarray]:
@@ -91,7 +70,7 @@ def rendered(truth: dict[str, np.ndarray], method: int, seed: int, step: int) ->
 
 
 def data_of(
-    packed: Packed, side: int = 48, names: tuple[str, ...] = ("lego", "mic"), methods: tuple[str, ...] = METHODS
+    packed: Held, side: int = 48, names: tuple[str, ...] = ("lego", "mic"), methods: tuple[str, ...] = METHODS
 ) -> dict[str, Any]:
     """Two scenes × two views × two seeds; the first seed has three steps, the second one the last alone. The first view
     of mic is HDR, the second one of lego has no true depth; the last method diverged with seed 1.
@@ -101,7 +80,7 @@ def data_of(
     return {"methods": list(methods), "variables": variables, "scenes": scenes, "left_out": []}
 
 
-def _scene(packed: Packed, side: int, place: int, name: str, methods: tuple[str, ...]) -> dict[str, Any]:
+def _scene(packed: Held, side: int, place: int, name: str, methods: tuple[str, ...]) -> dict[str, Any]:
     views, renders = [], []
     for view in range(2):
         width = side if view == 0 else side * 3 // 2
@@ -119,38 +98,32 @@ def _scene(packed: Packed, side: int, place: int, name: str, methods: tuple[str,
     return {"name": name, "title": name.title(), "views": views, "renders": renders, "missing": missing}
 
 
-def _view(packed: Packed, name: str, truth: dict[str, np.ndarray], with_depth: bool) -> dict[str, Any]:
+def _view(packed: Held, name: str, truth: dict[str, np.ndarray], with_depth: bool) -> dict[str, Any]:
     height, width = truth["opacity"].shape
     hdr = bool(truth["linear"].max() > 1)
     refs = {
-        "display": packed.add(truth["display"]),
-        "linear": log_ref(packed, truth["linear"]) if hdr else None,
-        "opacity": packed.add(truth["opacity"]),
-        "depth": packed.add(truth["depth"], 16, 0, 8) if with_depth else None,
+        "display": packed.add(display(truth["display"])),
+        "linear": packed.add(light(truth["linear"])) if hdr else None,
+        "opacity": packed.add(display(truth["opacity"])),
+        "depth": packed.add(depth(truth["depth"], 8.0)) if with_depth else None,
     }
     return {"name": name, "width": width, "height": height, "near": 2.0, "far": 6.0, "hdr": hdr, "truth": refs}
 
 
-def _render(packed: Packed, made: dict[str, np.ndarray], truth: dict[str, np.ndarray], last: bool) -> dict[str, Any]:
+def _render(packed: Held, made: dict[str, np.ndarray], truth: dict[str, np.ndarray], last: bool) -> dict[str, Any]:
     error = float(np.mean((made["display"] - truth["display"]) ** 2))
     return {
         "last": last,
         "psnr": -10 * float(np.log10(error)) if last else None,
         "flip": 0.0815 if last else None,
         "delta_e": 3.25 if last else None,
-        "colour": packed.add(made["display"]),
-        "opacity": packed.add(made["opacity"]),
-        "depth": packed.add(made["depth"], 16, 0, 8),
+        "colour": packed.add(display(made["display"])),
+        "opacity": packed.add(display(made["opacity"])),
+        "depth": packed.add(depth(made["depth"], 8.0)),
     }
 
 
-def log_ref(packed: Packed, linear: np.ndarray) -> dict[str, Any]:
-    """Light over many magnitudes, by its logarithm."""
-    low, high = float(np.log(1e-4)), float(np.log(65504 + 1e-4))
-    return packed.add(np.log(linear + 1e-4), 16, low, high, log=True)
-
-
-def write_comparer_page(path: Path, data: dict[str, Any], packed: Packed, beside: bool = False) -> Path:
+def write_comparer_page(path: Path, data: dict[str, Any], packed: Held, beside: bool = False) -> Path:
     """The comparer's part of the page with the page's own style and policy; `beside`: which may load script files."""
     code = script(*FILES)
     pictures = "".join(
@@ -170,7 +143,7 @@ def write_comparer_page(path: Path, data: dict[str, Any], packed: Packed, beside
     return path
 
 
-def write_arithmetic_page(path: Path, body: str, packed: Packed | None = None, given: Any = None) -> Path:
+def write_arithmetic_page(path: Path, body: str, packed: Held | None = None, given: Any = None) -> Path:
     """A page that runs the named scripts of ours and then `body`, which sets the document's title when it is done and
     leaves JSON in `#found`; `given` is its data.
     """
@@ -194,5 +167,5 @@ def write_arithmetic_page(path: Path, body: str, packed: Packed | None = None, g
 
 
 if __name__ == "__main__":
-    held = Packed()
+    held = Held()
     write_comparer_page(Path(sys.argv[1]), data_of(held, 100), held)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from harness.training import metrics
+from reports.data.packing import depth, display, light
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import opened, until
-from tests.reports.comparer_page import Packed, ball, log_ref, rendered, write_arithmetic_page
+from tests.reports.comparer_page import Held, ball, rendered, write_arithmetic_page
 
 pytestmark = pytest.mark.slow
 
@@ -90,29 +91,29 @@ def pair():
     return eight_bit(truth["display"]), eight_bit(test)
 
 
-@pytest.mark.parametrize(("bits", "channels"), [(8, 1), (8, 3), (16, 1), (16, 3)])
-def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked, bits, channels):
-    raw = np.random.default_rng(bits + channels).integers(0, 2**bits, (13, 7, channels))
-    packed = Packed()
-    ref = packed.add(raw / (2**bits - 1), bits)
-    body = "pixels.raw(given.ref, 7, 13).then((raw) => tell([...raw]));"
-    found = asked(body, packed, {"ref": ref})
+@pytest.mark.parametrize("channels", [1, 3])
+def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked, channels):
+    raw = np.random.default_rng(channels).integers(0, 256, (13, 7, channels))
+    held = Held()
+    ref = held.add(display(raw / 255))
+    found = asked("pixels.raw(given.ref, 7, 13).then((raw) => tell([...raw]));", held, {"ref": ref})
     assert found == raw.transpose(2, 0, 1).ravel().tolist()
 
 
 def test_a_reference_says_what_raw_numbers_mean(asked):
-    packed = Packed()
-    depth = packed.add(np.linspace(0, 5.5, 12).reshape(3, 4), 16, 0.0, 5.5)
-    light = np.geomspace(1e-3, 5e4, 12).reshape(3, 4)
-    body = LOAD + "Promise.all([loaded(given.depth), loaded(given.light)]).then(tell);"
-    far, bright = asked(body, packed, {"depth": depth, "light": log_ref(packed, light), "width": 4, "height": 3})
-    assert far == pytest.approx(np.linspace(0, 5.5, 12).tolist(), abs=5.5 / 65535)
-    assert bright == pytest.approx(light.ravel().tolist(), rel=2e-4, abs=1e-4)
+    held = Held()
+    depths, lights = np.linspace(0, 5.5, 12), np.geomspace(1e-3, 5e4, 36)
+    far = held.add(depth(depths.reshape(3, 4), 5.5))
+    bright = held.add(light(lights.reshape(3, 3, 4).transpose(1, 2, 0)))
+    body = LOAD + "Promise.all([loaded(given.far), loaded(given.bright)]).then(tell);"
+    found = asked(body, held, {"far": far, "bright": bright, "width": 4, "height": 3})
+    assert found[0] == pytest.approx(depths.tolist(), abs=5.5 / 4095)
+    assert found[1] == pytest.approx(lights.tolist(), rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.parametrize("damage", ["AAAA", "!!!", "eJwDAAAAAAE="])
 def test_damaged_bytes_are_a_sentence(asked, damage):
-    packed = Packed({"px0": damage})
+    packed = Held({"px0": damage})
     ref = {"channels": 3, "bits": 8, "low": 0, "high": 1, "id": "px0"}
     body = "pixels.raw(given, 7, 13).catch((error) => tell(error.message));"
     assert asked(body, packed, ref).startswith("This picture cannot be shown: ")
@@ -131,8 +132,8 @@ def test_ciede2000_is_that_of_colour_science(asked):
     second[5:9] = eight_bit(first[5:9].mean(-1, keepdims=True).repeat(3, -1))
     labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(one), "sRGB")) for one in (first, second)]
     expected = colour.delta_E(*labs, method="CIE 2000")
-    packed = Packed()
-    given = {"one": packed.add(first), "other": packed.add(second), "width": 30, "height": 20}
+    packed = Held()
+    given = {"one": packed.add(display(first)), "other": packed.add(display(second)), "width": 30, "height": 20}
     body = LOAD + (
         "Promise.all([planesOf(given.one), planesOf(given.other)])"
         ".then(([one, other]) => chunks.run(deltaE.map(one, other, width, height))).then((map) => tell([...map]));"
@@ -146,8 +147,8 @@ def test_flip_is_that_of_its_authors(asked, pair):
     truth, test = pair
     reference, other = (one.astype(np.float32) for one in pair)
     expected, mean, _ = flip_evaluator.evaluate(reference, other, "LDR", inputsRGB=True, applyMagma=False)
-    packed = Packed()
-    given = {"truth": packed.add(truth), "test": packed.add(test), "width": 56, "height": 40}
+    packed = Held()
+    given = {"truth": packed.add(display(truth)), "test": packed.add(display(test)), "width": 56, "height": 40}
     body = LOAD + (
         "Promise.all([planesOf(given.truth), planesOf(given.test)])"
         ".then(([truth, test]) => chunks.run(flip.map(truth, test, width, height))).then((map) => tell([...map]));"
@@ -164,9 +165,9 @@ def test_maps_of_differences_are_numpys(asked, pair):
     truth, test = pair
     rng = np.random.default_rng(2)
     depths, opacity = rng.uniform(1, 6, (2, 40, 56)), rng.uniform(0.97, 1, (40, 56))
-    packed = Packed()
+    packed = Held()
     given = {
-        "truth": packed.add(truth), "test": packed.add(test), "width": 56, "height": 40,
+        "truth": packed.add(display(truth)), "test": packed.add(display(test)), "width": 56, "height": 40,
         "depths": depths.reshape(2, -1).tolist(), "opacity": opacity.ravel().tolist(),
     }  # fmt: skip
     body = (

@@ -1,4 +1,4 @@
-"""What the picture comparer shows in a real browser: pictures, numbers, exposure, what is missing, what is saved."""
+"""The picture comparer in a real browser: what it shows, how it is moved about, and how it reads by keys alone."""
 
 import re
 
@@ -9,15 +9,18 @@ from reports.data.kept_pictures import kept
 from reports.data.load import read_records
 from reports.run.run_page import write_page
 from scenes.view_sets.pixels import decode_srgb
-from tests.reports.comparer_page import Packed, ball, data_of, rendered, write_comparer_page
-from tests.reports.comparer_view import SIDE, bytes_of, cells, ready, settle, shown
+from tests.reports.browsing import address_of, opened, until
+from tests.reports.comparer_page import Held, ball, data_of, rendered, write_comparer_page
+from tests.reports.comparer_view import SIDE, asked, bytes_of, cells, ready, settle, shown
 
 pytestmark = pytest.mark.slow
+
+HOSTILE = ("<img src=x onerror=alert(1)>", "</script><b>", "truth", "a" * 90)
 
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
-    packed = Packed()
+    packed = Held()
     path = tmp_path_factory.mktemp("comparer") / "page.html"
     return write_comparer_page(path, data_of(packed, SIDE), packed).as_uri()
 
@@ -45,7 +48,7 @@ def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address):
     assert row[0] == " ".join(map(str, raw))
     assert row[1] == " ".join(f"{value:.4f}" for value in decode_srgb(np.array(raw) / 255))
     assert float(row[2]) == pytest.approx(made["opacity"][17, 16], abs=0.003)
-    assert float(row[3]) == pytest.approx(made["depth"][17, 16], abs=0.001)
+    assert float(row[3]) == pytest.approx(made["depth"][17, 16], abs=0.002)
     difference = (np.array(raw) - bytes_of(truth["display"], 16, 17)) / 255
     assert [float(part.replace("−", "-")) for part in row[4].split()] == pytest.approx(difference, abs=6e-5)
     light = [float(part) for part in cells(view, "truth")[1].split()]
@@ -67,7 +70,7 @@ def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(b
 
 
 def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tmp_path):
-    packed = Packed()
+    packed = Held()
     data = data_of(packed, 16)
     (tmp_path / "report_pictures").mkdir()
     for scene in data["scenes"]:
@@ -75,7 +78,7 @@ def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tm
             for ref in place.values():
                 if isinstance(ref, dict):
                     ref["file"] = f"report_pictures/{scene['name']}.js"
-    address = write_comparer_page(tmp_path / "page.html", data, Packed(), beside=True).as_uri()
+    address = write_comparer_page(tmp_path / "page.html", data, Held(), beside=True).as_uri()
     lines = ",".join(f'"{name}":"{text}"' for name, text in packed.texts.items())
     (tmp_path / "report_pictures" / "lego.js").write_text(f"reportPictures({{{lines}}});\n", encoding="utf-8")
     view, noise = ready(browser, address)
@@ -89,16 +92,35 @@ def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tm
     assert reasons[0].endswith("the file report_pictures/mic.js beside the page cannot be read.")
 
 
-def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
-    records = read_records(pictured)
-    write_page(records, tmp_path / "report.html")
-    view, noise = ready(
-        browser, (tmp_path / "report.html").as_uri(), "at=pictures&scene=chair&method=qnerf&seed=0&step=9999"
-    )
+@pytest.fixture(scope="module")
+def report(pictured, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    write_page(read_records(pictured), path)
+    return path.as_uri()
+
+
+def test_the_runs_behind_a_figure_are_seen(browser, report, pictured):
+    view, noise = opened(browser, f"{report}#runs.open=1&scene=drums&method=nerf&seed=1")
+    noise.remove(report)
+    until(view, "document.querySelectorAll('#runs canvas[data-drawn]').length === 2")
+    drums = kept(read_records(pictured), "drums")
+    seen = view.evaluate("""[...document.querySelectorAll('#runs canvas')].map(one =>
+        [...one.getContext('2d').getImageData(13, 17, 1, 1).data].slice(0, 3))""")
+    last = drums.renders["nerf", 1][0]
+    expected = [np.clip(one.astype(float), 0, 1) for one in (drums.truth["r_12"].display, last.colour)]
+    assert (last.view, seen) == ("r_12", [bytes_of(picture, 13, 17) for picture in expected])
+    assert view.locator("#runs .thumbnail small").all_inner_texts() == ["ground truth", "step 1600"]
+    view.get_by_role("button", name="compare the pictures").click()
+    until(view, "location.hash.includes('at=pictures')")
+    assert noise == []
+
+
+def test_the_page_of_a_run_has_it(browser, report, pictured):
+    view, noise = ready(browser, report, "at=pictures&scene=chair&method=qnerf&seed=0&step=9999")
     assert noise == []
     assert "No picture of step 9999 was kept; shown is the nearest, step 1600." in view.inner_text(".notes")
     assert view.locator("[data-chosen] .who").inner_text() == "qnerf"
-    last = next(one for one in kept(records, "chair").renders["qnerf", 0] if one.step == 1600)
+    last = next(one for one in kept(read_records(pictured), "chair").renders["qnerf", 0] if one.step == 1600)
     height, width = last.colour.shape[:2]
     assert view.get_by_role("combobox", name="View").input_value() == last.view
     colour = np.clip(last.colour.astype(float), 0, 1)
@@ -107,4 +129,131 @@ def test_the_page_of_a_run_has_it(browser, pictured, tmp_path):
     view.keyboard.press("f")
     settle(view)
     assert view.locator("#comparer .pane").count() == 1
+    assert noise == []
+
+
+def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
+    view, _ = ready(browser, address, "at=pictures&compare.map=colour+delta_e")
+    boxes = [one.bounding_box() for one in view.locator(".stage canvas").all()]
+    assert len(boxes) == 8
+    view.mouse.click(boxes[0]["x"] + 50, boxes[0]["y"] + 60)
+    view.mouse.wheel(0, -600)
+    settle(view)
+    view.mouse.down()
+    view.mouse.move(boxes[0]["x"] + 90, boxes[0]["y"] + 95, steps=4)
+    view.mouse.up()
+    settle(view)
+    until(view, "location.hash.includes('compare.zoom=')")
+    times, width = 2**2.5, boxes[0]["width"]
+    assert float(asked(view, "compare.zoom")) == pytest.approx(times, abs=0.001)
+    # What was clicked stays under the wheel and goes along with the drag, so that it is now 90 from the left.
+    assert float(asked(view, "compare.x")) == pytest.approx(50 / width + (width / 2 - 90) / (width * times), abs=1e-3)
+    assert not view.evaluate("document.querySelector('.probe').scrollLeft")
+    pixels = []
+    for box in (view_box.bounding_box() for view_box in view.locator(".stage canvas").all()):
+        view.mouse.move(box["x"] + 90, box["y"] + 95)
+        settle(view)
+        pixels.append(view.inner_text(".probe thead th:first-child"))
+    assert len(set(pixels)) == 1
+    assert pixels[0] != "pixel 19, 20"
+    column, row = map(int, pixels[0].removeprefix("pixel ").split(","))
+    # The pixel that was clicked at 50, 60 and the one that the drag brought to 90, 95 are the same.
+    assert asked(view, "compare.pixel") == f"{column},{row}"
+    under = """([x, y]) => [...document.querySelectorAll('[data-panel$="-colour"] canvas')].map(one => {
+        const point = new OffscreenCanvas(1, 1).getContext('2d', { willReadFrequently: true });
+        point.drawImage(one, -x, -y);
+        return [...point.getImageData(0, 0, 1, 1).data].slice(0, 3).join(' ');
+    })"""
+    view.mouse.move(5, 5)
+    view.keyboard.press("Escape")
+    settle(view)
+    drawn = view.evaluate(under, [90, 95])
+    truth = ball(SIDE, SIDE, 0)
+    expected = [truth["display"], *(rendered(truth, n, 0, 1600)["display"] for n in range(3))]
+    assert drawn == [" ".join(map(str, bytes_of(one, column, row))) for one in expected]
+    view.locator(".stage canvas").first.dblclick()
+    settle(view)
+    until(view, "!location.hash.includes('compare.zoom')")
+
+
+def test_an_address_restores_everything(browser, address):
+    view, _ = ready(browser, address)
+    view.get_by_role("combobox", name="Scene").select_option("mic")
+    view.get_by_role("combobox", name="View").select_option("r_12")
+    view.get_by_role("button", name="Difference").click()
+    view.get_by_role("combobox", name="A", exact=True).select_option("qnerf")
+    view.get_by_role("combobox", name="B", exact=True).select_option("nerf")
+    view.get_by_role("button", name="FLIP", exact=True).click(modifiers=["Shift"])
+    view.locator(".stage canvas").first.click(position={"x": 100, "y": 90})
+    for key in ("+", "+", "e", ","):
+        view.keyboard.press(key)
+        settle(view)
+    until(view, "location.hash.includes('compare.zoom')")
+    again, _ = ready(browser, *address_of(view).split("#"))
+    pictures = "[...document.querySelectorAll('.stage canvas')].map(one => one.toDataURL())"
+    for what in (
+        pictures,
+        "document.querySelector('.probe').innerText",
+        "document.querySelector('.controls').innerText",
+    ):
+        assert again.evaluate(what) == view.evaluate(what)
+    assert again.evaluate(pictures)[0] != again.evaluate(pictures)[1]
+    assert again.inner_text(".probe thead").count("A against B") == 2
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory) -> str:
+    packed = Held()
+    path = tmp_path_factory.mktemp("hostile") / "page.html"
+    data = data_of(packed, 12, ("<svg onload=alert(2)>", "__proto__ & Söhne"), HOSTILE)
+    data["left_out"] = ["<script>alert(3)</script> was left out."]
+    return write_comparer_page(path, data, packed).as_uri()
+
+
+def test_names_are_text_and_never_markup(browser, hostile):
+    view, noise = ready(browser, hostile, "at=pictures&compare.mode=wipe&compare.a=method+truth")
+    assert view.locator("figcaption .who").all_inner_texts()[0] == "truth"
+    view.locator(".stage").focus()
+    view.keyboard.press("s")
+    settle(view)
+    assert view.locator("figcaption .who").all_inner_texts() == ["ground truth", *HOSTILE]
+    assert view.locator("#comparer :is(img, svg, script, figcaption b)").count() == 0
+    assert "<script>alert(3)</script> was left out." in view.inner_text(".notes")
+    assert noise == []
+
+
+def test_all_of_it_has_names_and_is_reached_by_keys(browser, address):
+    view, noise = ready(browser, address, "at=pictures&compare.mode=wipe&compare.map=signed")
+    nameless = """[...document.querySelectorAll('#comparer :is(button, select, input, canvas, [role])')]
+        .filter(one => !(one.ariaLabel || one.labels?.length || one.textContent.trim() || one.role === 'status'))"""
+    assert view.evaluate(f"{nameless}.map(one => one.outerHTML)") == []
+    view.evaluate("document.activeElement.blur()")
+    reached = []
+    for _ in range(60):
+        view.keyboard.press("Tab")
+        reached.append(
+            view.evaluate("""(() => {
+            const one = document.activeElement, style = getComputedStyle(one);
+            return [one.ariaLabel || one.textContent, style.outlineStyle !== 'none' && style.outlineWidth !== '0px'];
+        })()""")
+        )
+        if reached[-1][0] == "Numbers of a pixel":
+            break
+    names = [name for name, _ in reached]
+    for name in (
+        "Scene",
+        "Wipe",
+        "A",
+        "Signed error",
+        "Checkpoint",
+        "Exposure",
+        "Range of colours",
+        "Where A ends and B begins",
+    ):
+        assert name in names, name
+    assert [name for name, seen in reached if not seen] == []
+    view.keyboard.press("?")
+    assert view.get_by_role("dialog").is_visible()
+    view.keyboard.press("Escape")
+    until(view, "!document.querySelector('dialog').open")
     assert noise == []

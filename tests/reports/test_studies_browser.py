@@ -1,0 +1,81 @@
+"""Studies and work–precision diagrams in a real browser: chosen without a script, saved, readable on a phone."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from reports.data.beside import Beside
+from reports.data.load import read_records
+from reports.drawing.traces import rounded
+from reports.run.run_page import write_page
+from reports.studies.forest import forests
+from reports.studies.study_page import write_study_page
+from tests.reports.browsing import opened, unfold
+from tests.reports.exploring import rows_of, saved
+from tests.reports.fake_evidence import INTEREST, fake_evidence
+from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_serving import fake_serving, write_fake_serving
+from tests.reports.fake_stability import fake_stability, write_fake_stability
+
+pytestmark = pytest.mark.slow
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory) -> str:
+    out = write_fake_serving(write_fake_run(tmp_path_factory.mktemp("studies") / "run", pictures=False))
+    write_page(read_records(out), out / "report.html", Beside(evidence=fake_evidence(), serving=fake_serving()))
+    return (out / "report.html").as_uri()
+
+
+@pytest.mark.parametrize(
+    ("kind", "clicks", "names"),
+    [
+        ("choice", ("1 − SSIM", "network evaluations"), ("rmse_linear-seconds", "ssim-evaluations", "ssim-seconds")),
+        ("measured", ("gradients of the coarse frame",), ("map0-served0", "map1-served0", "map0-served0")),
+    ],
+)
+def test_one_of_several_drawings_is_seen_and_the_reader_chooses_which(browser, address, kind, clicks, names):
+    view, noise = opened(browser, address)
+    seen = f"[...document.querySelectorAll('.{kind}')].filter(one => one.offsetHeight).map(one => one.className)"
+    before, after, back = ([f"{kind} {name}"] for name in names)
+    assert view.evaluate(seen) == before
+    for words in clicks:
+        view.get_by_text(words, exact=True).first.click()
+    assert view.evaluate(seen) == after
+    view.keyboard.press("ArrowLeft")
+    assert view.evaluate(seen) == back, "by keyboard as well"
+    assert noise == []
+
+
+def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
+    view, _ = opened(browser, address)
+    figure = view.locator("#study-factorial .forests figure").first
+    drawn = next(one for one in fake_evidence().studies if one.info.id == "factorial")
+    (panel, *_) = forests(drawn.effects, INTEREST).values()
+    rows = rows_of(saved(view, figure, "CSV"))
+    tree = ET.fromstring(saved(view, figure, "SVG"))
+    assert tree.find(f"{SVG}title").text.endswith("PSNR at equal steps, all scenes")
+    words = {text for one in tree.iter(f"{SVG}text") for text in one.itertext()}
+    assert {panel.rows[0], panel.figures[0]} <= words
+    places = [float(value) for row in rows for value in row.values() if re.fullmatch(r"-?[\d.]+", value or "")]
+    for trace in panel.traces:
+        if trace.kind in ("range", "mark"):
+            assert set(rounded(trace.x)) <= set(places), trace.label
+    assert "var(" not in ET.tostring(tree, encoding="unicode")
+
+
+def test_on_a_phone_no_outcome_needs_scrolling_and_the_matrix_names_its_subjects(browser, tmp_path):
+    address = write_study_page(fake_stability(), write_fake_stability(tmp_path)).as_uri()
+    view, _ = opened(browser, address, viewport={"width": 390, "height": 800})
+    unfold(view)
+    tables = "[...document.querySelectorAll('.matrix, .checks .scroll')]"
+    over = f"{tables}.filter(one => one.scrollWidth > one.clientWidth).length"
+    assert view.evaluate(over) == 0
+    named = view.evaluate(
+        "[...document.querySelectorAll('.matrix td[data-subject]')].map(o => getComputedStyle(o, '::before').content)"
+    )
+    assert '"midpoint" " "' in named or '"midpoint "' in named
+    assert all(len(name) > 4 for name in named)
