@@ -34,8 +34,6 @@ def add_view_options(command: argparse.ArgumentParser) -> None:
     add("--port", type=int, default=PORT, metavar="N", help=f"0 takes a free one (default: {PORT})")
     add("--no-browser", action="store_true", help="print the address, open nothing")
     add_shared(command, "--threads", "--resolution", "--device")
-    mask = "image, stretched over the picture: its bright pixels can be attended"
-    add("--mask", type=Path, metavar="FILE", help=mask)
     add_shared(command, "--view-sets")
 
 
@@ -50,7 +48,6 @@ def run_view(options: argparse.Namespace, show: "Progress") -> int:
 def _run_view(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import chosen_device, rendering_threads, use_threads
     from harness.viewer.asked import LARGEST_WIDTH
-    from harness.viewer.attended import read_mask
     from harness.viewer.shown_run import ShownRun
 
     require_between(options, port=(0, 65535), threads=(1, 256), resolution=(8, LARGEST_WIDTH))
@@ -62,7 +59,6 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
         options.view_sets,
         options.resolution,
         chosen_device(options.device),
-        None if options.mask is None else read_mask(options.mask),
     )
     listening = bound(options.host, options.port)
     threads = options.threads or rendering_threads()

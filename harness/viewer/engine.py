@@ -122,20 +122,18 @@ def frames(
     truth: np.ndarray | None = None,
     use_cache: bool = True,
     asked_at: float | None = None,
-    mask: np.ndarray | None = None,
 ) -> Iterator[FreshPixels]:
     """Yield for each method either one complete picture out of the cache, or a coarse one, its refined parts, and a
     last frame that holds the complete picture.
 
-    `truth` [h, w, 3] is the reference. `asked_at` is a time of `time.perf_counter`. `mask` [h, w], of any size, is the
-    object of an attention of that kind. Pictures from the cache come first. Then it is the turn of the method that has
-    had the least time, for one chunk of rays. Rendering continues only when the next frame is asked for. A method whose
-    picture is not finite ends with the state `failed`.
+    `truth` [h, w, 3] is the reference. `asked_at` is a time of `time.perf_counter`. Pictures from the cache come first.
+    Then it is the turn of the method that has had the least time, for one chunk of rays. Rendering continues only when
+    the next frame is asked for. A method whose picture is not finite ends with the state `failed`.
     """
     start = time.perf_counter() if asked_at is None else asked_at
     waiting = []
     for seat in seats:
-        turn = _Turn(seat, camera, attention, truth, use_cache, start, mask)
+        turn = _Turn(seat, camera, attention, truth, use_cache, start)
         cached = turn.from_cache()
         if cached is not None:
             yield cached
@@ -160,7 +158,6 @@ class _Turn:
     truth: np.ndarray | None
     use_cache: bool
     start: float
-    mask: np.ndarray | None
     work: float = 0.0
     regions: Regions = field(init=False)
 
@@ -238,7 +235,7 @@ class _Turn:
         """Return the attention; nothing is spent on it if it changes nothing."""
         if not self._by_regions():
             return np.ones(self.regions.count)
-        return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error, self.mask)
+        return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error)
 
     def _note(self) -> str:
         return NOT_BY_REGIONS if self.attention.kind != "none" and why_plain(self.seat.learner) else ""

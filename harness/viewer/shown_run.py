@@ -13,7 +13,7 @@ import torch
 from msgspec.structs import asdict
 
 from harness.playback.run_loader import FinishedRun
-from harness.playback.store import StoreStatistics, ViewStore
+from harness.playback.store import ViewStore
 from harness.records.cells import SceneRecord, cell_path, read_cell
 from harness.records.json_record import DamagedRecord
 from harness.training.batches import Camera
@@ -53,8 +53,6 @@ ELEVATION = math.radians(30.0)
 DEFAULT_METHODS = ("nerf", "qnerf")
 TRUTHS = 2
 """The number of scenes whose decoded test views are kept."""
-COUNTED_FOR = 5.0
-"""The seconds after which the files of the cache are looked at again."""
 
 
 @dataclass
@@ -72,8 +70,6 @@ class ShownRun:
     """The reason why nothing is kept on disk; empty if it is."""
     width: int | None = None
     """The width in pixels; None: each scene's own."""
-    mask: np.ndarray | None = None
-    """The mask of a user, [h, w] of any size."""
     seats: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
@@ -81,8 +77,6 @@ class ShownRun:
     """The views of the scenes looked at last."""
     sources: Counter[str] = field(default_factory=Counter)
     """The origins of complete pictures: `level 0` … `level 2` of the cache, or `rendered`."""
-    counted: tuple[float, StoreStatistics] | None = None
-    """The time and the statistics of the last look at the cache."""
 
     @staticmethod
     def of(
@@ -93,7 +87,6 @@ class ShownRun:
         view_sets: Path,
         width: int | None,
         device: torch.device,
-        mask: np.ndarray | None = None,
     ) -> "ShownRun":
         """Load a run; raises `InputError` for names that it does not have, and if it left nothing to show."""
         run = FinishedRun.of(out)
@@ -110,7 +103,7 @@ class ShownRun:
                 "nothing to show; choose other --methods, --scene or --seed, or train them again"
             )
         store, memory_alone = _store(out / "view_cache")
-        return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width, mask)
+        return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
 
     def listing(self) -> dict[str, Any]:
         """List what can be chosen."""
@@ -120,7 +113,7 @@ class ShownRun:
             "seed": self.seed,
             "scenes": [{"name": one.name, "title": one.title} for one in self.run.run.scenes],
             "methods": [{"name": name, "about": about} for name, about in self.run.run.methods.items()],
-            "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items() if self._attends(name)],
+            "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items()],
             "first": {"scene": self.first_scene, "methods": self.first_methods},
             "largest_width": LARGEST_WIDTH,
         }
@@ -188,9 +181,6 @@ class ShownRun:
         except (InputError, OSError) as error:
             return TrueViews(None, f"No ground truth: {error}")
 
-    def _attends(self, kind: str) -> bool:
-        return kind != "mask" or self.mask is not None
-
     def seat(self, scene: SceneRecord, method: str) -> engine.MethodView:
         """Load a cell; raises `InputError` if it cannot be shown."""
         if (scene.name, method) not in self.seats:
@@ -207,8 +197,6 @@ class ShownRun:
         unknown = [name for name in asked.methods if name not in self.run.run.methods]
         if unknown:
             raise BadRequest("methods: the run has no such method")
-        if not self._attends(asked.attention.kind):
-            raise BadRequest("attention: there is no mask; start the viewer with --mask FILE")
         if isinstance(asked.place, int) and asked.place >= len(self.truth(scene)):
             raise BadRequest(f"view: there are {len(self.truth(scene))} test views")
 
@@ -244,26 +232,14 @@ class ShownRun:
         camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
         yield message("start", width=camera.width, height=camera.height, exact=exact)
         picture = over_white(truth.split.rgba[exact]) if truth.split and exact is not None else None
-        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began, mask=self.mask):
+        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
             if frame.state == "whole":
                 self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
             yield frame_message(frame)
         yield message("end", cache=self.cache_listing())
 
     def cache_listing(self) -> dict[str, Any]:
-        now = time.monotonic()
-        if self.counted is None or now > self.counted[0] + COUNTED_FOR:
-            self.counted = now, self.store.statistics
-        found = self.counted[1]
-        return {
-            "sources": dict(self.sources),
-            "memory_bytes": found.bytes[0] + found.bytes[1],
-            "disk_bytes": found.bytes[2],
-            "memory_alone": self.memory_alone,
-            "failed_writes": found.failed_writes,
-            "last_failure": found.last_failure,
-            "damaged": found.damaged,
-        }
+        return {"sources": dict(self.sources), "memory_alone": self.memory_alone}
 
     def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:
         """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own to the

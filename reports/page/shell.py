@@ -167,16 +167,13 @@ def style(*files: str) -> Markup:
 
 
 def variables() -> str:
-    """Return the palette as CSS: light; dark if the system or the reader wants it so, and never on paper."""
+    """Return the palette as CSS: light; dark if the system wants it so, and never on paper."""
     light, dark = (
         "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in (*palette.EVERY, *palette.SURFACES))
         for tone in ("light", "dark")
     )
-    return (
-        f":root{{color-scheme:light;{light}}}"
-        f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{color-scheme:dark;{dark}}}}}"
-        f"@media screen{{:root[data-theme=dark]{{color-scheme:dark;{dark}}}}}"
-    )
+    in_the_dark = f"@media screen and (prefers-color-scheme:dark){{:root{{color-scheme:dark;{dark}}}}}"
+    return f":root{{color-scheme:light;{light}}}{in_the_dark}"
 
 
 def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:

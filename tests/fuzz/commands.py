@@ -32,7 +32,7 @@ GOOD = {
     "--methods": ("nerf", "qnerf"), "--frames": ("1", "3"), "--width": ("16",), "--resolution": ("16",),
     "--without": ("fused", "grid"), "--need": ("view_direction",), "--no-need": ("empty_space",), "--cases": ("Q1",),
     "--studies": ("calibration",), "--only": ("images", "training.lego"), "--items": ("1", "2"), "--port": ("0",),
-    "--view-set": ("ball",), "--view-sets": (".",), "--out": ("new",), "--mask": ("ball/train/r_0.png",),
+    "--view-set": ("ball",), "--view-sets": (".",), "--out": ("new",),
     "--variant": ("scalar_rgb", "auto"), "--folders": ("ball",), "--spp": ("2", "4"), "--page": ("new.html",),
     "methods": ("nerf", "qnerf"), "names": ("lego", "hotdog"), "name": ("lego",), "folder": ("ball",),
     "out": ("run", "new.png", "new"), "run": ("run",),

@@ -47,13 +47,6 @@ def image(folder: Path) -> None:
         read_channels(file)
 
 
-def mask(folder: Path) -> None:
-    from harness.viewer.attended import read_mask, spread
-
-    for file in _first(folder):
-        assert np.isfinite(spread(read_mask(file), 5, 7)).all()
-
-
 def report_picture(folder: Path) -> None:
     from reports.drawing.images import read
 

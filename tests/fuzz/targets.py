@@ -91,7 +91,6 @@ TARGETS: dict[str, Target] = {
     "png": _of_picture("*.png", readers.image, seals.png_sealed),
     "jpeg": _of_picture("*.jpg", readers.image),
     "exr": _of_picture("*.exr", readers.image),
-    "mask": _of_picture("*.*", readers.mask, seals.png_sealed),
     "report_picture": _of_picture("*.png", readers.report_picture, seals.png_sealed, accepts_all=True),
     "run": _of_records("run.json"),
     "cell": _of_records("cells/*.json"),

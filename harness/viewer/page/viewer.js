@@ -108,17 +108,13 @@ function failed(error) {
 
 const asking = new Asking(request, receive, failed)
 
-function ofCache(cache) {
-  const [first, second, disk] = ['level 0', 'level 1', 'level 2'].map(level => cache.sources[level] ?? 0)
-  const hits = first + second + disk, all = hits + (cache.sources.rendered ?? 0)
-  const size = bytes => `${(bytes / 2 ** 20).toFixed(1)} MiB`
+function ofCache({ sources, memory_alone: why }) {
+  const [first, second, disk] = ['level 0', 'level 1', 'level 2'].map(level => sources[level] ?? 0)
+  const hits = first + second + disk, all = hits + (sources.rendered ?? 0)
+  const share = `${hits} of ${all} pictures (${all ? Math.round(100 * hits / all) : 0} %) served from it`
   return [
-    `View cache, all pages together since the server began: ${hits} of ${all} pictures (${all ? Math.round(100 * hits / all) : 0} %) served from it`,
-    hits && `memory ${first + second}, disk ${disk}`,
-    `holds about ${size(cache.memory_bytes)} in memory${cache.memory_alone ? '' : `, ${size(cache.disk_bytes)} on disk`}`,
-    cache.memory_alone && `nothing is kept on disk: ${cache.memory_alone}`,
-    cache.failed_writes && `${cache.failed_writes} writes failed: ${cache.last_failure}`,
-    cache.damaged && `${cache.damaged} damaged files dropped`,
+    `View cache, all pages together since the server began: ${share}`,
+    hits && `memory ${first + second}, disk ${disk}`, why && `nothing is kept on disk: ${why}`,
   ].filter(Boolean).join(' · ')
 }
 

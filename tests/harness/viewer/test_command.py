@@ -22,7 +22,6 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
     ("options", "what"),
     [
         (["--scene", "nothing"], "--scene: unknown 'nothing'"),
-        (["--mask", "nothing.png"], "--mask nothing.png: this image is missing"),
         (["--methods", "nothing"], "nothing"),
         (["--methods", "nerf_matched"], "no checkpoint of nerf_matched with seed 0 on ball"),
         (["--seed", "1"], "--seed 1: the run has 0"),

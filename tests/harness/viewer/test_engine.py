@@ -39,11 +39,11 @@ def of(shown: list[FreshPixels], method: str) -> list[FreshPixels]:
     return [frame for frame in shown if frame.method == method]
 
 
-@pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "error", "mask", "none"])
+@pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "error", "none"])
 def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(
     seats: list[MethodView], camera: Camera, kind: str
 ) -> None:
-    shown = list(frames(seats, camera, Attention(kind), mask=np.eye(5)))
+    shown = list(frames(seats, camera, Attention(kind)))
     for method in ("nerf", "qnerf"):
         first, *parts, last = of(shown, method)
         assert (first.state, last.state) == ("coarse", "whole")

@@ -162,20 +162,6 @@ def test_a_request_that_never_comes_is_not_waited_for(site: Site, monkeypatch: p
     assert site.messages()[-1][0]["kind"] == "end"
 
 
-def test_a_mask_is_attended_where_there_is_one(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: dict[str, Any] = {"methods": ["nerf"], "attention": {"kind": "mask", "row": 0, "column": 0}}
-    assert "mask" not in [one["name"] for one in site.json("/run.json")["attentions"]]
-    assert "--mask FILE" in site.render(**asked)[1].decode()
-    mask = np.zeros((3, 3))
-    mask[1, 2] = 1.0
-    monkeypatch.setattr(site.shown, "mask", mask)
-    assert "mask" in [one["name"] for one in site.json("/run.json")["attentions"]]
-    told = site.messages(**asked, place={**ORBIT, "azimuth": 2.5})
-    parts = [body[: 4 * header["pixels"]] for header, body in told if header.get("state") == "refining"]
-    row, column = divmod(int(np.frombuffer(parts[0], "<u4")[0]), SIZE)
-    assert (row // 16, column // 16) == (1, 2)  # the region that most of the mark is in
-
-
 def test_a_test_view_is_scored_as_the_run_scored_it(site: Site, trained: Path) -> None:
     recorded = {cell.method: [view.psnr for view in cell.views] for cell in read_cells(trained)}
     for view in range(3):
@@ -196,7 +182,7 @@ def test_a_free_camera_has_no_score(site: Site) -> None:
     frames = [header for header, _ in told if header["kind"] == "frame"]
     assert frames
     assert {frame["psnr"] for frame in frames} == {None}
-    assert (told[-1][0]["kind"], told[-1][0]["cache"]["failed_writes"]) == ("end", 0)
+    assert (told[-1][0]["kind"], told[-1][0]["cache"]["memory_alone"]) == ("end", "")
 
 
 def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site: Site) -> None:
