@@ -105,7 +105,7 @@ RUN_PAGE = "report.html"
 HERE = Path(__file__).parent
 SCRIPTS = (
     *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
-    *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js", "drawn_tables.js"),
+    *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js"),
     *("tables.js", "filter.js", "reading.js"),
 )
 """The scripts that every page needs to sort, filter and save, in this order."""

@@ -1,4 +1,4 @@
-"""Whether a reader can save all that a page shows: charts, pictures, tables, and tables that are charts as well."""
+"""Whether a reader can save all that a page shows: charts, pictures and tables."""
 
 from typing import Any
 
@@ -16,19 +16,18 @@ OFFERED = """() => {
         return [place.previousElementSibling, place.nextElementSibling].find(one => one?.matches('.tools'));
     };
     const tables = [...document.querySelectorAll('table')].filter(ours).map(one => [
-        one.querySelector('.stack') ? 'drawn table' : 'table', one.caption?.textContent ?? 'no caption',
+        'table', one.caption?.textContent ?? 'no caption',
         offered(toolsOf(one)?.querySelector('.save'))]);
     const figures = [...document.querySelectorAll('figure:has(svg, img, canvas)')].filter(ours).map(one => [
         one.querySelector('img') ? 'picture' : 'chart', one.querySelector('figcaption')?.textContent ?? 'no caption',
         offered(one.querySelector('.save'))]);
-    const drawings = 'svg:not(.pen), canvas, img, .stack';
+    const drawings = 'svg:not(.pen), canvas, img';
     const stray = [...document.querySelectorAll(drawings)].filter(one => ours(one) && !one.closest('figure, table'))
         .map(one => ['stray', one.outerHTML.slice(0, 80), '']);
     return [...tables, ...figures, ...stray];
 }"""
 FORMS = {
     "table": "CSV Markdown LaTeX",
-    "drawn table": "SVG CSV Markdown LaTeX",
     "chart": "SVG CSV",
     "picture": "PNG",
     "stray": "a figure or a table around it",

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from harness.playback.camera_paths import look_at
 from harness.training.batches import Camera
 from harness.viewer.asked import STEEPEST, Orbit, covering, orbit_of
+from scenes.view_sets.viewpoints import look_at
 from tests.harness.ball import pose
 
 CENTRE = np.array([0.3, -0.2, 0.1])

@@ -1,7 +1,7 @@
 // A drawing of the page as a file of its own: colours as they are seen, with its title and a key to its colours.
 const figureSvg = (() => {
   const FONT = "system-ui, 'Segoe UI', Roboto, Arial, sans-serif";
-  const HEAD = 34;
+  const [HEAD, INCH] = [34, 72];
   const KEYS = ["line", "outline", "bins", "dots", "range", "mark", "floor"];
 
   function resolved(node, style) {
@@ -20,20 +20,6 @@ const figureSvg = (() => {
     return keys.size <= 8 ? [...keys] : [];
   }
 
-  // An <svg> of nobody else's as text on the page's ground; `box` is [left, top, width, height], `unit` of them an inch.
-  function file(svg, box, title, description, unit = 72) {
-    const [left, top, width, height] = box;
-    const attributes = {
-      xmlns: "http://www.w3.org/2000/svg", viewBox: box.join(" "), role: "img", "font-family": FONT,
-      width: `${(width / unit).toFixed(2)}in`, height: `${(height / unit).toFixed(2)}in`,
-    };
-    for (const [name, value] of Object.entries(attributes)) svg.setAttribute(name, value);
-    const ground = element.svg("rect", { x: left, y: top, width, height, fill: "var(--paper)" });
-    svg.prepend(element.svg("title", {}, title), element.svg("desc", {}, description), ground);
-    resolved(svg, getComputedStyle(document.documentElement));
-    return new XMLSerializer().serializeToString(svg);
-  }
-
   function standalone(svg, chart) {
     const copy = svg.cloneNode(true);
     copy.querySelector(".ring")?.remove();
@@ -42,8 +28,16 @@ const figureSvg = (() => {
     const words = element.svg("text", { x: left + 6, y: top - HEAD + 13, "font-size": 10.5, "font-weight": 600, fill: "var(--ink)" }, chart.title);
     const keys = legend(chart).map(([name, colour], place) => element.svg("tspan", { fill: `var(${colour})`, dx: place > 0 ? 8 : 0 }, `■ ${name}`));
     const key = element.svg("text", { x: left + 6, y: top - HEAD + 27, "font-size": 8.5 }, keys);
-    copy.prepend(words, key);
-    return file(copy, [left, top - HEAD, width, height + HEAD], chart.title, svg.getAttribute("aria-label") ?? "");
+    const box = { x: left, y: top - HEAD, width, height: height + HEAD };
+    const attributes = {
+      xmlns: "http://www.w3.org/2000/svg", viewBox: Object.values(box).join(" "), role: "img", "font-family": FONT,
+      width: `${(width / INCH).toFixed(2)}in`, height: `${(box.height / INCH).toFixed(2)}in`,
+    };
+    for (const [name, value] of Object.entries(attributes)) copy.setAttribute(name, value);
+    copy.prepend(element.svg("title", {}, chart.title), element.svg("desc", {}, svg.getAttribute("aria-label") ?? ""),
+      element.svg("rect", { ...box, fill: "var(--paper)" }), words, key);
+    resolved(copy, getComputedStyle(document.documentElement));
+    return new XMLSerializer().serializeToString(copy);
   }
-  return { file, standalone };
+  return { standalone };
 })();

@@ -12,7 +12,7 @@ const tables = (() => {
     if (!cell) return EMPTY;
     const copy = cell.cloneNode(true);
     const small = [...copy.querySelectorAll("small")].map((one) => one.textContent.trim().replace(/\s*\n\s*/g, "; "));
-    for (const one of copy.querySelectorAll("small, .drawn, input, svg")) one.remove();
+    for (const one of copy.querySelectorAll("small, input, svg")) one.remove();
     const text = copy.textContent.replace(/[^\S\u00a0\u202f]+/g, " ").trim();
     const { value, said, parts } = cell.dataset;
     return {
@@ -27,28 +27,22 @@ const tables = (() => {
   const cellsOf = (row) => [...(row?.cells ?? [])].flatMap((cell) => [cell, ...Array(cell.colSpan - 1).fill(null)]);
   const isOut = (row) => row.matches(".out, .unmatched");
   const isNote = (row) => row?.matches(".why") ?? false;
-  const groupOf = (row) => row?.querySelector("th[scope=rowgroup]") ?? null;
   const isRight = (cell) => Boolean(cell) && !cell.matches(".words") && getComputedStyle(cell).textAlign === "right";
 
-  // What is in sight: rows and columns that were taken out are left out of files too, as are those of marks alone.
-  // What stands above a group of rows becomes their first column, what qualifies a row in one below it their last.
+  // What is in sight: rows and columns that were taken out are left out of files too. What qualifies a row in one below
+  // it becomes the last column.
   function model(table) {
     const heads = cellsOf(table.tHead?.rows[table.tHead.rows.length - 1]);
-    const isKept = (_, place) => !heads[place]?.matches(".column-out, .drawn");
+    const isKept = (_, place) => !heads[place]?.matches(".column-out");
     const noted = table.querySelector("tr.why") !== null;
-    const groups = [...table.tBodies].map(({ rows }) => groupOf(rows[0])).filter(Boolean);
-    const rowsOf = ({ rows }, before) => [...rows].filter((row) => !isOut(row) && !groupOf(row) && !isNote(row)).map((row) => {
+    const rowsOf = (part) => [...(part?.rows ?? [])].filter((row) => !isOut(row) && !isNote(row)).map((row) => {
       const note = isNote(row.nextElementSibling) ? read(row.nextElementSibling.cells[0]) : EMPTY;
-      return [...before, ...cellsOf(row).filter(isKept).map(read), ...(noted ? [note] : [])];
+      return [...cellsOf(row).filter(isKept).map(read), ...(noted ? [note] : [])];
     });
-    const rows = [...table.tBodies].flatMap((body) => rowsOf(body, groups.length > 0 ? [read(groupOf(body.rows[0]))] : []));
-    const totals = table.tFoot && !table.tFoot.hasAttribute("aria-hidden") ? rowsOf(table.tFoot, groups.length > 0 ? [EMPTY] : []) : [];
-    const columns = heads.filter(isKept).map((head) => ({ label: wordsOf(head), right: isRight(head) }));
-    if (groups.length > 0) columns.unshift({ label: groups[0].dataset.label });
-    if (noted) columns.push({ label: "note" });
+    const [rows, totals] = [[...table.tBodies].flatMap(rowsOf), rowsOf(table.tFoot)];
     const isNumeric = (place) => [...rows, ...totals].some((row) => typeof row[place]?.value === "number");
-    const numeric = columns.map(({ label, right }, place) => ({ label, numeric: right || isNumeric(place) }));
-    return { caption: captionOf(table), columns: numeric, rows, totals };
+    const columns = heads.filter(isKept).map((head, place) => ({ label: wordsOf(head), numeric: isRight(head) || isNumeric(place) }));
+    return { caption: captionOf(table), columns: [...columns, ...(noted ? [{ label: "note", numeric: false }] : [])], rows, totals };
   }
 
   function wordsOf(head) {
@@ -83,7 +77,6 @@ const tables = (() => {
   function forms(table) {
     const title = captionOf(table);
     return [
-      ...(drawnTables.is(table) ? [["SVG", () => download.save(title, "svg", drawnTables.svg(table, title), "image/svg+xml")]] : []),
       ["CSV", () => download.save(title, "csv", csv(table), "text/csv")],
       ["Markdown", () => download.save(title, "md", download.markdown(model(table)), "text/markdown")],
       ["LaTeX", () => download.save(title, "tex", download.latex(model(table)), "application/x-tex")],
@@ -209,7 +202,7 @@ const tables = (() => {
       makeSortable(one);
       if (one.rows.length >= MANY_ROWS) tools.append(...makeFilter(one));
     }
-    tools.append(menu.button(`Save the ${drawnTables.is(table) ? "figure" : "table"}: ${captionOf(table)}`, () => forms(table)));
+    tools.append(menu.button(`Save the table: ${captionOf(table)}`, () => forms(table)));
     const caption = table.caption?.matches(".hidden") ? "" : table.caption?.textContent ?? "";
     const short = caption !== "" && caption.length < SHORT;
     tools.classList.toggle("beside", short);
