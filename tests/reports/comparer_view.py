@@ -39,7 +39,7 @@ def shown(view: Any, panel: str, column: int, row: int, width: int = SIDE, heigh
 
 
 def bytes_of(picture: np.ndarray, column: int, row: int) -> list[int]:
-    return [int(value) for value in np.round(255 * picture[row, column])]
+    return [int(value) for value in np.round(255 * np.clip(picture[row, column].astype(float), 0, 1))]
 
 
 def cells(view: Any, image: str) -> list[str]:

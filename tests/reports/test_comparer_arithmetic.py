@@ -11,21 +11,21 @@ from harness.training import metrics
 from reports.data.packing import depth, display, light
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import opened, until
-from tests.reports.comparer_page import Held, ball, rendered, write_arithmetic_page
+from tests.reports.comparer_page import write_arithmetic_page
 
 pytestmark = pytest.mark.slow
 
-LOAD = """
+PLANES = """
 const { width, height } = given;
-const loaded = async (ref) => {
-  const meaning = pixels.meanings(ref);
-  return Array.from(await pixels.raw(ref, width, height), (raw) => meaning[raw]);
-};
 const planesOf = async (ref) => {
-  const all = await loaded(ref);
-  return [0, 1, 2].map((which) => Float32Array.from(all.slice(which * width * height, (which + 1) * width * height)));
+  const [raw, meaning] = [await pixels.raw(ref, width, height), pixels.meanings(ref)];
+  const all = Float32Array.from(raw, (number) => meaning[number]);
+  const area = width * height;
+  return Array.from({ length: ref.channels }, (_, which) => all.slice(which * area, (which + 1) * area));
 };
+Promise.all(given.pictures.map(planesOf)).then(async (loaded) => tell(await found(...loaded)));
 """
+"""Loads the given pictures, and tells what `found` makes of their planes."""
 SHARMA = """50 2.6772 -79.7751 50 0 -82.7485 2.0425
 50 3.1571 -77.2803 50 0 -82.7485 2.8615
 50 2.8361 -74.0200 50 0 -82.7485 3.4412
@@ -67,8 +67,8 @@ SHARMA = """50 2.6772 -79.7751 50 0 -82.7485 2.0425
 def asked(browser, tmp_path):
     """Runs a piece of script beside ours and returns what it tells."""
 
-    def ask(body, packed=None, given=None):
-        path = write_arithmetic_page(tmp_path / "arithmetic.html", body, packed, given)
+    def ask(body, given, texts=()):
+        path = write_arithmetic_page(tmp_path / "arithmetic.html", body, dict(texts), given)
         view, noise = opened(browser, path.as_uri())
         until(view, "document.title === 'done'", 60)
         assert noise == []
@@ -77,83 +77,82 @@ def asked(browser, tmp_path):
     return ask
 
 
+@pytest.fixture
+def made_of(asked):
+    """Runs `found`, a function of the planes of some pictures [h, w] or [h, w, 3], which the page holds packed."""
+
+    def ask(found, *pictures, **given):
+        height, width, *_ = given.pop("size")
+        given |= {"width": width, "height": height, "pictures": [picture.ref for picture in pictures]}
+        return asked(f"const found = {found};{PLANES}", given, {picture.id: picture.text for picture in pictures})
+
+    return ask
+
+
 def eight_bit(picture):
-    return np.round(255 * picture) / 255
+    return np.round(255 * np.clip(picture, 0, 1)) / 255
 
 
 @pytest.fixture(scope="module")
 def pair():
-    """Truth and rendering of a ball as stored in 8 bit, and the pixels of noise in one corner and a black one."""
-    truth = ball(40, 56)
-    test = rendered(truth, 1, 0, 100)["display"]
-    test[:9, :9] = np.random.default_rng(5).uniform(size=(9, 9, 3))
+    """Truth and rendering as stored in 8 bit: stripes, and noisy ones with a corner of noise alone and a black spot."""
+    y, x = np.mgrid[:40, :56]
+    truth = np.stack([0.5 + 0.5 * np.sin(0.4 * x + 0.2 * y), 0.2 + 0.01 * y, 1 - 0.015 * x], -1)
+    noise = np.random.default_rng(5)
+    test = truth + noise.normal(0, 0.05, truth.shape)
+    test[:9, :9] = noise.uniform(size=(9, 9, 3))
     test[30:36, 5:9] = 0
-    return eight_bit(truth["display"]), eight_bit(test)
+    return eight_bit(truth), eight_bit(test)
 
 
 @pytest.mark.parametrize("channels", [1, 3])
 def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked, channels):
     raw = np.random.default_rng(channels).integers(0, 256, (13, 7, channels))
-    held = Held()
-    ref = held.add(display(raw / 255))
-    found = asked("pixels.raw(given.ref, 7, 13).then((raw) => tell([...raw]));", held, {"ref": ref})
+    packed = display(raw / 255)
+    found = asked("pixels.raw(given, 7, 13).then((raw) => tell([...raw]));", packed.ref, {packed.id: packed.text})
     assert found == raw.transpose(2, 0, 1).ravel().tolist()
 
 
-def test_a_reference_says_what_raw_numbers_mean(asked):
-    held = Held()
-    depths, lights = np.linspace(0, 5.5, 12), np.geomspace(1e-3, 5e4, 36)
-    far = held.add(depth(depths.reshape(3, 4), 5.5))
-    bright = held.add(light(lights.reshape(3, 3, 4).transpose(1, 2, 0)))
-    body = LOAD + "Promise.all([loaded(given.far), loaded(given.bright)]).then(tell);"
-    found = asked(body, held, {"far": far, "bright": bright, "width": 4, "height": 3})
-    assert found[0] == pytest.approx(depths.tolist(), abs=5.5 / 4095)
-    assert found[1] == pytest.approx(lights.tolist(), rel=1e-3, abs=1e-6)
+def test_a_reference_says_what_raw_numbers_mean(made_of):
+    depths, lights = np.linspace(0, 5.5, 12).reshape(3, 4), np.geomspace(1e-3, 5e4, 36).reshape(3, 4, 3)
+    tell = "(...pictures) => pictures.map((planes) => planes.map((plane) => [...plane]))"
+    far, bright = made_of(tell, depth(depths, 5.5), light(lights), size=depths.shape)
+    assert np.reshape(far, (3, 4)) == pytest.approx(depths, abs=5.5 / 4095)
+    assert np.reshape(bright, (3, 3, 4)).transpose(1, 2, 0) == pytest.approx(lights, rel=1e-3, abs=1e-6)
 
 
 @pytest.mark.parametrize("damage", ["AAAA", "!!!", "eJwDAAAAAAE="])
 def test_damaged_bytes_are_a_sentence(asked, damage):
-    packed = Held({"px0": damage})
     ref = {"channels": 3, "bits": 8, "low": 0, "high": 1, "id": "px0"}
     body = "pixels.raw(given, 7, 13).catch((error) => tell(error.message));"
-    assert asked(body, packed, ref).startswith("This picture cannot be shown: ")
+    assert asked(body, ref, {"px0": damage}).startswith("This picture cannot be shown: ")
 
 
 def test_ciede2000_of_sharma_wu_and_dalal(asked):
     rows = [list(map(float, line.split())) for line in SHARMA.splitlines()]
     assert len(rows) == 34
     body = "tell(given.map((row) => deltaE.between(row.slice(0, 3), row.slice(3, 6))));"
-    assert asked(body, given=rows) == pytest.approx([row[6] for row in rows], abs=5e-5)
+    assert asked(body, rows) == pytest.approx([row[6] for row in rows], abs=5e-5)
 
 
-def test_ciede2000_is_that_of_colour_science(asked):
+def test_ciede2000_is_that_of_colour_science(made_of):
     first, second = eight_bit(np.random.default_rng(0).uniform(size=(2, 20, 30, 3)))
     second[:5] = first[:5]
     second[5:9] = eight_bit(first[5:9].mean(-1, keepdims=True).repeat(3, -1))
     labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(one), "sRGB")) for one in (first, second)]
     expected = colour.delta_E(*labs, method="CIE 2000")
-    packed = Held()
-    given = {"one": packed.add(display(first)), "other": packed.add(display(second)), "width": 30, "height": 20}
-    body = LOAD + (
-        "Promise.all([planesOf(given.one), planesOf(given.other)])"
-        ".then(([one, other]) => chunks.run(deltaE.map(one, other, width, height))).then((map) => tell([...map]));"
-    )
-    found = np.reshape(asked(body, packed, given), (20, 30))
+    body = "async (one, other) => [...await chunks.run(deltaE.map(one, other, width, height))]"
+    found = np.reshape(made_of(body, display(first), display(second), size=first.shape), (20, 30))
     assert found == pytest.approx(expected, abs=1e-4)
     assert found.mean() == pytest.approx(metrics.delta_e(second, first), abs=1e-5)
 
 
-def test_flip_is_that_of_its_authors(asked, pair):
+def test_flip_is_that_of_its_authors(made_of, pair):
     truth, test = pair
     reference, other = (one.astype(np.float32) for one in pair)
     expected, mean, _ = flip_evaluator.evaluate(reference, other, "LDR", inputsRGB=True, applyMagma=False)
-    packed = Held()
-    given = {"truth": packed.add(display(truth)), "test": packed.add(display(test)), "width": 56, "height": 40}
-    body = LOAD + (
-        "Promise.all([planesOf(given.truth), planesOf(given.test)])"
-        ".then(([truth, test]) => chunks.run(flip.map(truth, test, width, height))).then((map) => tell([...map]));"
-    )
-    found = np.reshape(asked(body, packed, given), (40, 56))
+    body = "async (truth, test) => [...await chunks.run(flip.map(truth, test, width, height))]"
+    found = np.reshape(made_of(body, display(truth), display(test), size=truth.shape), (40, 56))
     assert np.max(expected) > 0.5
     # The authors' program computes in single precision, and a root of a small difference magnifies its rounding.
     assert found == pytest.approx(np.asarray(expected)[..., 0], abs=1e-3)
@@ -161,35 +160,24 @@ def test_flip_is_that_of_its_authors(asked, pair):
     assert found.mean() == pytest.approx(metrics.flip(test, truth), abs=2e-5)
 
 
-def test_maps_of_differences_are_numpys(asked, pair):
+MAPS = """async (truth, test) => {
+  const whole = (planes, depth) => ({ planes, width, height, depth: Float32Array.from(depth), opacity: given.opacity });
+  const pair = { test: whole(test, given.depths[0]), truth: whole(truth, given.depths[1]), opaque: given.opacity };
+  const told = { colour: [[], errorMaps.MAPS.colour.said(null, pair, { psnr: 30.005 })] };
+  for (const name of ["signed", "absolute", "depth_error"]) {
+    const values = await chunks.run(errorMaps.MAPS[name].work(pair));
+    told[name] = [[...values], errorMaps.MAPS[name].said(values, pair, null)];
+  }
+  return told;
+}"""
+
+
+def test_maps_of_differences_are_numpys(made_of, pair):
     truth, test = pair
     rng = np.random.default_rng(2)
     depths, opacity = rng.uniform(1, 6, (2, 40, 56)), rng.uniform(0.97, 1, (40, 56))
-    packed = Held()
-    given = {
-        "truth": packed.add(display(truth)), "test": packed.add(display(test)), "width": 56, "height": 40,
-        "depths": depths.reshape(2, -1).tolist(), "opacity": opacity.ravel().tolist(),
-    }  # fmt: skip
-    body = (
-        LOAD
-        + """
-Promise.all([planesOf(given.truth), planesOf(given.test)]).then(async ([truth, test]) => {
-  const pair = {
-    test: { planes: test, width, height, depth: Float32Array.from(given.depths[0]), opacity: given.opacity },
-    truth: { planes: truth, width, height, depth: given.depths[1], opacity: given.opacity },
-    opaque: given.opacity,
-  };
-  const found = {};
-  for (const name of ["signed", "absolute", "depth_error"]) {
-    const map = errorMaps.MAPS[name];
-    const values = await chunks.run(map.work(pair));
-    found[name] = [[...values], map.said(values, pair, null)];
-  }
-  found.colour = [[], errorMaps.MAPS.colour.said(null, pair, { psnr: 30.005 })];
-  tell(found);
-});"""
-    )
-    found = asked(body, packed, given)
+    given = {"depths": depths.reshape(2, -1).tolist(), "opacity": opacity.ravel().tolist()}
+    found = made_of(MAPS, display(truth), display(test), size=truth.shape, **given)
     difference = test - truth
     expected = {"signed": difference @ [0.2126, 0.7152, 0.0722], "absolute": np.abs(difference).mean(-1)}
     for name, values in expected.items():

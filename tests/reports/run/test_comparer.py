@@ -1,59 +1,74 @@
 """The picture comparer in a real browser: what it shows, how it is moved about, and how it reads by keys alone."""
 
+import json
 import re
 
 import numpy as np
 import pytest
 
+from harness.records.pictures import Render, Truth
 from reports.data.kept_pictures import kept
-from reports.data.load import read_records
+from reports.data.load import Records, read_records
+from reports.run.pictures import picture_data
 from reports.run.run_page import write_page
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import address_of, opened, until
-from tests.reports.comparer_page import Held, ball, data_of, rendered, write_comparer_page
+from tests.reports.comparer_page import write_comparer_page
 from tests.reports.comparer_view import SIDE, asked, bytes_of, cells, ready, settle, shown
+from tests.reports.fake_run import write_fake_run
 
 pytestmark = pytest.mark.slow
 
-HOSTILE = ("<img src=x onerror=alert(1)>", "</script><b>", "truth", "a" * 90)
+HOSTILE = ("<img src=x onerror=alert(1)>", "</script><b>", "truth")
+METHODS = ("nerf", "nerf_matched", "qnerf")
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory) -> str:
-    packed = Held()
-    path = tmp_path_factory.mktemp("comparer") / "page.html"
-    return write_comparer_page(path, data_of(packed, SIDE), packed).as_uri()
+def records(tmp_path_factory) -> Records:
+    """Two scenes × two views × two seeds; the truth of mic is brighter than white."""
+    out = tmp_path_factory.mktemp("comparer") / "run"
+    return read_records(write_fake_run(out, ("lego", "mic"), seeds=2, size=SIDE, hdr=("mic",)))
 
 
-def test_every_panel_shows_its_pictures_bytes_without_complaint(browser, address):
+@pytest.fixture(scope="module")
+def address(records, tmp_path_factory) -> str:
+    found = picture_data(records)
+    return write_comparer_page(tmp_path_factory.mktemp("page") / "page.html", found.data, found.inline).as_uri()
+
+
+def pictures(records: Records, scene: str) -> tuple[Truth, dict[str, Render]]:
+    """The first view, and what each method made of it at the end."""
+    found = kept(records, scene)
+    last = [one for name in METHODS for one in found.renders[name, 0] if (one.view, one.step) == ("r_12", 1600)]
+    return found.truth["r_12"], dict(zip(METHODS, last, strict=True))
+
+
+def test_every_panel_shows_its_pictures_bytes_without_complaint(browser, address, records):
     view, noise = ready(browser, address)
     assert noise == []
-    truth = ball(SIDE, SIDE, 0)
-    expected = {"truth": truth["display"]}
-    for number, method in enumerate(("nerf", "nerf_matched", "qnerf")):
-        expected[method] = rendered(truth, number, 0, 1600)["display"]
-    for name, picture in expected.items():
+    truth, last = pictures(records, "lego")
+    for name, picture in {"truth": truth.display, **{name: one.colour for name, one in last.items()}}.items():
         for column, row in ((0, 0), (20, 25), (47, 13)):
             assert shown(view, f"{name}-colour", column, row) == bytes_of(picture, column, row), name
-    error = np.mean((np.round(255 * expected["nerf"]) / 255 - np.round(255 * truth["display"]) / 255) ** 2)
+    first, second = (np.round(255 * np.clip(one.astype(float), 0, 1)) for one in (truth.display, last["nerf"].colour))
+    error = np.mean(((first - second) / 255) ** 2)
     assert f"PSNR {-10 * np.log10(error):.2f} dB (record " in view.inner_text('[data-panel="nerf-colour"] .said')
 
 
-def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address):
-    view, _ = ready(browser, address, "at=pictures&scene=mic&compare.pixel=16,17")
-    truth = ball(SIDE, SIDE, 3, hdr=True)
-    made = rendered(truth, 2, 0, 1600)
-    raw = bytes_of(made["display"], 16, 17)
+def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address, records):
+    view, _ = ready(browser, address, "at=pictures&scene=mic&compare.pixel=24,23")
+    truth, last = pictures(records, "mic")
+    raw = bytes_of(last["qnerf"].colour, 24, 23)
     row = cells(view, "qnerf")
     assert row[0] == " ".join(map(str, raw))
     assert row[1] == " ".join(f"{value:.4f}" for value in decode_srgb(np.array(raw) / 255))
-    assert float(row[2]) == pytest.approx(made["opacity"][17, 16], abs=0.003)
-    assert float(row[3]) == pytest.approx(made["depth"][17, 16], abs=0.002)
-    difference = (np.array(raw) - bytes_of(truth["display"], 16, 17)) / 255
+    assert float(row[2]) == pytest.approx(last["qnerf"].opacity[23, 24], abs=0.003)
+    assert float(row[3]) == pytest.approx(last["qnerf"].depth[23, 24], abs=0.002)
+    difference = (np.array(raw) - bytes_of(truth.display, 24, 23)) / 255
     assert [float(part.replace("−", "-")) for part in row[4].split()] == pytest.approx(difference, abs=6e-5)
     light = [float(part) for part in cells(view, "truth")[1].split()]
     assert max(light) > 5
-    assert light == pytest.approx(truth["linear"][17, 16], rel=1e-3)
+    assert light == pytest.approx(truth.linear[23, 24].tolist(), rel=1e-3)
 
 
 def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(browser, address):
@@ -69,21 +84,13 @@ def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(b
         assert psnr == pytest.approx(-20 * np.log10(rmse), abs=0.005 + 20 / np.log(10) * 0.00005 / rmse), method
 
 
-def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, tmp_path):
-    packed = Held()
-    data = data_of(packed, 16)
+def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, records, tmp_path):
+    found = picture_data(records, budget=1000)
+    address = write_comparer_page(tmp_path / "page.html", found.data, found.inline, beside=True).as_uri()
     (tmp_path / "report_pictures").mkdir()
-    for scene in data["scenes"]:
-        for place in [*(view["truth"] for view in scene["views"]), *scene["renders"]]:
-            for ref in place.values():
-                if isinstance(ref, dict):
-                    ref["file"] = f"report_pictures/{scene['name']}.js"
-    address = write_comparer_page(tmp_path / "page.html", data, Held(), beside=True).as_uri()
-    lines = ",".join(f'"{name}":"{text}"' for name, text in packed.texts.items())
-    (tmp_path / "report_pictures" / "lego.js").write_text(f"reportPictures({{{lines}}});\n", encoding="utf-8")
+    (tmp_path / "report_pictures/lego.js").write_text(found.files["report_pictures/lego.js"], encoding="utf-8")
     view, noise = ready(browser, address)
-    made = rendered(ball(16, 16, 0), 2, 0, 1600)["display"]
-    assert shown(view, "qnerf-colour", 8, 9, 16, 16) == bytes_of(made, 8, 9)
+    assert shown(view, "qnerf-colour", 8, 9) == bytes_of(pictures(records, "lego")[1]["qnerf"].colour, 8, 9)
     assert noise == [address.replace("page.html", "report_pictures/lego.js")]
     view.get_by_role("combobox", name="Scene").select_option("mic")
     settle(view)
@@ -107,8 +114,8 @@ def test_the_runs_behind_a_figure_are_seen(browser, report, pictured):
     seen = view.evaluate("""[...document.querySelectorAll('#runs canvas')].map(one =>
         [...one.getContext('2d').getImageData(13, 17, 1, 1).data].slice(0, 3))""")
     last = drums.renders["nerf", 1][0]
-    expected = [np.clip(one.astype(float), 0, 1) for one in (drums.truth["r_12"].display, last.colour)]
-    assert (last.view, seen) == ("r_12", [bytes_of(picture, 13, 17) for picture in expected])
+    expected = [bytes_of(picture, 13, 17) for picture in (drums.truth["r_12"].display, last.colour)]
+    assert (last.view, seen) == ("r_12", expected)
     assert view.locator("#runs .thumbnail small").all_inner_texts() == ["ground truth", "step 1600"]
     view.get_by_role("button", name="compare the pictures").click()
     until(view, "location.hash.includes('at=pictures')")
@@ -123,8 +130,7 @@ def test_the_page_of_a_run_has_it(browser, report, pictured):
     last = next(one for one in kept(read_records(pictured), "chair").renders["qnerf", 0] if one.step == 1600)
     height, width = last.colour.shape[:2]
     assert view.get_by_role("combobox", name="View").input_value() == last.view
-    colour = np.clip(last.colour.astype(float), 0, 1)
-    assert shown(view, "qnerf-colour", 13, 17, width, height) == bytes_of(colour, 13, 17)
+    assert shown(view, "qnerf-colour", 13, 17, width, height) == bytes_of(last.colour, 13, 17)
     view.locator("#comparer .stage canvas").first.click(position={"x": 30, "y": 30})
     view.keyboard.press("f")
     settle(view)
@@ -132,7 +138,7 @@ def test_the_page_of_a_run_has_it(browser, report, pictured):
     assert noise == []
 
 
-def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
+def test_zoom_and_pan_are_locked_over_all_panels(browser, address, records):
     view, _ = ready(browser, address, "at=pictures&compare.map=colour+delta_e")
     boxes = [one.bounding_box() for one in view.locator(".stage canvas").all()]
     assert len(boxes) == 8
@@ -168,8 +174,8 @@ def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
     view.keyboard.press("Escape")
     settle(view)
     drawn = view.evaluate(under, [90, 95])
-    truth = ball(SIDE, SIDE, 0)
-    expected = [truth["display"], *(rendered(truth, n, 0, 1600)["display"] for n in range(3))]
+    truth, last = pictures(records, "lego")
+    expected = [truth.display, *(one.colour for one in last.values())]
     assert drawn == [" ".join(map(str, bytes_of(one, column, row))) for one in expected]
     view.locator(".stage canvas").first.dblclick()
     settle(view)
@@ -179,7 +185,7 @@ def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
 def test_an_address_restores_everything(browser, address):
     view, _ = ready(browser, address)
     view.get_by_role("combobox", name="Scene").select_option("mic")
-    view.get_by_role("combobox", name="View").select_option("r_12")
+    view.get_by_role("combobox", name="View").select_option("r_87")
     view.get_by_role("button", name="Difference").click()
     view.get_by_role("combobox", name="A", exact=True).select_option("qnerf")
     view.get_by_role("combobox", name="B", exact=True).select_option("nerf")
@@ -202,12 +208,13 @@ def test_an_address_restores_everything(browser, address):
 
 
 @pytest.fixture(scope="module")
-def hostile(tmp_path_factory) -> str:
-    packed = Held()
-    path = tmp_path_factory.mktemp("hostile") / "page.html"
-    data = data_of(packed, 12, ("<svg onload=alert(2)>", "__proto__ & Söhne"), HOSTILE)
-    data["left_out"] = ["<script>alert(3)</script> was left out."]
-    return write_comparer_page(path, data, packed).as_uri()
+def hostile(records, tmp_path_factory) -> str:
+    found = picture_data(records)
+    text = json.dumps(found.data)
+    for name, other in zip((*METHODS, "lego"), (*HOSTILE, "__proto__ & Söhne"), strict=True):
+        text = text.replace(json.dumps(name), json.dumps(other))
+    data = {**json.loads(text), "left_out": ["<script>alert(3)</script> was left out."]}
+    return write_comparer_page(tmp_path_factory.mktemp("hostile") / "page.html", data, found.inline).as_uri()
 
 
 def test_names_are_text_and_never_markup(browser, hostile):
