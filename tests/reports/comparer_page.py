@@ -20,7 +20,16 @@ def write_comparer_page(path: Path, data: dict[str, Any], texts: Mapping[str, st
     """The comparer with the page's own style and policy; `beside`: which may load script files."""
     body = '<section id="pictures"><h2>Pictures</h2><div id="comparer" hidden></div></section>'
     style = shell.style("page.css", "explore.css", "compare.css")
-    return _write(path, script(*FILES), f"<main>{body}</main>", "pictures-data", data, texts, beside, style)
+    return _write(
+        path,
+        script(*FILES),
+        f'<div class="body"><nav></nav><main>{body}</main></div>',
+        "pictures-data",
+        data,
+        texts,
+        beside,
+        style,
+    )
 
 
 def write_arithmetic_page(path: Path, body: str, texts: Mapping[str, str], given: Any) -> Path:
