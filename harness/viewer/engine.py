@@ -40,23 +40,6 @@ State = Literal["coarse", "refining", "whole", "failed"]
 
 
 @dataclass
-class RenderRate:
-    """The rays per second of one method, learnt from past rendering."""
-
-    rays_per_second: float = 20_000.0
-
-    def learn(self, rays: int, seconds: float) -> None:
-        """Update, weighing the last measurement as much as all before it."""
-        if rays > 0 and seconds > 0.0:
-            self.rays_per_second = math.sqrt(self.rays_per_second * rays / seconds)
-
-    def stride(self, pixels: int) -> int:
-        """Return the stride of a coarse frame that takes about `COARSE_SECONDS`."""
-        affordable = max(self.rays_per_second * COARSE_SECONDS, 1.0)
-        return min(max(math.ceil(math.sqrt(pixels / affordable)), FINEST_STRIDE), COARSEST_STRIDE)
-
-
-@dataclass
 class MethodView:
     """A method in view."""
 
@@ -65,13 +48,30 @@ class MethodView:
     cached: CachedMethod
     chunk: int
     """The rays per chunk."""
-    pace: RenderRate = field(default_factory=RenderRate)
+    rays_per_second: float = 20_000.0
+    """The pace, learnt from past rendering."""
 
     @staticmethod
     def of(cell: TrainedCell, store: ViewStore) -> "MethodView":
-        return MethodView(
-            cell.cell.method, cell.learner, CachedMethod(cell.learner, store, cell.chunk, frozen=True), cell.chunk
-        )
+        cached = CachedMethod(cell.learner, store, cell.chunk, frozen=True)
+        return MethodView(cell.cell.method, cell.learner, cached, cell.chunk)
+
+    def learn(self, rays: int, seconds: float) -> None:
+        """Update the pace, weighing the last measurement as much as all before it."""
+        if rays > 0 and seconds > 0.0:
+            self.rays_per_second = math.sqrt(self.rays_per_second * rays / seconds)
+
+    def stride(self, pixels: int) -> int:
+        """Return the stride of a coarse frame that takes about `COARSE_SECONDS`."""
+        affordable = max(self.rays_per_second * COARSE_SECONDS, 1.0)
+        return min(max(math.ceil(math.sqrt(pixels / affordable)), FINEST_STRIDE), COARSEST_STRIDE)
+
+    def warm_up(self, camera: Camera) -> None:
+        """Let the method allocate its memory, and measure its pace."""
+        for _ in range(2):
+            began = time.perf_counter()
+            _, rays, _ = coarse(self.learner, camera, COARSEST_STRIDE // 2, self.chunk)
+            self.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)
 
     @property
     def pointwise(self) -> bool:
@@ -190,11 +190,11 @@ class _Turn:
 
     def _rendered(self) -> Iterator[FreshPixels]:
         seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
-        stride = seat.pace.stride(size)
+        stride = seat.stride(size)
         began = time.perf_counter()
         first, rays, _ = coarse(seat.learner, camera, stride, seat.chunk)
         passed = time.perf_counter() - began
-        seat.pace.learn(rays, passed)
+        seat.learn(rays, passed)
         self.work += passed
         note = self._note()
         yield self._frame(
@@ -221,7 +221,7 @@ class _Turn:
             yield self._frame("refining", *parts, share=done.share, rays=rays, evaluations=evaluations, note=note)
             began = time.perf_counter()
         view, score = canvas.view, self._psnr(canvas.view)
-        seat.pace.learn(size, self.work - passed)
+        seat.learn(size, self.work - passed)
         self.work += time.perf_counter() - began
         try:
             yield self._frame(
@@ -270,20 +270,17 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)
 
 
-def first_frame(
-    cells: Sequence[TrainedCell], camera: Camera, attention: Attention | None = None, warm_up: bool = True
-) -> list[FreshPixels]:
-    """Return all frames of a view with nothing in the cache (`seconds_of` them). `warm_up` renders a coarse frame
-    first, as the viewer does when it loads a method.
+def first_frame(cells: Sequence[TrainedCell], camera: Camera) -> list[FreshPixels]:
+    """Return all frames of a view with nothing in the cache (`seconds_of` them), warmed up as when the viewer loads a
+    method.
     """
     seats = [MethodView.of(cell, ViewStore(0, None, 0)) for cell in cells]
-    if warm_up:
-        for seat in seats:
-            warmed(seat, camera)
-    return list(frames(seats, camera, attention or Attention(), use_cache=False))
+    for seat in seats:
+        seat.warm_up(camera)
+    return list(frames(seats, camera, Attention(), use_cache=False))
 
 
-def seconds_of(shown: Iterable[FreshPixels], methods: int) -> tuple[float, float]:
+def seconds_of(shown: Iterable[FreshPixels]) -> tuple[float, float]:
     """Return the seconds from the request until all methods showed something, and until all were complete.
 
     Raises `harness.training.trainer.Diverged` if a picture is not finite: that is no time.
@@ -295,14 +292,4 @@ def seconds_of(shown: Iterable[FreshPixels], methods: int) -> tuple[float, float
             raise Diverged(0, f"{frame.method}: {frame.note}")
         seen.setdefault(frame.method, frame.seconds)
         last = frame.seconds
-    if len(seen) != methods:
-        raise ValueError(f"{methods} methods, frames of {sorted(seen)}")
     return max(seen.values(), default=0.0), last
-
-
-def warmed(seat: MethodView, camera: Camera) -> None:
-    """Let a method allocate its memory, and measure its pace."""
-    for _ in range(2):
-        began = time.perf_counter()
-        _, rays, _ = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
-        seat.pace.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)

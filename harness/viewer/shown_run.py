@@ -187,7 +187,7 @@ class ShownRun:
             cell = self.run.trained(scene, method, self.seed, self.device)
             seat = engine.MethodView.of(cell, self.store)
             lens = self.lenses.setdefault(scene.name, cell.camera(_start(scene).pose()))
-            engine.warmed(seat, self._camera(scene, lens, None))
+            seat.warm_up(self._camera(scene, lens, None))
             self.seats[scene.name, method] = seat
         return self.seats[scene.name, method]
 

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from harness.verdicts.comparisons import scores_at
-from tests.reports.browsing import address_of, opened
+from tests.reports.browsing import address_of, opened, until
 from tests.reports.exploring import FORMULA, HOSTILE, MACRO, rows_of, saved, write_exploring
 
 pytestmark = pytest.mark.slow
@@ -50,6 +50,19 @@ def test_a_table_is_saved_as_csv_with_the_numbers_of_the_records(view, records):
         scores = [cell.scores["psnr"] for cell in records.cells_of("chair", method)]
         assert float(rows[0][method]) == pytest.approx(sum(scores) / len(scores), rel=1e-6)
         assert float(rows[0][f"{method} sd"]) > 0
+
+
+def test_a_menu_is_used_by_keys_alone_and_closes_without_what_lies_below_it(view):
+    view.locator("#psnr tbody .behind").first.click()
+    button = view.locator("#psnr .save").first
+    button.focus()
+    for key, focused in (("Enter", "CSV"), ("ArrowUp", "LaTeX"), ("ArrowDown", "CSV"), ("End", "LaTeX")):
+        view.keyboard.press(key)
+        until(view, f"document.activeElement.textContent === '{focused}'")
+    view.keyboard.press("Escape")
+    until(view, "document.activeElement.matches('#psnr .save')")
+    assert view.locator("#runs").is_visible()
+    assert view.locator(".menu").is_hidden()
 
 
 def test_formulas_and_macros_in_data_are_harmless_in_files(view):

@@ -95,7 +95,7 @@ def measured(situation: ServingContext) -> FirstFrame | None:
     methods = [cell.cell.method for cell in cells]
     cameras = [situation.camera(cells[0], pose) for pose in situation.orbit(cells[0].scene, calls)]
     shown = [first_frame(cells, camera) for camera in cameras]
-    seconds = [seconds_of(frames, len(cells)) for frames in shown]
+    seconds = [seconds_of(frames) for frames in shown]
     return FirstFrame(
         scene=cells[0].scene.name,
         methods=methods,

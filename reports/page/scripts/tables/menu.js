@@ -20,6 +20,8 @@ const menu = (() => {
   }
 
   list.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") event.stopPropagation(); // closes the menu alone
+    if (event.key === "Tab") list.hidePopover();
     const entries = [...list.children];
     const place = entries.indexOf(document.activeElement);
     const to = { ArrowDown: place + 1, ArrowUp: place - 1, Home: 0, End: -1 }[event.key];
