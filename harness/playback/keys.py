@@ -17,6 +17,7 @@ import torch
 
 from harness.machine.provenance import processor
 from harness.training.batches import Camera
+from harness.training.checkpoints import weights_digest
 from harness.training.learner import Learner
 
 ROOT = Path(__file__).parent.parent.parent
@@ -42,26 +43,26 @@ def plain_calls(chunk: int) -> str:
     return f"pixels in the fixed random order, {chunk} rays a call"
 
 
-def view_key(learner: Learner, camera: Camera, calls: str, weights: str) -> str:
-    """Return 64 hexadecimal digits of everything that the picture depends on; `weights` is
-    `harness.training.checkpoints.weights_digest`, and `calls` describes how rays are put into chunks.
-    """
-    return camera_key(method_digest(learner, weights), camera, calls)
-
-
-def method_digest(learner: Learner, weights: str) -> bytes:
-    """Return the digest of everything except camera and chunks."""
-    facts = {"learner": learner.rendered_by(), "weights": weights, "code": code_digest(), "machine": machine(learner)}
+def method_digest(learner: Learner) -> bytes:
+    """Return the digest of everything that a picture depends on, except camera and chunks."""
+    facts = {
+        "learner": learner.rendered_by(),
+        "weights": weights_digest(learner),
+        "code": code_digest(),
+        "machine": machine(learner),
+    }
     return hashlib.sha256(json.dumps(facts, sort_keys=True, allow_nan=False).encode()).digest()
 
 
 def camera_key(method: bytes, camera: Camera, calls: str) -> str:
-    """Return the key of a view by a method (`method_digest`); the pose counts with all its bits."""
-    found = hashlib.sha256(method)
-    found.update(camera.camera_to_world.tobytes())
-    found.update(_INTRINSICS.pack(camera.width, camera.height, camera.focal, camera.near, camera.far))
-    found.update(calls.encode())
-    return found.hexdigest()
+    """Return the key of a view, 64 hexadecimal digits: `method` is its `method_digest`, the pose counts with all its
+    bits, and `calls` describes how rays are put into chunks.
+    """
+    digest = hashlib.sha256(method)
+    digest.update(camera.camera_to_world.tobytes())
+    digest.update(struct.pack("<qqddd", camera.width, camera.height, camera.focal, camera.near, camera.far))
+    digest.update(calls.encode())
+    return digest.hexdigest()
 
 
 def machine(learner: Learner) -> dict[str, Any]:
@@ -119,11 +120,8 @@ def _drjit() -> list[Any]:
 @cache
 def code_digest() -> str:
     """Return 64 hexadecimal digits of the sources that render, as they are at the first call."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted(file for pattern in RENDERING for file in ROOT.glob(pattern)):
         content = file.read_bytes()
-        found.update(f"{file.relative_to(ROOT).as_posix()} {len(content)}\n".encode() + content)
-    return found.hexdigest()
-
-
-_INTRINSICS = struct.Struct("<qqddd")
+        digest.update(f"{file.relative_to(ROOT).as_posix()} {len(content)}\n".encode() + content)
+    return digest.hexdigest()

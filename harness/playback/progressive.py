@@ -3,15 +3,13 @@ by attention.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
 
-from baselines.contract import Rays
 from baselines.numerics.attention.priorities import checked, is_equal, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.training.batches import Camera
@@ -38,8 +36,6 @@ NOT_BY_REGIONS = (
 class Done:
     """A batch of pixels that are final."""
 
-    region: int | None
-    """The region, or None if they are not those of one region."""
     pixels: np.ndarray
     """The flat indices [pixels], row by row."""
     colour: np.ndarray
@@ -95,13 +91,12 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
     """
     pixels = coarse_pixels(camera, stride).reshape(-1)
     mixed = pixel_order(len(pixels))
-    found = learner.render(
-        _rays(learner, camera).chosen(torch.as_tensor(pixels)[mixed].to(learner.device)), chunk, bins
-    )
+    rays = camera.rays(learner.device).chosen(torch.as_tensor(pixels)[mixed].to(learner.device))
+    render = learner.render(rays, chunk, bins)
     index = np.empty(len(pixels), np.int64)
     index[mixed.numpy()] = np.arange(len(pixels))
-    parts = (_array(values)[index] for values in (found.colour, found.opacity, found.depth))
-    return CoarseFrame(over_squares(camera, stride, *parts), len(pixels), found.network_evaluations)
+    parts = (_array(values)[index] for values in (render.colour, render.opacity, render.depth))
+    return CoarseFrame(over_squares(camera, stride, *parts), len(pixels), render.network_evaluations)
 
 
 def over_squares(camera: Camera, stride: int, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> View:
@@ -115,7 +110,10 @@ def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
     """Return flat indices [rows, columns] of the middle pixels of the squares."""
     if stride < 1:
         raise ValueError(f"stride {stride}: must be at least 1")
-    return _middles(camera.height, stride)[:, None] * camera.width + _middles(camera.width, stride)[None, :]
+    rows, columns = (
+        np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1) for size in (camera.height, camera.width)
+    )
+    return rows[:, None] * camera.width + columns[None, :]
 
 
 @dataclass(frozen=True)
@@ -161,40 +159,22 @@ def refine(
     if order not in ORDERS:
         raise ValueError(f"unknown order {order!r}; known: {' '.join(ORDERS)}")
     _require_regions(camera, regions)
-    found = checked(attention, regions.count)
-    if why_plain(learner) or (order == "attention" and is_equal(found)):
+    attended = checked(attention, regions.count)
+    if why_plain(learner) or (order == "attention" and is_equal(attended)):
         return _plain(learner, camera, chunk)
     if order == "spread":
-        pixels = pixel_order(camera.width * camera.height).numpy()
-        parts: list[Part] = [(None, part) for part in np.array_split(pixels, regions.count)]
+        parts = np.array_split(pixel_order(camera.width * camera.height).numpy(), regions.count)
     else:
-        sequence = region_order(found) if order == "attention" else np.arange(regions.count)
-        parts = [(region, regions.pixels(region)) for region in sequence.tolist()]
+        sequence = region_order(attended) if order == "attention" else np.arange(regions.count)
+        parts = [regions.pixels(region) for region in sequence.tolist()]
     return _by_parts(learner, camera, parts, min(chunk, rays_a_call), chunk)
 
 
-def render_attended(
-    learner: Learner,
-    camera: Camera,
-    regions: Regions,
-    attention: np.ndarray,
-    chunk: int,
-    order: Order = "attention",
-    on_region: Callable[[Done], None] | None = None,
-) -> View:
-    """Run `refine` to its end; `on_region` is called with each part as soon as it is there."""
-    return _filled(camera, refine(learner, camera, regions, attention, chunk, order), on_region)
-
-
 def render_allocated(
-    learner: Learner,
-    camera: Camera,
-    regions: Regions,
-    bins_by_region: np.ndarray,
-    chunk: int,
-    on_part: Callable[[Done], None] | None = None,
-) -> View:
-    """Render a view with its own number of bins in each region (`allocated_bins`); equal numbers share chunks.
+    learner: Learner, camera: Camera, regions: Regions, bins_by_region: np.ndarray, chunk: int
+) -> tuple[View, int]:
+    """Render a view with its own number of bins in each region (`allocated_bins`); equal numbers share chunks. Returns
+    it with its network evaluations.
 
     A chunk has no more samples than `chunk` rays with the mean number of bins. If all have the same number, it is
     plain rendering with so many, to the bit. A method that is not pointwise is rendered plainly with the mean number,
@@ -206,8 +186,8 @@ def render_allocated(
         raise ValueError(f"bins {list(bins.shape)}: must be at least one in each of {regions.count} regions")
     mean = int((bins * regions.rays).sum() // regions.rays.sum())
     if why_plain(learner) or bins.min() == bins.max():
-        return _filled(camera, _plain(learner, camera, chunk, mean), on_part)
-    return _filled(camera, _by_bins(learner, camera, regions, bins, chunk, mean), on_part)
+        return filled(camera, _plain(learner, camera, chunk, mean))
+    return filled(camera, _by_bins(learner, camera, regions, bins, chunk, mean))
 
 
 def changed_by_regions(learner: Learner, camera: Camera, regions: Regions, chunk: int) -> float:
@@ -215,57 +195,62 @@ def changed_by_regions(learner: Learner, camera: Camera, regions: Regions, chunk
     between it and plain rendering. It is float32 rounding for a pointwise method; for another one it is the reason not
     to render it so.
     """
-    plain = _filled(camera, _plain(learner, camera, chunk), None)
-    parts: list[Part] = [(region, regions.pixels(region)) for region in range(regions.count)]
-    apart = _filled(camera, _by_parts(learner, camera, parts, 1, chunk), None)
+    plain, _ = filled(camera, _plain(learner, camera, chunk))
+    parts = [regions.pixels(region) for region in range(regions.count)]
+    apart, _ = filled(camera, _by_parts(learner, camera, parts, 1, chunk))
     difference = plain.colour.astype(np.float64) - apart.colour.astype(np.float64)
     return float(np.sqrt((difference**2).mean()))
 
 
-Part = tuple[int | None, np.ndarray]
-"""A region, or None, and the pixels that are rendered for it."""
+def filled(camera: Camera, parts: Iterable[Done]) -> tuple[View, int]:
+    """Return the view that all parts together make, and their network evaluations."""
+    canvas, evaluations = Canvas(camera.height, camera.width), 0
+    for done in parts:
+        canvas.put(done)
+        evaluations += done.network_evaluations
+    return canvas.view, evaluations
 
 
 def _plain(learner: Learner, camera: Camera, chunk: int, bins: int | None = None) -> Iterator[Done]:
     """Yield the chunks of `harness.training.evaluate.render_view`."""
     order = pixel_order(camera.width * camera.height).numpy()
-    calls: list[Part] = [(None, order[start : start + chunk]) for start in range(0, len(order), chunk)]
-    return _by_parts(learner, camera, calls, 1, chunk, bins)
+    parts = [order[start : start + chunk] for start in range(0, len(order), chunk)]
+    return _by_parts(learner, camera, parts, 1, chunk, bins)
 
 
 def _by_parts(
     learner: Learner,
     camera: Camera,
-    parts: list[Part],
+    parts: list[np.ndarray],
     at_least: int,
     chunk: int,
     bins: int | None = None,
     done: int = 0,
 ) -> Iterator[Done]:
-    """Yield parts one after the other, at least `at_least` rays together if as many are left, after `done` pixels."""
-    rays, total = _rays(learner, camera), camera.width * camera.height
-    for together in _calls(parts, at_least):
-        pixels = np.concatenate([pixels for _, pixels in together])
-        found = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk, bins)
-        colour, opacity, depth = _array(found.colour), _array(found.opacity), _array(found.depth)
-        evaluations, start = found.network_evaluations, 0
-        for region, some in together:
+    """Yield parts, the pixels of each, one after the other; at least `at_least` rays share a chunk if as many are left.
+    `done` pixels were done before.
+    """
+    rays, total = camera.rays(learner.device), camera.width * camera.height
+    for together in _chunks(parts, at_least):
+        pixels = np.concatenate(together)
+        render = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk, bins)
+        colour, opacity, depth = _array(render.colour), _array(render.opacity), _array(render.depth)
+        evaluations, start = render.network_evaluations, 0
+        for some in together:
             stop = start + len(some)
             done += len(some)
             part = slice(start, stop)
-            yield Done(region, some, colour[part], opacity[part], depth[part], done / total, evaluations)
+            yield Done(some, colour[part], opacity[part], depth[part], done / total, evaluations)
             evaluations, start = 0, stop
 
 
-def _calls(parts: list[Part], at_least: int) -> Iterator[list[Part]]:
-    together: list[Part] = []
-    count = 0
+def _chunks(parts: list[np.ndarray], at_least: int) -> Iterator[list[np.ndarray]]:
+    together: list[np.ndarray] = []
     for part in parts:
         together.append(part)
-        count += len(part[1])
-        if count >= at_least:
+        if sum(map(len, together)) >= at_least:
             yield together
-            together, count = [], 0
+            together = []
     if together:
         yield together
 
@@ -274,35 +259,15 @@ def _by_bins(
     learner: Learner, camera: Camera, regions: Regions, bins: np.ndarray, chunk: int, mean: int
 ) -> Iterator[Done]:
     done = 0
-    by_bins = sorted(range(regions.count), key=lambda region: (-int(bins[region]), region))
-    for number, group in groupby(by_bins, key=lambda region: int(bins[region])):
-        parts: list[Part] = [(region, regions.pixels(region)) for region in group]
-        rays = sum(len(pixels) for _, pixels in parts)
-        limit = max(1, chunk * mean // number)
-        yield from _by_parts(learner, camera, parts, rays, limit, number, done)
+    for number in np.unique(bins)[::-1].tolist():
+        parts = [regions.pixels(region) for region in np.flatnonzero(bins == number).tolist()]
+        rays = sum(map(len, parts))
+        yield from _by_parts(learner, camera, parts, rays, max(1, chunk * mean // number), number, done)
         done += rays
-
-
-def _filled(camera: Camera, parts: Iterator[Done], on_part: Callable[[Done], None] | None) -> View:
-    canvas = Canvas(camera.height, camera.width)
-    for done in parts:
-        canvas.put(done)
-        if on_part is not None:
-            on_part(done)
-    return canvas.view
-
-
-def _rays(learner: Learner, camera: Camera) -> Rays:
-    return camera.rays(learner.device)
 
 
 def _array(values: torch.Tensor) -> np.ndarray:
     return values.cpu().numpy()
-
-
-def _middles(size: int, stride: int) -> np.ndarray:
-    """Return the middle pixel of each run of `stride`, the last one inside."""
-    return np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1)
 
 
 def _require_regions(camera: Camera, regions: Regions) -> None:
@@ -316,8 +281,6 @@ def _require_regions(camera: Camera, regions: Regions) -> None:
 class RegionCost:
     by_region: np.ndarray
     """The estimated network evaluations for all rays of each region, int [count], at least 1, at `bins` per ray."""
-    rays: int
-    """The number of rays rendered for the estimate."""
     network_evaluations: int
     """The number of evaluations spent on the estimate."""
     view: View
@@ -335,15 +298,15 @@ def evaluations_by_region(
     pixels = coarse_pixels(camera, stride).reshape(-1)
     region_of = regions.of_pixel.reshape(-1)[pixels]
     counts = np.bincount(region_of, minlength=regions.count)
-    found = np.zeros(regions.count)
+    evaluations = np.zeros(regions.count)
     colour = np.empty((len(pixels), 3), np.float32)
     opacity, depth = np.empty(len(pixels), np.float32), np.empty(len(pixels), np.float32)
     for region in np.flatnonzero(counts).tolist():
         here = np.flatnonzero(region_of == region)
         seen = learner.render(rays.chosen(torch.as_tensor(pixels[here]).to(learner.device)), chunk, bins)
-        found[region] = seen.network_evaluations
+        evaluations[region] = seen.network_evaluations
         for whole, part in ((colour, seen.colour), (opacity, seen.opacity), (depth, seen.depth)):
-            whole[here] = part.cpu().numpy()
-    a_ray = np.where(counts > 0, found / np.maximum(counts, 1), found.sum() / len(pixels))
+            whole[here] = _array(part)
+    a_ray = np.where(counts > 0, evaluations / np.maximum(counts, 1), evaluations.sum() / len(pixels))
     estimate = np.maximum(1, np.round(a_ray * regions.rays)).astype(np.int64)
-    return RegionCost(estimate, len(pixels), int(found.sum()), over_squares(camera, stride, colour, opacity, depth))
+    return RegionCost(estimate, int(evaluations.sum()), over_squares(camera, stride, colour, opacity, depth))

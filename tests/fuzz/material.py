@@ -152,8 +152,7 @@ def started(folder: Path) -> None:
 
 def view_cache(folder: Path) -> None:
     """A view cache with two pictures."""
-    from harness.playback.disk import DiskPictures
-    from harness.playback.float_exr import frozen
+    from harness.playback.disk import DiskPictures, frozen
 
     disk = DiskPictures(folder / "cache", 1 << 20)
     for number in range(2):

@@ -143,8 +143,7 @@ def reference(folder: Path) -> None:
 
 def cache(folder: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
-    from harness.playback.disk import DiskPictures
-    from harness.playback.float_exr import frozen
+    from harness.playback.disk import DiskPictures, frozen
 
     if (folder / "cache").is_symlink():
         raise NotTried("a user may have the whole cache elsewhere")

@@ -1,8 +1,5 @@
 """`voxels_drjit` behind the cache, whose weights are Dr.Jit's and not torch's."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +13,6 @@ from harness.plan.settings import VoxelSettings
 from harness.playback import keys
 from harness.playback.cached import CachedMethod
 from harness.playback.store import ViewStore
-from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.evaluate import View, render_view
 from harness.training.make_learner import learner_for
 from tests.harness.playback.drawn import same_bits
@@ -101,29 +97,3 @@ def plain_background(one: Any) -> list[float]:
     away = replace(rays, origins=rays.origins * 2.0, directions=-rays.directions)
     colour: list[float] = one.render(away, 1).colour[0].tolist()
     return colour
-
-
-ELSEWHERE = """
-import sys, torch
-from pathlib import Path
-from harness.training.checkpoints import load_checkpoint
-from tests.harness.playback.test_cached_voxels import key, untrained
-torch.set_num_threads(1)
-one = untrained()
-load_checkpoint(one, Path(sys.argv[1]), 3)
-print(key(one))
-"""
-
-
-@pytest.mark.slow
-def test_another_process_has_the_same_key(tmp_path: Path) -> None:
-    """`drjit_or_skip` has named the library of LLVM that works in the environment."""
-    one = trained()
-    save_checkpoint(one, tmp_path / "a.safetensors")
-    done = subprocess.run(
-        [sys.executable, "-c", ELSEWHERE, str(tmp_path / "a.safetensors")],
-        cwd=keys.ROOT, env=dict(os.environ), capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    again = untrained()
-    load_checkpoint(again, tmp_path / "a.safetensors", 3)
-    assert done.stdout.split() == [key(one)] == [key(again)]

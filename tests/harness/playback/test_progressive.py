@@ -16,9 +16,9 @@ from harness.playback.progressive import (
     Done,
     coarse,
     estimated_error,
+    filled,
     refine,
     render_allocated,
-    render_attended,
 )
 from harness.training.batches import Camera
 from harness.training.evaluate import View, render_view
@@ -79,15 +79,15 @@ def test_the_views_looked_at_show_something(nerf: Learner) -> None:
 
 @pytest.mark.parametrize("order", list(progressive.ORDERS))
 def test_any_order_gives_the_plain_picture(nerf: Learner, order: Any) -> None:
-    assert largest_difference(render_attended(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order), plain(nerf)) < ROUNDING
+    found, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
+    assert largest_difference(found, plain(nerf)) < ROUNDING
 
 
 @pytest.mark.parametrize("attention", [EQUAL, np.zeros(REGIONS.count)])
 def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarray) -> None:
-    calls: list[Done] = []
-    assert same_bits(render_attended(nerf, CAMERA, REGIONS, attention, CHUNK, on_region=calls.append), plain(nerf))
-    assert [len(done.pixels) for done in calls] == [150, 150, 96]
-    assert all(done.region is None for done in calls)
+    parts = list(refine(nerf, CAMERA, REGIONS, attention, CHUNK))
+    assert same_bits(filled(CAMERA, parts)[0], plain(nerf))
+    assert [len(done.pixels) for done in parts] == [150, 150, 96]
 
 
 @pytest.mark.parametrize("order", list(progressive.ORDERS))
@@ -95,7 +95,7 @@ def test_a_method_that_is_not_pointwise_is_plain_to_the_bit_whatever_is_attended
     reason = progressive.why_plain(qnerf)
     assert reason is not None
     assert "which points share a call" in reason
-    assert same_bits(render_attended(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order), plain(qnerf))
+    assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
 
 
 def test_a_pointwise_method_has_no_reason(nerf: Learner) -> None:
@@ -111,15 +111,10 @@ def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any
     shares = np.cumsum([len(done.pixels) for done in parts]) / (18 * 22)
     assert [done.share for done in parts] == shares.tolist()
     assert parts[-1].share == 1.0
-    regions = [done.region for done in parts]
-    if order == "spread":
-        assert set(regions) == {None}
-    else:
-        expected = region_order(ATTENTION) if order == "attention" else range(REGIONS.count)
-        assert regions == list(expected)
-        for done in parts:
-            assert done.region is not None
-            assert done.pixels.tolist() == REGIONS.pixels(done.region).tolist()
+    if order != "spread":
+        regions = region_order(ATTENTION) if order == "attention" else range(REGIONS.count)
+        expected = [REGIONS.pixels(int(region)).tolist() for region in regions]
+        assert [done.pixels.tolist() for done in parts] == expected
 
 
 class Watched:
@@ -145,16 +140,6 @@ def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> N
     for rays_a_call in (1, 100):
         parts = refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", rays_a_call)
         assert sum(done.network_evaluations for done in parts) == pytest.approx(whole, rel=0.01)
-
-
-def test_parts_are_called_back_in_order_while_the_picture_fills(nerf: Learner) -> None:
-    seen: list[Done] = []
-    found = render_attended(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, on_region=seen.append)
-    assert [done.region for done in seen] == region_order(ATTENTION).tolist()
-    canvas = Canvas(18, 22)
-    for done in seen:
-        canvas.put(done)
-    assert same_bits(canvas.view, found)
 
 
 def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> None:
@@ -201,33 +186,32 @@ def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
         pixels = REGIONS.pixels(region)
         one = learner.render(rays.chosen(torch.as_tensor(pixels)), 10_000, int(bins[region]))
         arrays = (one.colour.numpy(), one.opacity.numpy(), one.depth.numpy())
-        canvas.put(Done(region, pixels, *arrays, share=0.0, network_evaluations=0))
+        canvas.put(Done(pixels, *arrays, share=0.0, network_evaluations=0))
     return canvas.view
 
 
 def test_every_region_gets_its_own_bins(nerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 4)
     assert len(set(bins.tolist())) > 3
-    seen: list[Done] = []
-    found = render_allocated(nerf, CAMERA, REGIONS, bins, CHUNK, seen.append)
+    watched = Watched(nerf)
+    found, evaluations = render_allocated(watched, CAMERA, REGIONS, bins, CHUNK)
     assert largest_difference(found, slow_allocated(nerf, bins)) < ROUNDING
     assert largest_difference(found, plain(nerf)) > 100 * ROUNDING
-    assert sorted(np.concatenate([done.pixels for done in seen]).tolist()) == list(range(18 * 22))
-    assert (np.diff([done.share for done in seen]) > 0.0).all()
-    assert seen[-1].share == 1.0
+    assert evaluations == sum(watched.evaluations)
+    assert sum(rays for rays, _, _ in watched.calls) == 18 * 22
 
 
 def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learner) -> None:
     for learner in (nerf, qnerf):
-        same = render_allocated(learner, CAMERA, REGIONS, np.full(REGIONS.count, BINS), CHUNK)
+        same, _ = render_allocated(learner, CAMERA, REGIONS, np.full(REGIONS.count, BINS), CHUNK)
         assert same_bits(same, plain(learner))
 
 
 def test_a_method_that_is_not_pointwise_gets_the_mean_number_everywhere(qnerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
-    found = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
+    found, _ = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
     mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
-    assert same_bits(found, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK))
+    assert same_bits(found, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK)[0])
 
 
 def test_what_regions_would_change_is_rounding_for_one_method_and_more_for_the_other(

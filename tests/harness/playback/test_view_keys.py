@@ -2,7 +2,8 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,13 @@ import pytest
 import torch
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, Box
+from harness.machine.provenance import provenance
 from harness.playback import keys
 from harness.playback.cached import CachedMethod
-from harness.playback.keys import RENDERING, code_digest, plain_calls, view_key
+from harness.playback.keys import RENDERING, camera_key, code_digest, method_digest, plain_calls, switches
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.checkpoints import load_checkpoint, save_checkpoint, weights_digest
+from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.learner import Learner
 from harness.training.trainer import Trainer
 from tests.harness.ball import pose
@@ -42,7 +44,7 @@ def trained(method: str = "nerf", **changes: Any) -> Trainer:
 
 
 def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str:
-    return view_key(learner, view or camera(), calls, weights_digest(learner))
+    return camera_key(method_digest(learner), view or camera(), calls)
 
 
 def test_the_same_view_has_the_same_key_and_it_is_one() -> None:
@@ -161,15 +163,19 @@ def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
     assert len(set(found)) == len(found)
 
 
-def test_another_version_of_the_sources_or_of_torch_is_another_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_sources_another_torch_or_processor_is_another_picture(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     one = trained()
     before = key(one)
     with monkeypatch.context() as patch:
         patch.setattr(torch, "__version__", "9.9")
         assert key(one) != before
-    with monkeypatch.context() as patch:
-        patch.setattr(keys, "code_digest", lambda: "0" * 64)
-        assert key(one) != before
+    assert keys.machine(one)["processor"][1] == provenance(torch.device("cpu"))["processor"]
+    for name in ("code_digest", "processor"):
+        with monkeypatch.context() as patch:
+            patch.setattr(keys, name, lambda: "another")
+            assert key(one) != before
     torch.set_num_threads(2)  # put back by a fixture
     assert key(one) != before
 
@@ -256,3 +262,61 @@ def test_a_cached_method_has_these_keys() -> None:
         method = CachedMethod(one, ViewStore(0), 512, frozen)
         assert method.key(camera()) == key(one)
         assert method.key(camera(), "otherwise") == key(one, calls="otherwise")
+
+
+@contextmanager
+def matmul_precision(precision: str) -> Iterator[None]:
+    """Puts back those of the libraries: the old way of setting leaves "ieee" where "none" was, which means the same."""
+    before = torch.get_float32_matmul_precision()
+    libraries = [torch.backends.mkldnn.matmul, torch.backends.cuda.matmul, torch.backends.cudnn.conv]  # type: ignore
+    each = [library.fp32_precision for library in libraries]
+    torch.set_float32_matmul_precision(precision)
+    yield
+    torch.set_float32_matmul_precision(before)
+    for library, value in zip(libraries, each, strict=True):
+        library.fp32_precision = value
+
+
+@contextmanager
+def switched(holder: Any, name: str, value: object) -> Iterator[None]:
+    before = getattr(holder, name)
+    setattr(holder, name, value)
+    yield
+    setattr(holder, name, before)
+
+
+ON_CPU: dict[str, Callable[[], AbstractContextManager[Any]]] = {
+    "autocast": lambda: torch.autocast("cpu", torch.bfloat16),
+    "autocast to another type": lambda: torch.autocast("cpu", torch.float16),
+    "products of medium precision": lambda: matmul_precision("medium"),
+    "oneDNN's products in bfloat16": lambda: switched(torch.backends.mkldnn.matmul, "fp32_precision", "bf16"),
+    "without oneDNN": lambda: switched(torch.backends.mkldnn, "enabled", False),
+}
+CUDA_PRODUCTS: Any = torch.backends.cuda.matmul
+ON_CUDA: dict[str, Callable[[], AbstractContextManager[Any]]] = {
+    "products in TF32": lambda: switched(CUDA_PRODUCTS, "fp32_precision", "tf32"),
+    "products of high precision": lambda: matmul_precision("high"),
+    "cuDNN": lambda: switched(torch.backends.cudnn, "allow_tf32", not torch.backends.cudnn.allow_tf32),
+    **{
+        name: lambda name=name: switched(CUDA_PRODUCTS, name, not getattr(CUDA_PRODUCTS, name))  # type: ignore[misc]
+        for name in ("allow_fp16_reduced_precision_reduction", "allow_bf16_reduced_precision_reduction")
+    },
+}
+
+
+@pytest.mark.parametrize(("on_gpu", "name"), [(False, name) for name in ON_CPU] + [(True, name) for name in ON_CUDA])
+def test_every_switch_of_arithmetic_is_in_the_key_whichever_others_were_set(on_gpu: bool, name: str) -> None:
+    before = switches(on_gpu)
+    with (ON_CUDA if on_gpu else ON_CPU)[name]():
+        assert switches(on_gpu) != before
+    assert switches(on_gpu) == before
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_under_another_switch_a_view_is_not_found(frozen: bool) -> None:
+    method = CachedMethod(trained(), ViewStore(10**6), 512, frozen)
+    method.render(camera())
+    for other in ON_CPU.values():
+        with other():
+            assert method.lookup(camera()) is None
+    assert method.lookup(camera()) is not None

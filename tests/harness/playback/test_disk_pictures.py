@@ -1,0 +1,329 @@
+"""Whatever becomes of the folder or a file in it: a picture is bit for bit the one that was stored, or a miss."""
+
+import errno
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from harness.playback import disk
+from harness.playback.disk import HEADER_BYTES, OURS, DiskPictures, frozen
+from harness.playback.store import ViewStore
+from scenes.files.errors import InputError
+from tests.harness.playback.drawn import drawn, same_bits
+from tests.harness.playback.storm import KEYS
+from tests.harness.shell import ROOT
+
+ON_DISK = HEADER_BYTES + drawn(0).nbytes
+BOUND = 8 * ON_DISK
+"""For two thirds of the keys of a storm: something has to go all the time."""
+
+
+def file_of(folder: Path) -> Path:
+    """The file of the only picture."""
+    (found,) = (file for file in folder.iterdir() if OURS.fullmatch(file.name))
+    return found
+
+
+def held(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.iterdir())
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 7, 5), (3, 2, 2), (100, 100, 5), (4, 5, 64)])
+def test_a_picture_comes_back_bit_for_bit_and_cannot_be_written(tmp_path: Path, shape: tuple[int, int, int]) -> None:
+    assert DiskPictures(tmp_path, 10**6).put("a", drawn(1, *shape))
+    found = DiskPictures(tmp_path, 10**6).get("a")
+    assert same_bits(found, drawn(1, *shape))
+    assert found is not None
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        found.setflags(write=True)
+
+
+def test_a_frozen_picture_is_a_copy_of_what_is_one() -> None:
+    picture = drawn(3)
+    kept = frozen(picture)
+    picture[:] = 0.0
+    assert same_bits(kept, drawn(3))
+    for value in (picture.astype(np.float64), picture.tolist()):
+        with pytest.raises(TypeError, match="float32"):
+            frozen(value)
+    for shape in ((5, 7), (0, 7, 5), (1, 1, 65)):
+        with pytest.raises(ValueError, match="height, width, channels"):
+            frozen(np.zeros(shape, np.float32))
+    with pytest.raises(ValueError, match="1 of 175 values of a picture are not finite"):
+        frozen(np.where(np.arange(175).reshape(5, 7, 5) == 4, np.nan, picture).astype(np.float32))
+
+
+def test_a_flipped_bit_in_any_byte_and_a_cut_at_any_place_are_found_out(tmp_path: Path) -> None:
+    pictures, generator = DiskPictures(tmp_path, 10**6), np.random.default_rng(0)
+    assert pictures.put("a", drawn(1))
+    whole = file_of(tmp_path).read_bytes()
+    places = [*range(HEADER_BYTES + 8), *range(HEADER_BYTES + 8, len(whole), 13)]
+    for place in places:
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(generator.integers(8))
+        for damaged in (bytes(flipped), whole[:place]):
+            file_of(tmp_path).write_bytes(damaged)
+            assert pictures.get("a") is None
+            assert held(tmp_path) == 0
+            assert pictures.put("a", drawn(1))
+    assert pictures.counts.damaged == 2 * len(places)
+    assert same_bits(pictures.get("a"), drawn(1))
+
+
+def test_pictures_that_changed_places_are_dropped(tmp_path: Path) -> None:
+    pictures = DiskPictures(tmp_path, 10**6)
+    assert pictures.put("a", drawn(1))
+    first = file_of(tmp_path)
+    assert pictures.put("b", drawn(2))
+    second = next(file for file in tmp_path.iterdir() if file != first)
+    first.replace(second)
+    assert pictures.get("a") is None
+    assert pictures.get("b") is None
+    assert pictures.counts.damaged == 1
+
+
+def instead(make: Callable[[Path], object]) -> Callable[[Path], object]:
+    def replace(file: Path) -> None:
+        file.unlink()
+        make(file)
+
+    return replace
+
+
+def folder_with_something(file: Path) -> None:
+    file.mkdir()
+    (file / "inside").write_text("x")
+
+
+class Poison:
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[str, ...]]:
+        return os.mkdir, (str(Path.cwd() / "poisoned"),)
+
+
+INSTEAD: dict[str, Callable[[Path], object]] = {
+    "nothing in it": lambda file: file.write_bytes(b""),
+    "a folder": instead(folder_with_something),
+    "a pipe": instead(os.mkfifo),
+    "a link to a device": instead(lambda file: file.symlink_to("/dev/zero")),
+    "a link to itself": instead(lambda file: file.symlink_to(file.name)),
+    "a pickle": lambda file: file.write_bytes(pickle.dumps(Poison())),
+    "noise": lambda file: file.write_bytes(np.random.default_rng(0).bytes(1000)),
+    "more at its end": lambda file: file.write_bytes(file.read_bytes() + b"\0"),
+    "a shape of other pixels": lambda file: file.write_bytes(b"view 1\n" + b"\xff" * 800),
+}
+
+
+@pytest.mark.parametrize("what", INSTEAD)
+def test_something_else_in_its_place_is_dropped_or_written_over(
+    tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    pictures = DiskPictures(tmp_path / "cache", 10**6)
+    assert pictures.put("a", drawn(1))
+    INSTEAD[what](file_of(tmp_path / "cache"))
+    assert pictures.get("a", use=False) is None
+    assert pictures.counts.damaged == 1
+    assert not list((tmp_path / "cache").iterdir())
+    assert pictures.put("a", drawn(1))
+    INSTEAD[what](file_of(tmp_path / "cache"))
+    assert pictures.put("a", drawn(2))
+    assert same_bits(pictures.get("a"), drawn(2))
+    assert pictures.counts.failed == 0
+    assert not list((tmp_path / "here").iterdir())
+
+
+def test_the_folder_may_be_removed_meanwhile(tmp_path: Path) -> None:
+    pictures = DiskPictures(tmp_path / "cache", 10**6)
+    assert pictures.put("a", drawn(1))
+    shutil.rmtree(tmp_path / "cache")
+    assert pictures.get("a") is None
+    assert pictures.put("b", drawn(2))
+    assert same_bits(pictures.get("b"), drawn(2))
+
+
+@pytest.mark.parametrize(
+    "key", ["", "/", "../../../etc/passwd", "a\0b", "ä🙂", "\ud800", "x" * 100_000, ".", "-rf", "a/b\\c", "\n"]
+)
+def test_any_string_is_a_key(tmp_path: Path, key: str) -> None:
+    assert DiskPictures(tmp_path / "cache", 10**6).put(key, drawn(1))
+    fresh = DiskPictures(tmp_path / "cache", 10**6)
+    assert same_bits(fresh.get(key), drawn(1))
+    assert fresh.get(key + "x") is None
+    assert [entry.name for entry in tmp_path.iterdir()] == ["cache"]
+
+
+@pytest.mark.parametrize("where", ["file", "file/below", "/proc/views"])
+def test_a_folder_that_cannot_be_one_is_an_error_that_names_it(tmp_path: Path, where: str) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=where):
+        ViewStore(10, tmp_path / where)
+
+
+def test_pictures_of_an_earlier_version_make_room(tmp_path: Path) -> None:
+    for name in ("objects", "keys", "parts", "of somebody else"):
+        (tmp_path / name / "aa").mkdir(parents=True)
+    DiskPictures(tmp_path, 10**6)
+    assert [file.name for file in tmp_path.iterdir()] == ["of somebody else"]
+
+
+def test_the_folder_stays_within_its_bound_and_the_least_recently_used_go(tmp_path: Path) -> None:
+    pictures = DiskPictures(tmp_path, 10 * ON_DISK)
+    left = tmp_path / f".{'a' * 64}.1.part"
+    left.write_bytes(b"half")  # of a writer that was killed
+    os.utime(left, (1.0, 1.0))
+    for seed in range(60):
+        assert pictures.put(f"{seed}", drawn(seed))
+        assert same_bits(pictures.get("0"), drawn(0)), f"used at every step, gone after {seed}"
+        assert held(tmp_path) <= 10 * ON_DISK
+    assert not left.exists()
+    kept = [seed for seed in range(1, 60) if pictures.get(f"{seed}") is not None]
+    assert kept == list(range(60 - len(kept), 60))
+    assert len(kept) >= 6
+    assert pictures.counts.evicted == 61 - len(kept) - 1
+    assert pictures.bytes() == held(tmp_path)
+
+
+def test_a_picture_larger_than_the_folder_may_be_is_refused(tmp_path: Path) -> None:
+    pictures = DiskPictures(tmp_path, 500)
+    assert not pictures.put("a", drawn(1))
+    assert "in a cache of 500" in str(pictures.counts.reason)
+    assert held(tmp_path) == 0
+
+
+STEPS = st.lists(st.tuples(st.sampled_from(["put", "get", "other"]), st.integers(0, 9)), max_size=25)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(STEPS, st.integers(2, 8))
+def test_two_users_of_one_folder_only_ever_get_what_was_put(
+    tmp_path: Path, steps: list[tuple[str, int]], room: int
+) -> None:
+    folder = tmp_path / f"{time.time_ns()}"
+    one, other = (DiskPictures(folder, room * ON_DISK) for _ in range(2))
+    known: dict[int, int] = {}
+    for index, (what, key) in enumerate(steps):
+        if what == "get":
+            found = one.get(f"{key}")
+            assert found is None or same_bits(found, drawn(known[key]))
+        else:
+            assert (one if what == "put" else other).put(f"{key}", drawn(index))
+            known[key] = index
+            assert same_bits(other.get(f"{key}"), drawn(index)), "what was put last is there"
+        assert held(folder) <= room * ON_DISK
+    for user in (one, other):
+        assert (user.counts.damaged, user.counts.failed) == (0, 0)
+
+
+@contextmanager
+def files_of_at_most(limit: int) -> Iterator[None]:
+    """What is beyond is refused by the system, after what still fits was taken: as on a full disk."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("limit", [0, 1, 100, 600])
+def test_a_disk_that_is_full_costs_no_picture(tmp_path: Path, limit: int) -> None:
+    store = ViewStore(10**6, tmp_path, 10**6)
+    store.store("before", drawn(1), level=2)
+    store.store("again", drawn(2), level=2)
+    with files_of_at_most(limit):
+        for seed, key in ((3, "again"), (4, "new")):
+            store.store(key, drawn(seed), level=2)
+            assert store.where(key) == 1
+            assert same_bits(store.get(key), drawn(seed))
+    assert store.statistics.failed_writes == 2
+    assert store.statistics.last_failure
+    following = ViewStore(0, tmp_path, 10**6)
+    assert same_bits(following.get("before"), drawn(1))
+    assert following.get("again") is None, "no older picture is left"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def refuse(*arguments: object, **options: object) -> NoReturn:
+    raise OSError(errno.ENOSPC, "refused")
+
+
+@pytest.mark.parametrize("call", ["write_atomically", "_content"])
+def test_a_system_that_refuses_costs_a_write_or_a_hit_and_no_more(
+    tmp_path: Path, call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures = DiskPictures(tmp_path, 10**6)
+    with monkeypatch.context() as patch:
+        patch.setattr(disk, call, refuse)
+        assert pictures.put("a", drawn(1)) == (call == "_content")
+        assert pictures.get("a") is None
+    assert (pictures.counts.reason == "refused") == (call != "_content")
+    assert pictures.put("a", drawn(1))
+    assert same_bits(pictures.get("a"), drawn(1))
+
+
+def storm(folder: Path, seed: int, seconds: float) -> subprocess.Popen[str]:
+    """A process that has opened the folder."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.harness.playback.storm", str(folder), f"{seed}", f"{seconds}", f"{BOUND}"],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n", process.communicate()[1]
+    return process
+
+
+def killed(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+
+
+def found_in(folder: Path) -> None:
+    """The folder as the next user finds it: nothing but complete pictures, and it can be used."""
+    pictures = DiskPictures(folder, BOUND)
+    for key in range(KEYS):
+        found = pictures.get(f"{key}")
+        assert found is None or same_bits(found, drawn(key))
+    assert pictures.bytes() <= 1.2 * BOUND
+    assert pictures.put("0", drawn(0))
+    assert same_bits(pictures.get("0"), drawn(0))
+    assert (pictures.counts.damaged, pictures.counts.failed) == (0, 0)
+
+
+def test_processes_at_once_on_one_folder(tmp_path: Path) -> None:
+    """With one more that is killed at some moment."""
+    processes = [storm(tmp_path, seed, 1.5) for seed in range(2)]
+    killed(storm(tmp_path, 2, 60.0))
+    for process in processes:
+        output, complaint = process.communicate()
+        assert (process.returncode, complaint) == (0, ""), output
+        puts, gets, wrong, damaged, failed = map(int, output.split()[:5])
+        assert min(puts, gets) > 5
+        assert (wrong, damaged, failed) == (0, 0, 0), output
+    found_in(tmp_path)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_many_writers_killed_at_random(tmp_path: Path) -> None:
+    generator = np.random.default_rng(1000)
+    for number in range(60):
+        process = storm(tmp_path, 1000 + number, 60.0)
+        time.sleep(float(generator.uniform(0.0, 0.06)))
+        killed(process)
+        found_in(tmp_path)
