@@ -1,7 +1,7 @@
 """python -m reports OUT [OUT …]: records in, report.html and summary.json out; the page's path is printed last.
 
-Each record of studies in OUT has a page of its own, evidence.html, stability.html or speed.html. The report shows the
-first two as well, and what a serving.json holds. A judgement.json has a page of its own.
+Each record of studies in OUT has a page of its own, evidence.html, stability.html, speed.html or serving.html. The
+report shows all but speed as well. A judgement.json has a page of its own.
 Several outputs are compared in outputs.html, each with the first.
 """
 
@@ -27,8 +27,7 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="python -m reports",
         description="Build report.html and summary.json from the records of a run, and a page from each record of "
-        "studies: evidence.html, stability.html, speed.html. The report shows the first two as well, and what its "
-        "serving.json holds.",
+        "studies: evidence.html, stability.html, speed.html, serving.html. The report shows all but speed as well.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
         "stability check of what is ours failed, or a check of the evidence does not hold, 130 stopped.",
     )
@@ -91,7 +90,7 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
     """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
-    from harness.records.study import SHELVES
+    from harness.records.study import SHELVES, FormerRecord
 
     if (out / JUDGEMENT_FILE).is_file():
         from reports.studies.judgement import write_judgement_page
@@ -103,16 +102,19 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
     from reports.data.beside import Beside
     from reports.data.kept_pictures import damaged as damaged_pictures
     from reports.data.load import NoRecords, if_sound, read_records
-    from reports.data.serving_load import find_serving
     from reports.data.studies_load import find_studies
 
     damaged: list[str] | None = [] if partly else None
-    found = {shelf: if_sound(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
-    studies = {shelf: record for shelf, record in found.items() if record is not None}
-    serving = if_sound(partial(find_serving, out), None, damaged)
-    beside = Beside(studies.get("stability"), studies.get("evidence"), serving)
+    studies: dict[str, Studies] = {}
+    for shelf in SHELVES:
+        try:
+            if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
+                studies[shelf] = record
+        except FormerRecord as former:  # the rest is reported
+            tell([str(former)])
+    beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
     if publish is not None:
-        refuse_unfit(out, list(studies.values()), beside)
+        refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():
         raise NoRecords(
             f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; give the output folder "
@@ -131,24 +133,16 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
     return max(codes)
 
 
-def refuse_unfit(out: Path, studies: "list[Studies]", beside: "Beside") -> None:
+def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
     """Raise `NotForPublishing` for what is quick or not finished."""
-    from harness.records.serving_record import SERVING_FILE
-    from harness.records.study import SHELVES
+    from harness.records.study import SHELVES, again
     from reports.data.load import NotForPublishing, refuse_quick
-    from reports.data.serving_load import is_whole
 
     for record in studies:
         path = out / SHELVES[record.shelf]
         refuse_quick(record.settings, path)
-        if not record.finished:
-            raise NotForPublishing(f"{path}: not finished; let `nox -s {record.shelf}` end, or leave out --publish")
-    if beside.serving is not None:
-        refuse_quick(beside.serving.settings, out / SERVING_FILE)
-        if not is_whole(beside.serving):
-            raise NotForPublishing(
-                f"{out / SERVING_FILE}: not whole; run `python -m harness study serving {out}`, or leave out --publish"
-            )
+        if not record.is_complete:
+            raise NotForPublishing(f"{path}: not finished; {again(record.shelf, out)}, or leave out --publish")
 
 
 def tell(left_out: list[str]) -> None:
@@ -208,10 +202,6 @@ def build_report(records: "Records", quiet: bool, publish: Path | None, beside: 
     write_page(records, out / "report.html", beside)
     if publish is not None:
         write_published_run(records, publish, beside)
-        if beside.serving is not None:
-            from reports.studies.publishing import write_published_serving
-
-            write_published_serving(beside.serving, records.methods, publish)
     if not quiet:
         print(headline(records).title)
         for cell in records.failed:

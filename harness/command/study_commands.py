@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from harness.studies.framework import Shelf
 
 
-def _add_shelf_options(command: argparse.ArgumentParser, shelf: str, noun: str, *former: str, beside: str = "") -> None:
-    """Add the options that every shelf of studies has."""
+def _add_shelf_options(
+    command: argparse.ArgumentParser, shelf: str, noun: str, *former: str, beside: str = "", of_a_run: bool = False
+) -> None:
+    """Add the options that every shelf of studies has; the folder of a finished run is named without one."""
     todo = f"{noun} to do; --list prints them (default: all)"
     command.add_argument("--studies", *former, nargs="+", metavar="NAME", help=todo)
     add_shared(command, "--quick", "--view-sets")
-    add_shared(command, "--out", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
+    if not of_a_run:
+        add_shared(command, "--out", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
     add_shared(command, "--resume", "--list", "--quiet")
 
 
@@ -126,27 +129,25 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
 
 def add_serving_options(command: argparse.ArgumentParser) -> None:
     add_finished_run(command)
+    _add_shelf_options(command, "serving", "studies", of_a_run=True)
     add_shared(command, "--scenes", "--methods", "--seed")
     width = "of the pictures that are timed (default: 100)"
     command.add_argument("--width", type=int, default=100, metavar="PX", help=width)
     add_shared(command, "--device")
     add_shared(command, "--threads", default=1, help="of rendering (default: 1; more wait for a busy machine)")
-    add_shared(command, "--view-sets", "--quick", "--quiet")
 
 
 def run_serving(options: argparse.Namespace, show: "Progress") -> int:
-    """Return 0, or 3 if nothing of the run could be rendered or a study failed; raises `InputError` for invalid
-    options.
-    """
-    from scenes.files.errors import InputError
+    """Return 0, or 3 if a study or a check of ours fails; raises `InputError` for invalid options."""
+    from harness.studies.serving.serving_studies import SHELF
 
     require_between(options, width=(8, 4096), threads=(1, 256))
+    if options.list:
+        return _run_shelf(options, SHELF, show, lambda studies, out: 0)
     from harness.machine.device import chosen_device
-    from harness.machine.stopping import told_when_stopped
     from harness.playback.run_loader import FinishedRun
-    from harness.records.serving_record import SERVING_FILE
-    from harness.run_folder.folder_lock import locked_folder
     from harness.studies.serving.serving_run import ServingRequest, run
+    from scenes.files.errors import InputError
 
     finished = FinishedRun.of(options.out)
     scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
@@ -154,13 +155,17 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
     asked = ServingRequest(
-        [one.name for one in scenes], methods, options.seed, options.width, options.quick, options.threads
+        finished,
+        [one.name for one in scenes],
+        methods,
+        options.seed,
+        options.width,
+        options.quick,
+        chosen_device(options.device),
+        options.view_sets,
+        options.threads,
     )
-    kept = f"studies that were finished are kept in {options.out / SERVING_FILE}; the same command begins again"
-    with told_when_stopped(lambda: kept), locked_folder(options.out):
-        record = run(finished, asked, chosen_device(options.device), options.view_sets, show)
-    show.line(f"figures in {options.out / SERVING_FILE}")
-    return 3 if record.failed or (record.cache is None and record.attention is None) else 0
+    return _run_shelf(options, SHELF, show, lambda studies, out: run(asked, studies, options.resume, show))
 
 
 def add_conformance_options(command: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ MOST_CHANNELS = 64
 START = b"view 1\n"
 SHAPE = struct.Struct("<qqq")
 HEADER_BYTES = len(START) + hashlib.sha256().digest_size + SHAPE.size
-OURS = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{64}\..*\.part")
+OURS = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{64}\..*")
 """The names of pictures, and of what killed writers left: it is never read again, and so the first to be evicted."""
 WRITING_NANOSECONDS = 60 * 10**9
 """The time within which a picture is written, unless its writer was killed."""

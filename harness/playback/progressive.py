@@ -116,16 +116,14 @@ def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
     return rows[:, None] * camera.width + columns[None, :]
 
 
-@dataclass(frozen=True)
-class ErrorEstimate:
-    """An estimate of where a view is not yet integrated well, and its cost."""
+class ErrorEstimate(NamedTuple):
+    """An estimate of where a view is not yet integrated well, and its cost beside the existing frame: `error` is the
+    root mean square over the channels of the difference of two coarse frames, float64 [height, width].
+    """
 
     error: np.ndarray
-    """The root mean square over the channels of the difference of two coarse frames, float64 [height, width]."""
     rays: int
-    """The number of rays rendered for it, beside the existing frame."""
     network_evaluations: int
-    """The number of evaluations spent on them."""
 
 
 def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
@@ -188,18 +186,6 @@ def render_allocated(
     if why_plain(learner) or bins.min() == bins.max():
         return filled(camera, _plain(learner, camera, chunk, mean))
     return filled(camera, _by_bins(learner, camera, regions, bins, chunk, mean))
-
-
-def changed_by_regions(learner: Learner, camera: Camera, regions: Regions, chunk: int) -> float:
-    """Return how rendering region after region, a chunk each, changes a view: the root mean square of display colour
-    between it and plain rendering. It is float32 rounding for a pointwise method; for another one it is the reason not
-    to render it so.
-    """
-    plain, _ = filled(camera, _plain(learner, camera, chunk))
-    parts = [regions.pixels(region) for region in range(regions.count)]
-    apart, _ = filled(camera, _by_parts(learner, camera, parts, 1, chunk))
-    difference = plain.colour.astype(np.float64) - apart.colour.astype(np.float64)
-    return float(np.sqrt((difference**2).mean()))
 
 
 def filled(camera: Camera, parts: Iterable[Done]) -> tuple[View, int]:
@@ -277,14 +263,14 @@ def _require_regions(camera: Camera, regions: Regions) -> None:
         )
 
 
-@dataclass(frozen=True)
-class RegionCost:
+class RegionCost(NamedTuple):
+    """The estimated network evaluations for all rays of each region, int [count], at least 1; the evaluations spent on
+    the estimate; and the coarse frame that they are the pixels of.
+    """
+
     by_region: np.ndarray
-    """The estimated network evaluations for all rays of each region, int [count], at least 1, at `bins` per ray."""
     network_evaluations: int
-    """The number of evaluations spent on the estimate."""
     view: View
-    """The coarse frame that they are the pixels of."""
 
 
 def evaluations_by_region(

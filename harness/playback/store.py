@@ -24,8 +24,6 @@ class SegmentedMemory:
     def __init__(self, bound: int) -> None:
         self.bounds = (int(bound * PROTECTED), bound)
         """The bounds of level 0, and of both together."""
-        self.evicted = 0
-        """The number of pictures that were evicted from memory."""
         self.bytes = [0, 0]
         self.levels: tuple[OrderedDict[str, np.ndarray], OrderedDict[str, np.ndarray]] = (OrderedDict(), OrderedDict())
         """The pictures of each level, the least recently used first."""
@@ -45,7 +43,6 @@ class SegmentedMemory:
         while sum(self.bytes) > self.bounds[1]:
             # a picture so large that all of level 1 is not enough for it has room made in level 0
             self._take_oldest(1 if next(iter(self.levels[1])) != key else 0)
-            self.evicted += 1
         return True
 
     def get(self, key: str) -> tuple[np.ndarray, int] | None:
@@ -85,11 +82,8 @@ class StoreStatistics:
 
     hits: dict[int, int]
     """Map level → pictures that were found there."""
-    misses: int
     bytes: dict[int, int]
     """Map level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
-    evicted: dict[int, int]
-    """Map level → pictures that made room for others: 1 for those that left memory, 2 for those that left the disk."""
     damaged: int
     """The number of files with other bytes than those written: dropped, and a miss."""
     failed_writes: int
@@ -115,7 +109,6 @@ class ViewStore:
         self._disk = None if disk is None else DiskPictures(disk, disk_bytes)
         self._lock = threading.Lock()
         self._hits = dict.fromkeys(LEVELS, 0)
-        self._misses = 0
 
     def __contains__(self, key: str) -> bool:
         return self.where(key) is not None
@@ -139,9 +132,7 @@ class ViewStore:
             if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
                 self._memory.put(key, picture, 1)
                 found = picture, 2
-            if found is None:
-                self._misses += 1
-            else:
+            if found is not None:
                 self._hits[found[1]] += 1
             return found
 
@@ -173,9 +164,7 @@ class ViewStore:
             counts = self._disk.counts if self._disk else DiskCounts()
             return StoreStatistics(
                 hits=dict(self._hits),
-                misses=self._misses,
                 bytes={**dict(enumerate(self._memory.bytes)), 2: self._disk.bytes() if self._disk else 0},
-                evicted={1: self._memory.evicted, 2: counts.evicted},
                 damaged=counts.damaged,
                 failed_writes=counts.failed,
                 last_failure=counts.reason,

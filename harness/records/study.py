@@ -17,7 +17,12 @@ from harness.records.cells import Estimate
 from harness.records.json_record import DamagedRecord, Record, as_promised, load_record, write_record
 
 SCHEMA = 2
-SHELVES = {"evidence": "evidence.json", "stability": "stability.json", "speed": "speed.json"}
+SHELVES = {
+    "evidence": "evidence.json",
+    "stability": "stability.json",
+    "speed": "speed.json",
+    "serving": "serving.json",
+}
 """Shelf → its file under OUT."""
 PICTURES_FOLDER = "stability"
 """The folder under OUT in which `Picture.path` lies."""
@@ -47,6 +52,8 @@ machine that it was measured on. Only a check of ours fails a run; the others ar
 """
 Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "not_available"]
 """`measured`: a figure without a limit."""
+CUT_SHORT = ("late", "failed")
+"""The ids of checks that say so of their study: it is not complete, and is measured again."""
 Values = Sequence[float | None]
 """Figures in which `None` stands for one that was not finite: a gap in the line, which a chart marks."""
 
@@ -193,6 +200,11 @@ class StudyRecord(Record, frozen=True):
     seconds: float = 0.0
 
     @property
+    def cut_short(self) -> bool:
+        """Whether it failed, or had to leave something out because its time was over."""
+        return any(one.id in CUT_SHORT for one in self.checks)
+
+    @property
     def answers(self) -> list[str]:
         return [one.text for one in self.findings if isinstance(one, Answer)]
 
@@ -237,6 +249,11 @@ class Studies(Record, frozen=True):
     def broken(self) -> list[tuple[StudyRecord, Check]]:
         """Return the checks that must hold and do not."""
         return [(study, check) for study, check in self.checks() if check.is_broken]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether everything that was to be measured was."""
+        return self.finished and not any(one.cut_short for one in self.studies)
 
     @property
     def is_quick(self) -> bool:
@@ -291,6 +308,15 @@ def write_studies(path: Path, record: Studies) -> None:
     write_record(path, data)
 
 
+class FormerRecord(DamagedRecord):
+    """A record of an earlier version, in a form that is not read any more: what it says has to be measured again."""
+
+
+def again(shelf: str, out: Path) -> str:
+    """Return the command that measures a shelf again."""
+    return f"run `python -m harness study serving {out}` again" if shelf == "serving" else f"run `nox -s {shelf}` again"
+
+
 def read_studies(path: Path) -> Studies:
     """Read studies. Raises `DamagedRecord` if the file is not what this version or the one before it writes."""
     from harness.records.study_of_schema_1 import converted
@@ -298,16 +324,20 @@ def read_studies(path: Path) -> Studies:
     shelf = path.stem
     try:
         data = load_record(path)
+        if shelf == "serving" and "cache" in data:
+            raise FormerRecord(f"{path}: measured by an earlier version; {again(shelf, path.parent)}")
         if data.get("schema") == 1:
             data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
         found: Studies = as_promised(data, Studies)
         return found
+    except FormerRecord:
+        raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-        raise DamagedRecord(f"{path}: {error}; run `nox -s {shelf}` again") from error
+        raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error
 
 
 def _finite_or_gap(value: float | None) -> float | None:

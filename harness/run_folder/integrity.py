@@ -16,13 +16,12 @@ from harness.records.cells import (
     read_cell,
     read_comparisons,
     read_run,
-    records_folder,
 )
 from harness.records.json_record import DamagedRecord, file_digest
 from harness.records.pictures import read_truth, truth_pictures
-from harness.records.serving_record import SERVING_FILE, read_serving
 from harness.records.snapshot import ENDED, read_unfinished, unfinished_path
 from harness.records.snapshot import FOLDER as UNFINISHED
+from harness.records.study import SHELVES, read_studies
 from harness.records.targets import TARGETS_FILE, read_targets
 from harness.run_folder.folder_lock import remove_abandoned
 from scenes.files.atomic import remove_leftovers
@@ -163,24 +162,11 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out), "computed again"),
         f"records/{TARGETS_FILE}": (lambda _: read_targets(out), "computed again"),
-        SERVING_FILE: (_serving, f"moved aside; `python -m harness study serving {out}` measures it again"),
+        SHELVES["serving"]: (read_studies, f"moved aside; `python -m harness study serving {out}` measures it again"),
     }
     for name, (read, remedy) in tries.items():
         if (out / name).exists():
             yield from _fault(out, name, read, remedy)
-
-
-def _serving(path: Path) -> None:
-    """Raise `DamagedRecord` also if one of its pictures is not as it was written."""
-    record = read_serving(path)
-    for name, digest in record.files.items():
-        picture = records_folder(path.parent) / name
-        try:
-            same = file_digest(picture) == digest
-        except OSError as error:
-            raise DamagedRecord(f"{path}: its picture {name} cannot be read ({error.strerror})") from error
-        if not same:
-            raise DamagedRecord(f"{path}: its picture {name} was damaged or changed")
 
 
 def _has_cells(out: Path, plan: Plan, scene: str) -> bool:
@@ -192,14 +178,6 @@ def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> It
         read(out / name)
     except (DamagedRecord, OSError) as error:
         yield name, f"{name}: {reason_of(error, out / name)}: {remedy}"
-
-
-def mend_serving(out: Path, say: Say) -> None:
-    """Repair, as `mend` does, the measurements of what is served alone, pictures included."""
-    if (out / SERVING_FILE).exists():
-        for name, wrong in _fault(out, SERVING_FILE, _serving, "moved aside"):
-            say(wrong)
-            aside(out, name)
 
 
 def reason_of(error: Exception, path: Path) -> str:

@@ -7,7 +7,7 @@ of them has stopped the rendering.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -270,26 +270,9 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)
 
 
-def first_frame(cells: Sequence[TrainedCell], camera: Camera) -> list[FreshPixels]:
-    """Return all frames of a view with nothing in the cache (`seconds_of` them), warmed up as when the viewer loads a
-    method.
-    """
-    seats = [MethodView.of(cell, ViewStore(0, None, 0)) for cell in cells]
-    for seat in seats:
-        seat.warm_up(camera)
-    return list(frames(seats, camera, Attention(), use_cache=False))
-
-
-def seconds_of(shown: Iterable[FreshPixels]) -> tuple[float, float]:
-    """Return the seconds from the request until all methods showed something, and until all were complete.
-
-    Raises `harness.training.trainer.Diverged` if a picture is not finite: that is no time.
-    """
-    seen: dict[str, float] = {}
-    last = 0.0
-    for frame in shown:
-        if frame.state == "failed":
-            raise Diverged(0, f"{frame.method}: {frame.note}")
-        seen.setdefault(frame.method, frame.seconds)
-        last = frame.seconds
-    return max(seen.values(), default=0.0), last
+def warmed(seat: MethodView, camera: Camera) -> None:
+    """Let a method allocate its memory, and measure its pace."""
+    for _ in range(2):
+        began = time.perf_counter()
+        _, rays, _ = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
+        seat.pace.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)

@@ -16,7 +16,6 @@ from typing import Any
 
 from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
-from harness.records.serving_record import ServingRecord
 from harness.records.study import Studies
 from harness.records.targets import TargetsRecord
 from harness.verdicts.statistics import critical
@@ -85,7 +84,7 @@ class Bench:
     records: Records
     evidence: Studies | None
     targets: TargetsRecord | None
-    serving: ServingRecord | None = None
+    serving: Studies | None = None
 
     @property
     def paper(self) -> dict[str, Any]:

@@ -1,57 +1,48 @@
 """§8: retrieval from the cache, its key, and attention as priority, as measured on the run's trained methods."""
 
-from harness.records.serving_record import Confusion, Latency, Measure, PhiCheck
+from harness.records.study import Check
 from reports.claims.ledger import Bench, Finding, Pair, Printed
-from reports.data.serving_load import DISK, HASHED, MEMORY, MISSED, both, is_quick, judge_hit
-from reports.data.wording import NARROW, UNTESTED, Verdict, bare, counted, listed, significant
-from reports.studies.serving_said import SHARE, TIMED, Race, earlier, races
+from reports.data.wording import UNTESTED, Verdict, count, listed, significant
 
 COMMAND = "python -m harness study serving OUT"
-LEAST_SCENES = 3
-"""The fewest scenes that settle anything."""
-ELSEWHERE: dict[Measure, str] = {"hardest": "where the coarse frame is most wrong", "whole": "over the whole picture"}
-LEAST_VISIBLE = 0.5 / 255
-"""The least visible RMSE of display colour: half a step of 8 bits."""
-NEEDS_SERVING = f"need `{COMMAND}`"
-NEEDS_LONGER = f"need `{COMMAND}` without --quick"
+MISSED: Verdict = "not seen at this scale"
 
 
 def retrieval(bench: Bench, entry: Printed) -> Finding:
     """Judge retrieval. “Instant” has no number: our threshold is the record's, and the spread of repeated calls is
     compared with it.
     """
-    record = bench.serving.cache if bench.serving else None
-    if record is None:
-        return _untested(bench, "time of rendering a view against that of having it from the cache")
+    hits = _checks(bench, "hit.")
+    memory, disk = ([one for one in hits if one.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
+    bars = [
+        f"{count(round(some[0].limit or 0.0))}× {where}"
+        for some, where in ((memory, "in memory"), (disk, "on disk"))
+        if some
+    ]
     how = (
-        f"rendering a view of {record.width} × {record.height} px takes as many times as long as a hit, of a method "
-        "that is no longer trained (weights hashed once); “instant” is our bar: "
-        f"{bare(record.target_memory)}× in memory, {bare(record.target_disk)}× on disk"
+        "rendering a view takes as many times as long as a hit, of a method that is no longer trained (weights hashed "
+        f"once); “instant” is our bar: {', '.join(bars)}"
     )
-    memory, disk, hashed = (
-        [one for one in record.latencies if one.source in sources and one.ratio is not None]
-        for sources in (MEMORY, DISK, HASHED)
-    )
-    if _quick(bench) or not memory + disk:
-        return _untested(bench, how)
-    verdict = both(record)
+    if not bars:
+        return _untested(bench, "time of rendering a view against that of having it from the cache")
+    verdict: Verdict = "inconclusive"
+    if any(one.status == "fail" for one in memory + disk):
+        verdict = MISSED
+    elif memory and disk and all(one.status == "pass" for one in memory + disk):
+        verdict = "seen"
     shown = memory or disk
     notes = [] if memory and disk else [f"not measured {'on disk' if memory else 'in memory'}"]
-    others = [*(disk if memory else []), *hashed]
-    notes += [
-        f"from {words}: {_range(some)}"
-        for source, words in TIMED.items()
-        if (some := [one for one in others if one.source == source])
-    ]
-    notes += [
-        f"{words}: {listed(names)}"
-        for failing, words in ((MISSED, "missed"), ("inconclusive", "its spread reaches across the bar"))
-        if (names := [f"{one.method} on {one.scene} ({TIMED[one.source]})"
-                      for one in memory + disk if judge_hit(one, record) == failing])
-    ]  # fmt: skip
-    pairs = [one.ratio_spread for one in shown if one.ratio_spread]
-    interval = (min(low for low, _ in pairs), max(high for _, high in pairs)) if pairs else None
-    return Finding(verdict, how, _ends(shown), interval, note="; ".join(notes))
+    others = [one for one in hits if one not in shown]
+    for words in dict.fromkeys(one.what for one in others):
+        ends = _ends([one for one in others if one.what == words])
+        notes.append(f"{words}: {listed([f'{significant(end)}×' for end in dict.fromkeys(ends)], 'to')}")
+    for status, words in (("fail", "missed"), ("inconclusive", "its spread reaches across the bar")):
+        names = [f"{one.subject} ({one.what})" for one in memory + disk if one.status == status]
+        notes += [f"{words}: {listed(names)}"] if names else []
+    spreads = [one.spread for one in shown if one.spread]
+    interval = min(low for low, _ in spreads), max(high for _, high in spreads)
+    low, high = _ends(shown)
+    return Finding(verdict, how, low if low == high else (low, high), interval, note="; ".join(notes))
 
 
 def pose_key(bench: Bench, entry: Printed) -> Finding:
@@ -60,28 +51,12 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
         "kinds of change after which a key of the pose alone returns another picture than is asked for, where the same "
         "views are asked for again"
     )
-    found = bench.serving.cache.confusions if bench.serving and bench.serving.cache else []
-    looked, stale = [one for one in found if one.views], [one for one in found if one.stale]
-    if _quick(bench) or not looked:
+    stale, ours = _check(bench, "key.pose"), _check(bench, "key.ours")
+    if stale is None or ours is None:
         return _untested(bench, how)
-    views, missed = sum(one.views for one in looked), sum(one.missed for one in looked)
-    notes = [f"of {counted(len(looked), 'kind')} of change", *_errors(stale)]
-    notes.append(f"our key is new for {'all' if missed == views else f'{missed} of'} {counted(views, 'view')}")
-    return Finding("not reproduced" if stale else "reproduced", how, len(stale), note="; ".join(notes))
-
-
-def _errors(stale: list[Confusion]) -> list[str]:
-    """State the errors, and how many of them nobody could see."""
-    if not stale:
-        return []
-    worst = max(stale, key=lambda one: one.rmse)
-    hidden = [one.changed for one in stale if one.rmse <= LEAST_VISIBLE]
-    seen = "all" if not hidden else f"{len(stale) - len(hidden)} of them"
-    unseen = f", but not {listed(hidden)}" if hidden else ""
-    return [
-        f"off by up to {significant(worst.rmse)} ({worst.changed}; RMSE of display colour)",
-        f"{seen} visible in 8 bits (RMSE above 1/510){unseen}",
-    ]
+    verdict: Verdict = "not reproduced" if stale.value else "reproduced"
+    note = f"{stale.why}; our key is new for {significant(ours.value)} % of the views"
+    return Finding(verdict, how, round(stale.value or 0.0), note=note)
 
 
 def attended_first(bench: Bench, entry: Printed) -> Finding:
@@ -89,53 +64,22 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
     decide nothing.
     """
     how = (
-        f"seconds until the attended error has fallen to {100 * SHARE:.0f}{NARROW}% of the coarse frame’s, against "
+        "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, against "
         "raster order; earlier is what is so in all repeats"
     )
-    record = bench.serving.attention if bench.serving else None
-    found = [one for one in races(record) if _both_timed(one)] if record else []
-    if _quick(bench) or not found:
+    found = _check(bench, "earlier.attended")
+    if found is None:
         return _untested(bench, how)
-    scenes = list(dict.fromkeys(one.scene for one in found))
-    won = [scene for scene in scenes if all(_ahead(one) for one in found if one.scene == scene)]
-    ahead, open_ = sum(map(_ahead, found)), sum(map(_undecided, found))
-    verdict: Verdict = "inconclusive"
-    if len(scenes) >= LEAST_SCENES and len(won) == len(scenes):
-        verdict = "seen"
-    elif len(scenes) >= LEAST_SCENES and not ahead and not open_:
-        verdict = MISSED
-    pairs = [(one.to("attended")["attention"], one.to("attended")["raster"]) for one in found]
-    factors = [theirs.seconds / mine.seconds for mine, theirs in pairs if mine and theirs and mine.seconds]
-    notes = [
-        f"earlier in {ahead} of {counted(len(found), 'case')}, in all of them on {len(won)} of "
-        f"{counted(len(scenes), 'scene')}",
-        f"undecided, as repeats overlap, in {open_}" if open_ else "",
-        "the map that orders regions says which are attended: earlier by construction, but for the map’s own time",
-        *(f"{words} {_earliest(found, measure)}" for measure, words in ELSEWHERE.items()),
+    verdicts: dict[str, Verdict] = {"pass": "seen", "fail": MISSED}
+    sooner = _check(bench, "sooner.attended")
+    elsewhere = [
+        f"{words} earlier in {count(round(one.value or 0.0))} of {one.repeats}"
+        for id, words in (("hardest", "where the coarse frame is most wrong"), ("whole", "over the whole picture"))
+        if (one := _check(bench, f"earlier.{id}"))
     ]
-    ends = (min(factors), max(factors)) if factors else None
-    return Finding(verdict, how, ends, note="; ".join(filter(None, notes)))
-
-
-def _both_timed(one: Race, measure: Measure = "attended") -> bool:
-    return {"attention", "raster"} <= set(one.to(measure))
-
-
-def _ahead(one: Race, measure: Measure = "attended") -> bool:
-    return earlier(one.to(measure), "attention", "raster")
-
-
-def _undecided(one: Race) -> bool:
-    """Return whether both get there, and neither before the other in all repeats."""
-    times = one.to("attended")
-    there = times["attention"] is not None and times["raster"] is not None
-    return there and not _ahead(one) and not earlier(times, "raster", "attention")
-
-
-def _earliest(found: list[Race], measure: Measure) -> str:
-    """State in how many races attention is earlier, if attention has not chosen what is measured."""
-    known = [one for one in found if _both_timed(one, measure)]
-    return f"earlier in {sum(_ahead(one, measure) for one in known)} of {len(known)}"
+    note = "; ".join([f"earlier in {count(round(found.value or 0.0))} {found.why}", *elsewhere])
+    verdict = verdicts.get(found.status, "inconclusive")
+    return Finding(verdict, how, sooner.spread if sooner else None, note=note)
 
 
 def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
@@ -143,35 +87,30 @@ def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
     allocation.
     """
     how = "orders and allocations of attention maps, with the factor φ and without it"
-    phi: PhiCheck | None = bench.serving.attention.phi if bench.serving and bench.serving.attention else None
-    if _quick(bench) or phi is None or not phi.maps:
+    changed = _check(bench, "phi.changed")
+    if changed is None:
         return _untested(bench, how)
-    changed = max(phi.orders_changed, phi.allocations_changed)
-    note = (
-        f"changed, of {counted(phi.maps, 'map')}; the priorities sum to "
-        f"{significant(phi.sum_of_priorities, 4)}, not to 1: they are no probabilities"
-    )
-    return Finding("reproduced" if changed else "not reproduced", how, changed, note=note)
+    verdict: Verdict = "reproduced" if changed.value else "not reproduced"
+    return Finding(verdict, how, round(changed.value or 0.0), note=f"changed, {changed.why}")
+
+
+def _checks(bench: Bench, prefix: str) -> list[Check]:
+    """Return the figures whose id begins so, if they were measured and mean anything."""
+    if bench.serving is None or bench.serving.is_quick:
+        return []
+    return [one for _, one in bench.serving.checks() if one.id.startswith(prefix) and one.value is not None]
+
+
+def _check(bench: Bench, id: str) -> Check | None:
+    return next((one for one in _checks(bench, id) if one.id == id), None)
 
 
 def _untested(bench: Bench, how: str) -> Finding:
-    return Finding(UNTESTED, how, note=NEEDS_LONGER if _quick(bench) else NEEDS_SERVING)
+    quick = bench.serving is not None and bench.serving.is_quick
+    return Finding(UNTESTED, how, note=f"need `{COMMAND}`{' without --quick' if quick else ''}")
 
 
-def _quick(bench: Bench) -> bool:
-    return bool(bench.serving and is_quick(bench.serving))
-
-
-def _ends(found: list[Latency]) -> float | Pair | None:
-    """Return one figure, or the range from the worst to the best."""
-    ratios = [one.ratio for one in found if one.ratio is not None]
-    return (min(ratios), max(ratios)) if len(ratios) > 1 else ratios[0] if ratios else None
-
-
-def _range(found: list[Latency]) -> str:
-    ends = _ends(found)
-    return listed(list(map(_times, ends)), "to") if isinstance(ends, tuple) else _times(ends or 0.0)
-
-
-def _times(factor: float) -> str:
-    return f"{significant(factor)}×"
+def _ends(checks: list[Check]) -> Pair:
+    """Return the range from the worst to the best."""
+    values = [one.value or 0.0 for one in checks]
+    return min(values), max(values)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from harness.records.serving_record import ServingRecord
 from harness.records.study import Studies
 
 
@@ -12,7 +11,7 @@ class Beside:
 
     stability: Studies | None = None
     evidence: Studies | None = None
-    serving: ServingRecord | None = None
+    serving: Studies | None = None
 
 
 ALONE = Beside()

@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from harness.records.json_record import DamagedRecord, as_promised
-from harness.records.study import SHELVES, Effect, Studies, read_studies
+from harness.records.study import SHELVES, Effect, Studies, again, read_studies
 from reports.data.load import uneven
 
 
@@ -15,7 +15,7 @@ def find_studies(out: Path, shelf: str) -> Studies | None:
         return None
     record = read_studies(path)
     if (problem := _contradiction(record, shelf)) is not None:
-        raise DamagedRecord(f"{path}: {problem}; run `nox -s {shelf}` again")
+        raise DamagedRecord(f"{path}: {problem}; {again(shelf, out)}")
     return record
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from harness.records.cells import CellRecord
 from harness.records.json_record import finite_or_none, plain, write_json
 from harness.records.metric_table import METRICS
-from harness.records.serving_record import CacheRecord, ServingRecord
+from harness.records.study import Studies
 from reports.claims.claim_list import claims
 from reports.claims.estimands import found_failures
 from reports.claims.headline import headline
@@ -36,7 +36,7 @@ SCHEMA = 1
 def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
     """Return plain data, JSON-ready: a number that is not finite is None and the cell's status says why.
 
-    `cache` and `attention` are None if they were not measured.
+    `serving` is None if it was not measured.
     """
     run, found = records.run, claims(records, beside)
     return {
@@ -63,8 +63,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
         "comparisons": [plain(one) for one in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
         "claims": [_claim(one.__dict__) for one in found],
-        "cache": _cache(beside.serving.cache) if beside.serving and beside.serving.cache else None,
-        "attention": _attention(beside.serving) if beside.serving else None,
+        "serving": _figures(beside.serving) if beside.serving else None,
         "left_out": [{"scene": scene.name, **plain(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": not_tested(run.not_tested, found),
@@ -98,29 +97,9 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
     }
 
 
-def _cache(record: CacheRecord) -> dict[str, Any]:
-    paths = [{**asdict(one), "hit_rate": one.hit_rate} for one in record.paths]
-    return {**asdict(record), "paths": paths}
-
-
-def _attention(record: ServingRecord) -> dict[str, Any] | None:
-    """Return attention with the viewer's first frame, which refines by attention."""
-    if record.attention is None:
-        return None
-    first = asdict(record.first_frame) if record.first_frame else None
-    curves = [
-        {
-            name: [_short(one) for one in value] if isinstance(value, list) else value
-            for name, value in asdict(one).items()
-        }
-        for one in record.attention.curves
-    ]
-    return {**asdict(record.attention), "curves": curves, "first_frame": first}
-
-
-def _short(value: float) -> float:
-    """Round to five digits: more than such a figure holds, and half as long to write."""
-    return float(f"{value:.5g}")
+def _figures(record: Studies) -> list[dict[str, Any]]:
+    """Return every figure of view cache and attention with the study that it is of."""
+    return [{"study": study.info.id, **plain(check)} for study, check in record.checks()]
 
 
 def _claim(claim: dict[str, Any]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean, median, stdev
+from statistics import fmean, stdev
 from typing import Any
 
 from harness.records.study import Studies, read_studies
@@ -300,25 +300,24 @@ def speed(published: Published) -> str:
 
 def serving(published: Published) -> str:
     """Tabulate the view cache and attention (§8)."""
-    found = published.current("reduced/serving.json")
-    if not found:
+    if not published.current("reduced/serving.json"):
         return ""
-    cache, reaching = found["cache"], found["attention"]["reaching"]
+    record = read_studies(published.docs / "reduced/serving.json")
+    found = {one.id: one for _, one in record.checks() if one.value is not None}
     hits = [
         f"{number(min(ratios), 0)} to {number(max(ratios), 0)} × from {where}"
-        for source, where in (("level 0", "memory"), ("level 2", "disk"))
-        if (ratios := [one["ratio"] for one in cache["latencies"] if one["source"] == source])
+        for id, where in (("hit.memory.0.", "memory"), ("hit.disk.warm.", "disk"))
+        if (ratios := [one.value or 0.0 for one in found.values() if one.id.startswith(id)])
     ]
-    stale = sum(one["stale"] > 0 for one in cache["confusions"])
+    key = found["key.pose"]
     times = [
-        f"{number(1e3 * median(there), 0)} ms {words}"
+        f"{number(one.value, 0)} ms {words}"
         for order, words in (("attention", "by attention"), ("plain", "plainly"))
-        if (there := [one["seconds"] for one in reaching if (one["order"], one["measure"]) == (order, "whole")])
-        and None not in there
+        if (one := found.get(f"whole.{order}"))
     ]
     return (
         f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
-        f"return another picture in {stale} of {len(cache['confusions'])} kinds of change. Until 10 % of the coarse "
+        f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. Until 10 % of the coarse "
         f"frame's error is left in the whole picture: {listed(times)} (medians).\n\n![Serving](reduced/serving.png)"
     )
 

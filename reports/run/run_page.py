@@ -33,8 +33,6 @@ from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.work_precision import work
-from reports.studies.serving_attention import about, attention
-from reports.studies.serving_cache import cache
 from reports.studies.shelves import WORDS, page_of
 from reports.studies.study_page import shelf_shown
 from scenes.files.atomic import write_atomically
@@ -79,8 +77,7 @@ SECTIONS = (
     ("work", "Error against run time"),
     ("reaching", "Time to target"),
     ("pictures", "Pictures"),
-    ("cache", "View cache (§8.1)"),
-    ("attention", "Attention (§8.2)"),
+    ("serving", "View cache and attention (§8)"),
     ("metrics", "Other scores"),
     ("amplifier", "Amplifier"),
     ("stability", "Numerical stability"),
@@ -101,14 +98,13 @@ SHEETS = {
     "stability": ("studies.css",),
     "evidence": ("studies.css",),
     "work": ("work.css",),
-    "cache": ("serving.css",),
-    "attention": ("work.css", "serving.css"),
+    "serving": ("studies.css",),
     "pictures": ("compare.css",),
 }
 """Map section → the style sheets that it needs besides that of the page."""
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
 """The scripts in this order, in one scope."""
-CHOOSING = ("work", "attention")
+CHOOSING = ("work",)
 """The sections in which a reader chooses, with rules of their own."""
 
 
@@ -121,13 +117,10 @@ def _style(content: dict[str, Any]) -> Markup:
 
 def _content_beside(records: Records, beside: Beside) -> dict[str, Any]:
     """Return the sections of the measurements beside the run."""
-    serving = beside.serving
     return {
         "stability": shelf_shown(beside.stability, records.out) if beside.stability else None,
         "evidence": shelf_shown(beside.evidence, records.out) if beside.evidence else None,
-        "cache": cache(serving.cache, records.methods) if serving and serving.cache else None,
-        "attention": attention(serving, records.folder) if serving else None,
-        "served": about(serving) if serving else None,
+        "serving": shelf_shown(beside.serving, records.out) if beside.serving else None,
     }
 
 

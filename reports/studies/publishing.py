@@ -1,20 +1,15 @@
 """The figures of the studies that the README shows: their records, each with panels of its page that show most."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
-from harness.records.serving_record import SERVING_FILE, Measure, ServingRecord, write_serving
 from harness.records.study import SHELVES, Picture, Series, Studies, write_studies
 from reports.drawing.series_charts import panel, panels_of, pens_in, with_points
 from reports.drawing.sheet import Drawing, key_of, key_of_pens, save_sheet
 from reports.studies.forest import forests
 from reports.studies.matrix import miniature
-from reports.studies.serving_cache import latency_panels, pens_of_methods
-from reports.studies.serving_curves import PENS, anytime_panels
-from reports.studies.serving_said import MAPS
 from reports.studies.study_page import of_interest
 
 LARGEST = 1_000_000
@@ -86,43 +81,6 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
     ],
     "stability": [("stability.png", matrix_in_miniature, 1), ("stability_curves.png", first_charts, 2)],
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
+    "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
 }
 """Shelf → the files, the panels of its page that are saved in each, and how many of them side by side."""
-
-
-PLOT = "serving.png"
-MEASURES_DRAWN: dict[Measure, str] = {"whole": "whole picture", "hardest": "its hardest quarter"}
-
-
-def write_published_serving(record: ServingRecord, methods: list[str], folder: Path) -> list[Path]:
-    """Write the record without pictures and curves (summary.json holds those), and a plot if there is something to
-    draw.
-
-    Returns the written paths.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    attention = record.attention and replace(record.attention, frames=[], curves=[])
-    write_serving(folder, replace(record, attention=attention))
-    return [folder / SERVING_FILE, *save_sheet(folder / PLOT, serving_drawings(record, methods), 3, (3.9, 2.9))]
-
-
-def serving_drawings(record: ServingRecord, methods: list[str]) -> list[Drawing]:
-    """Return latencies on the first scene, and error over time on the first scene, by the first map, attended and
-    complete.
-    """
-    drawings = []
-    if record.cache is not None and record.cache.latencies:
-        names = list(dict.fromkeys(one.method for one in record.cache.latencies))
-        pens = {name: pen for name, pen in pens_of_methods(methods, names).items() if name in names}
-        made = latency_panels(record.cache, pens)[0]
-        drawings.append((replace(made, title=f"time of a view, {made.title} (grey: target)"), key_of_pens(pens)))
-    if record.attention is not None and record.attention.curves:
-        first = record.attention.curves[0]
-        shared = (first.scene, first.method, first.attention)
-        chosen = [one for one in record.attention.curves if (one.scene, one.method, one.attention) == shared]
-        key = key_of_pens({str(one.order): PENS[one.order] for one in chosen})
-        for measure, what in MEASURES_DRAWN.items():
-            made = anytime_panels(chosen[::-1], record.attention.reaching, measure)[0]
-            title = f"{what}, {first.scene}, {MAPS.get(first.attention, first.attention)}"
-            drawings.append((replace(made, title=title), key))
-    return drawings

@@ -72,6 +72,17 @@ WORDS = {
         owner="machine",
         outcomes="Targets",
     ),
+    "serving": ShelfWords(
+        title="View cache and attention (§8)",
+        link="view cache and attention alone",
+        noun=("study", "studies"),
+        check=("target of serving", "targets of serving"),
+        passes=("is met", "are met"),
+        nothing="View cache and attention",
+        owner="machine",
+        outcomes="Targets, and what the paper's forms fail",
+        folded=True,
+    ),
 }
 
 

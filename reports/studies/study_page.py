@@ -97,10 +97,10 @@ class ShelfShown:
     def contents(self) -> list[tuple[str, str]]:
         """Return anchor and title of each section of the page."""
         sections = [("matrix", "Case by case")] if self.groups else []
-        sections += [("outcomes", self.words.outcomes)] if self.tables else []
+        sections += [(f"{self.shelf}-outcomes", self.words.outcomes)] if self.tables else []
         sections += [(one.anchor, one.title) for one in self.chapters]
         if self.words.folded and self.studies:
-            return [*sections, ("studies", f"Every {self.words.noun[0]} in full")]
+            return [*sections, (f"{self.shelf}-studies", f"Every {self.words.noun[0]} in full")]
         return sections + [(one.anchor, one.name) for one in self.studies]
 
 

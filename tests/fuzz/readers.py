@@ -69,10 +69,9 @@ def records(folder: Path) -> None:
 
 def beside(find: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        from reports.data.serving_load import find_serving
         from reports.data.studies_load import find_studies
 
-        find_serving(folder) if find == "serving" else find_studies(folder, find)
+        find_studies(folder, find)
 
     return read
 

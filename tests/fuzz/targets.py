@@ -112,7 +112,7 @@ TARGETS: dict[str, Target] = {
     "limits": Target(material.gates, "limits.json", readers.limits),
     "class": Target(material.gates, "classes/avx2.json", readers.classes),
     "reference": Target(material.gates, "images/*.exr", readers.reference, mutate=mutations.of_bytes),
-    "view_cache": Target(material.view_cache, "cache/[ok]*/??/*", readers.cache, mutate=mutations.of_bytes,
+    "view_cache": Target(material.view_cache, "cache/*", readers.cache, mutate=mutations.of_bytes,
                          renewed=True, accepts_all=True),
     "view_cache_folder": _of_folder(material.view_cache, readers.cache, "cache"),
     "camera_path": _of_numbers("path.json", readers.camera_path, "frames", "radius", "target", "keep", "elevation"),

@@ -31,6 +31,7 @@ PAGES: dict[str, Callable[[Path], str]] = {
     "report": _report,
     "evidence": lambda out: study_page(fake_evidence(), out),
     "speed": lambda out: study_page(fake_speed(), out),
+    "serving": lambda out: study_page(fake_serving(), write_fake_serving(out)),
     "hostile speed": lambda out: study_page(hostile_speed(fake_speed(), HOSTILE), out),
     "stability": lambda out: study_page(fake_stability(), write_fake_stability(out)),
     "hostile stability": lambda out: study_page(
@@ -55,7 +56,7 @@ def test_it_is_well_formed_fetches_nothing_and_runs_no_script_but_ours(text):
     assert len(outline.ids) == len(set(outline.ids))
     links = [link for link in outline.links if not link.startswith("data:")]
     assert {link[1:] for link in links if link.startswith("#")} <= set(outline.ids)
-    assert [link for link in links if not link.startswith("#")] == []
+    assert {link for link in links if not link.startswith("#")} <= {"serving.html"}, "the page beside the report"
     assert re.findall(r"url\(\s*[\"']?(?!#)", text) == []
     assert "@import" not in text
     assert foreign_scripts(text) == []

@@ -13,6 +13,7 @@ from reports.__main__ import main
 from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_serving import fake_serving
 from tests.reports.fake_speed import fake_speed
 from tests.reports.fake_stability import fake_stability
 from tests.reports.run.test_page import Outline
@@ -22,12 +23,14 @@ GOOD = {
     "evidence": fake_evidence(with_failure=False, with_charts=False),
     "stability": fake_stability(with_failure=False, with_charts=False),
     "speed": fake_speed(),
+    "serving": fake_serving(),
 }
 BROKEN = {"evidence": fake_evidence(with_charts=False), "stability": fake_stability(with_charts=False)}
 DRAWN = {
     "evidence": (fake_evidence(with_failure=False), ["bandwidth.png", "evidence_effects.png"]),
     "stability": (fake_stability(with_failure=False), ["stability.png", "stability_curves.png"]),
     "speed": (fake_speed(), ["speed.png"]),
+    "serving": (fake_serving(), ["serving.png"]),
 }
 each_shelf = pytest.mark.parametrize("shelf", SHELVES)
 
@@ -103,7 +106,9 @@ def test_none_of_them_is_one_clear_line(tmp_path, capsys):
     assert main([str(tmp_path)]) == 2
     caught = capsys.readouterr()
     assert caught.out == ""
-    assert caught.err.startswith(f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json in it; ")
+    assert caught.err.startswith(
+        f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json, no serving.json in it; "
+    )
     assert len(caught.err.splitlines()) == 1
 
 

@@ -1,97 +1,58 @@
-"""Error against time while a view is refined: by attention, in raster order, spread over the picture, and plainly.
+"""Error against time while a view is refined: by attention, in raster order, spread over the picture, and plainly."""
 
-The maps of attention that are compared are formulas of the picture's size or of its coarse frame.
-"""
-
-import typing
+import math
+import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from baselines.numerics.attention.maps import MAPS, MapInputs
 from baselines.numerics.attention.priorities import is_equal, region_order
 from baselines.numerics.attention.regions import Regions
-from harness.playback.progressive import Canvas, Done, coarse, estimated_error, refine
-from harness.playback.run_loader import TrainedCell
-from harness.records.serving_record import Anytime, Measure, Order, Pair, Reaching
-from harness.studies.serving.serving_context import CLOCK, Clock
-from harness.training.batches import Camera
+from harness.playback.progressive import Canvas, Done, coarse, refine
+from harness.records.study import Check, Picture, Series, Status, Table
+from harness.studies.framework import Found
+from harness.studies.serving.attention_views import KINDS, NOTHING, AttendedView, Looked, attended_views, attention_of
+from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, brief, factor, plain, study
 from harness.training.evaluate import View
+from harness.training.metrics import psnr
+from scenes.view_sets.images import write_png
 
-KINDS = {
-    "point": "a point of interest in the picture's centre, half the attention a quarter of the width away",
-    "mask": "a user's mask: the middle half of the rows and of the columns, a quarter of the picture",
-    "gradients": "where the coarse frame changes",
-    "error": "where half of the samples make another coarse frame",
-    "foveal": "the acuity of an eye that looks at a third of the height and two thirds of the width",
+ORDERS = {
+    "attention": "attention",
+    "raster": "raster order",
+    "spread": "spread pixels",
+    "plain": "plain rendering",
 }
-"""Map of `baselines.numerics.attention.maps.MAPS` → what is attended to, in words."""
-CENTRE = (1 / 2, 1 / 2)
-LOOKED_AT = {"foveal": (1 / 3, 2 / 3)}
-"""The row and column that are looked at, as shares of height and width; the centre for all others."""
-
-
-@dataclass(frozen=True)
-class Looked:
-    """A view of a cell, its regions, and the stride of its coarse frame."""
-
-    cell: TrainedCell
-    camera: Camera
-    regions: Regions
-    stride: int
-    bins: int
-    """The samples per ray, of the coarse frame as well."""
-
-
-def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
-    """Return the attention, float64 [regions], and the network evaluations that it cost; `first` is the coarse frame,
-    which is rendered if it is needed and not given. Raises `ValueError` for an unknown kind.
-    """
-    if kind not in KINDS:
-        raise ValueError(f"unknown map of attention {kind!r}; known: {' '.join(KINDS)}")
-    learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
-    spent = 0
-
-    def frame() -> View:
-        nonlocal first, spent
-        if first is None:
-            first, _, evaluations = coarse(learner, camera, view.stride, chunk, view.bins)
-            spent += evaluations
-        return first
-
-    def error() -> np.ndarray:
-        nonlocal spent
-        estimate = estimated_error(learner, camera, frame(), view.stride, chunk, view.bins)
-        spent += estimate.network_evaluations
-        return estimate.error
-
-    row, column = LOOKED_AT.get(kind, CENTRE)
-    sight = MapInputs(
-        view.regions,
-        row * camera.height,
-        column * camera.width,
-        0.25 * camera.width,
-        camera.focal,
-        mask=lambda: middle(camera.height, camera.width),
-        image=lambda: frame().colour,
-        error=error,
-    )
-    return MAPS[kind](sight), spent
-
-
-def middle(height: int, width: int) -> np.ndarray:
-    """Return bool [height, width]: pixels whose centre lies in the middle half of the rows and of the columns."""
-    rows, columns = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
-    return (np.abs(rows - 0.5) < 0.25)[:, None] & (np.abs(columns - 0.5) < 0.25)[None, :]
-
-
-ORDERS: tuple[Order, ...] = typing.get_args(Order)
-MEASURES: tuple[Measure, ...] = typing.get_args(Measure)
+"""In which order a picture is refined after its coarse frame; `plain` has none, and chunks as large as any."""
+MEASURES = {"whole": "the whole picture", "hardest": "the hardest quarter", "attended": "the most attended quarter"}
+"""Where a picture's error is taken."""
 SHARE_OF_ERROR = 0.1
 """The share of the coarse frame's error at which a picture is called useful."""
 QUARTER = 0.25
 """The share of the regions that count as the most attended, or the hardest."""
+LEAST_SCENES = 3
+"""The fewest scenes that settle anything."""
+DRAWN = "point"
+"""The map whose curves are drawn; the times of all are in the table."""
+INVISIBLE = 1e-4
+"""The smallest visible difference of display colour, a fortieth of a step of an 8-bit picture: less is drawn as so
+much.
+"""
+STEPS = 80
+"""The steps of a drawn curve, at most."""
+EXAMPLES = ("point", "gradients")
+"""The maps of which pictures are shown."""
+SHARE_OF_TIME = 0.4
+"""The share of raster order's time, for every order: coarse frame and map take up to a quarter, and then something must
+be visible.
+"""
+PICTURES = "records/images/serving"
+"""The folder of the example pictures, relative to the output folder."""
+
+Run = tuple[str, str | None]
+"""An order, and the map that it needs."""
 
 
 @dataclass(frozen=True)
@@ -102,14 +63,6 @@ class Refined:
     seconds: list[float]
     """Seconds since the view was requested: of the first frame, and of each part."""
     parts: list[Done]
-
-    def at(self, index: int) -> View:
-        """Return the picture after so many parts."""
-        height, width = self.first.opacity.shape
-        canvas = Canvas(height, width, self.first)
-        for part in self.parts[:index]:
-            canvas.put(part)
-        return canvas.view
 
 
 @dataclass(frozen=True)
@@ -123,35 +76,115 @@ class Measured:
     def after(self, limit: float) -> View:
         """Return what is shown after so many seconds, by the median of the repeats; the first frame at least."""
         done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
-        return self.refined.at(max(done, 0))
+        height, width = self.refined.first.opacity.shape
+        canvas = Canvas(height, width, self.refined.first)
+        for part in self.refined.parts[: max(done, 0)]:
+            canvas.put(part)
+        return canvas.view
 
 
-def refined(view: Looked, order: Order, kind: str | None, clock: Clock = CLOCK) -> Refined:
-    """Render first frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it;
-    `plain` begins with the white that a reader sees meanwhile.
-    """
-    cell, regions, camera = view.cell, view.regions, view.camera
-    began = clock()
-    attention = np.ones(regions.count)
-    if order == "plain":
-        first, seconds = Canvas(camera.height, camera.width).view, [0.0]
-    else:
-        first = coarse(cell.learner, camera, view.stride, cell.chunk).view
-        if kind is not None:
-            attention, _ = attention_of(kind, view, first)
-        seconds = [clock() - began]
-    parts = []
-    # equal attention, in the order by attention, is plain rendering
-    for done in refine(
-        cell.learner, camera, regions, attention, cell.chunk, "attention" if order == "plain" else order
-    ):
-        seconds.append(clock() - began)
-        parts.append(done)
-    return Refined(first, seconds, parts)
+@dataclass(frozen=True)
+class Seen:
+    """All measurements of one view."""
+
+    of: AttendedView
+    finished: View
+    runs: dict[Run, Measured]
 
 
-Run = tuple[Order, str | None]
-"""An order, and the map that it needs."""
+@dataclass(frozen=True)
+class Curve:
+    """Errors over time of one scene, map and order: means over the views, point by point."""
+
+    seconds: np.ndarray
+    """Seconds [repeats, points]."""
+    errors: dict[str, list[float]]
+    """Measure → root mean square error."""
+
+    @property
+    def middle(self) -> np.ndarray:
+        """The median of the repeats, [points]."""
+        return np.asarray(np.median(self.seconds, axis=0))
+
+
+@dataclass(frozen=True)
+class Reaching:
+    """When an error has fallen far enough and stays so: the median, the least and the most of the repeats."""
+
+    seconds: float
+    least: float
+    most: float
+
+
+Times = dict[str, Reaching | None]
+"""Order → its time; None if it never gets there."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene and a map of attention, in every order."""
+
+    scene: str
+    kind: str
+    curves: dict[str, Curve]
+
+    def times(self, measure: str) -> Times:
+        """Return when each order has come down to a share of the coarse frame's error."""
+        limit = SHARE_OF_ERROR * self.curves["raster"].errors[measure][0]
+        return {order: reaching(curve, measure, limit) for order, curve in self.curves.items()}
+
+
+@study
+def anytime(context: ServingContext) -> Iterator[Found]:
+    """Yield which order is first to a useful picture, with curves and example pictures."""
+    seen = list(_seen(context))
+    if not seen:
+        yield NOTHING
+        return
+    yield from compared(cases_of(seen))
+    yield from examples(context.run.out, seen[0])
+
+
+def compared(cases: Sequence[Case]) -> Iterator[Found]:
+    """Yield everything that follows from the curves."""
+    wholes = [case.times("whole") for case in cases]
+    medians = {order: found[0] for order in ORDERS if (found := _medians(wholes, order))}
+    words = ", ".join(f"{ORDERS[order]} {brief(seconds)}" for order, seconds in medians.items())
+    won = sum(first_of(one) == "attention" for one in wholes)
+    yield (
+        f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left in the whole picture: {words} "
+        f"(medians); attention is first in {won} of {len(cases)} cases of scene and map."
+    )
+    for order in ORDERS:
+        if middles := _medians(wholes, order):
+            yield Check(
+                f"until {100 * SHARE_OF_ERROR:.0f} % of the error is left, {ORDERS[order]}",
+                1e3 * middles[0],
+                unit="ms",
+                owner="machine",
+                spread=(1e3 * middles[1], 1e3 * middles[2]),
+                repeats=len(cases),
+                id=f"whole.{order}",
+            )
+    yield from (_earlier_check(cases, measure) for measure in MEASURES)
+    yield from _against_others(cases)
+    yield from _lines(cases)
+    yield _table(cases)
+
+
+def _seen(context: ServingContext) -> Iterator[Seen]:
+    sizes = context.sizes
+    for one in attended_views(context):
+        name = f"{one.scene}, view {one.number + 1} of {sizes.views}"
+        if context.is_over(name):
+            return
+        context.show.line(f"  {one.view.cell.learner.method} on {name}")
+        finished = plain(one.view.cell.learner, one.view.camera, one.view.cell.chunk)
+        runs = runs_of(one.maps)
+        for kind in KINDS:
+            if ("attention", kind) not in runs:
+                context.leave_out(f"{name}, {kind}", "it attends to all alike, which is plain rendering")
+        yield Seen(one, finished, measured(one.view, runs, sizes.repeats))
 
 
 def runs_of(maps: dict[str, np.ndarray]) -> list[Run]:
@@ -162,20 +195,41 @@ def runs_of(maps: dict[str, np.ndarray]) -> list[Run]:
 
 def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Measured]:
     """Measure all runs in turn, as often as requested, in changing order: a busy machine affects all alike."""
-    found: dict[Run, list[Refined]] = {run: [] for run in runs}
+    again: dict[Run, list[Refined]] = {run: [] for run in runs}
     for repeat in range(repeats):
         for run in runs[:: 1 if repeat % 2 == 0 else -1]:
-            found[run].append(refined(view, run[0], run[1], clock))
-    return {run: Measured(again[0], np.array([one.seconds for one in again])) for run, again in found.items()}
+            again[run].append(refined(view, run[0], run[1], clock))
+    return {run: Measured(found[0], np.array([one.seconds for one in found])) for run, found in again.items()}
+
+
+def refined(view: Looked, order: str, kind: str | None, clock: Clock = CLOCK) -> Refined:
+    """Render first frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it;
+    `plain` begins with the white that a reader sees meanwhile.
+    """
+    cell, regions, camera = view.cell, view.regions, view.camera
+    began = clock()
+    attention = np.ones(regions.count)
+    if order == "plain":  # equal attention, in the order by attention
+        first, seconds, order = Canvas(camera.height, camera.width).view, [0.0], "attention"
+    else:
+        first = coarse(cell.learner, camera, view.stride, cell.chunk).view
+        if kind is not None:
+            attention, _ = attention_of(kind, view, first)
+        seconds = [clock() - began]
+    parts = []
+    for done in refine(cell.learner, camera, regions, attention, cell.chunk, order):  # type: ignore[arg-type]
+        seconds.append(clock() - began)
+        parts.append(done)
+    return Refined(first, seconds, parts)
 
 
 def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
     """Return bool [pixels]: those of the quarter of the regions that is attended most."""
     count = max(1, round(QUARTER * regions.count))
-    found = np.zeros(regions.height * regions.width, dtype=bool)
+    attended = np.zeros(regions.height * regions.width, dtype=bool)
     for region in region_order(attention)[:count]:
-        found[regions.pixels(int(region))] = True
-    return found
+        attended[regions.pixels(int(region))] = True
+    return attended
 
 
 def hardest_pixels(regions: Regions, first: View, finished: View) -> np.ndarray:
@@ -184,101 +238,183 @@ def hardest_pixels(regions: Regions, first: View, finished: View) -> np.ndarray:
     return attended_pixels(regions, regions.mean(squares))
 
 
-def errors_along(one: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
+def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
     """Yield the root mean square error everywhere and in each of `where`, of the first frame and after each part."""
     wanted = finished.colour.reshape(-1, 3).astype(np.float64)
-    squares = ((one.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
+    squares = ((run.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
     yield _roots(squares, where)
-    for part in one.parts:
+    for part in run.parts:
         squares[part.pixels] = ((part.colour - wanted[part.pixels]) ** 2).mean(axis=-1)
         yield _roots(squares, where)
 
 
 def _roots(squares: np.ndarray, where: Sequence[np.ndarray]) -> list[float]:
-    found = [float(np.sqrt(some.mean())) for some in (squares, *(squares[chosen] for chosen in where))]
-    if not np.isfinite(found).all():
+    roots = [float(np.sqrt(some.mean())) for some in (squares, *(squares[chosen] for chosen in where))]
+    if not np.isfinite(roots).all():
         raise ValueError("an error of a picture that is being refined is not finite")
-    return found
+    return roots
 
 
-@dataclass(frozen=True)
-class Seen:
-    """All measurements of one view."""
-
-    view: Looked
-    finished: View
-    coarse: View
-    maps: dict[str, np.ndarray]
-    runs: dict[Run, Measured]
-
-
-@dataclass(frozen=True)
-class TimedCurve:
-    """A curve as recorded, and the seconds that its own are the medians of."""
-
-    anytime: Anytime
-    seconds: np.ndarray
-    """Seconds [repeats, points], means over the views."""
+def cases_of(seen: Sequence[Seen]) -> list[Case]:
+    """Return every scene with every map that attends to something more on some view."""
+    cases = []
+    for scene in dict.fromkeys(one.of.scene for one in seen):
+        for kind in KINDS:
+            some = [one for one in seen if one.of.scene == scene and ("attention", kind) in one.runs]
+            if some:
+                cases.append(Case(scene, kind, {order: curve(some, kind, order) for order in ORDERS}))
+    return cases
 
 
-def curve(seen: Sequence[Seen], kind: str, order: Order) -> TimedCurve | None:
-    """Return means over the views, point by point; None if no view is attended unequally by this map."""
-    run: Run = (order, kind if order == "attention" else None)
-    some = [one for one in seen if ("attention", kind) in one.runs]
-    if not some:
-        return None
+def curve(seen: Sequence[Seen], kind: str, order: str) -> Curve:
+    """Return means over the views, point by point."""
+    runs = [one.runs[order, kind if order == "attention" else None] for one in seen]
     errors = []
-    for one in some:
-        regions = one.view.regions
-        hardest = hardest_pixels(regions, one.coarse, one.finished)
-        attended = attended_pixels(regions, one.maps[kind])
-        errors.append(list(errors_along(one.runs[run].refined, one.finished, hardest, attended)))
-    whole, hard, near = np.mean(errors, axis=0).T
-    seconds = np.mean([one.runs[run].seconds for one in some], axis=0)
-    cell = some[0].view.cell
-    found = Anytime(
-        scene=cell.scene.name,
-        method=cell.learner.method,
-        attention=kind,
-        order=order,
-        views=len(some),
-        seconds=np.median(seconds, axis=0).tolist(),
-        share=[0.0, *(part.share for part in some[0].runs[run].refined.parts)],
-        total_spread=_spread(seconds[:, -1]),
-        rmse_whole=whole.tolist(),
-        rmse_hardest=hard.tolist(),
-        rmse_attended=near.tolist(),
-    )
-    return TimedCurve(found, seconds)
+    for one, run in zip(seen, runs, strict=True):
+        regions = one.of.view.regions
+        hardest = hardest_pixels(regions, one.of.coarse, one.finished)
+        attended = attended_pixels(regions, one.of.maps[kind])
+        errors.append(list(errors_along(run.refined, one.finished, hardest, attended)))
+    means = np.mean(errors, axis=0).T.tolist()
+    return Curve(np.mean([run.seconds for run in runs], axis=0), dict(zip(MEASURES, means, strict=True)))
 
 
-def reaching(one: TimedCurve, measure: Measure, error: float, share: float = SHARE_OF_ERROR) -> Reaching:
-    """Return when the measured error is first at most `share` of `error`, the coarse frame's, and stays so."""
-    curve = one.anytime
-    limit = share * error
-    above = [index for index, value in enumerate(curve.rmse(measure)) if value > limit]
+def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
+    """Return when the measured error is first at most `limit`, and stays so."""
+    above = [index for index, value in enumerate(curve.errors[measure]) if value > limit]
     index = above[-1] + 1 if above else 0
-    there = index < len(curve.seconds)
-    return Reaching(
-        scene=curve.scene,
-        method=curve.method,
-        attention=curve.attention,
-        order=curve.order,
-        measure=measure,
-        share_of_error=share,
-        error=limit,
-        seconds=curve.seconds[index] if there else None,
-        spread=_spread(one.seconds[:, index]) if there else None,
+    if index == curve.seconds.shape[1]:
+        return None
+    seconds = curve.seconds[:, index]
+    return Reaching(float(curve.middle[index]), float(seconds.min()), float(seconds.max()))
+
+
+def earlier(times: Times, order: str, other: str) -> bool:
+    """Whether `order` gets there, and `other` never, or later in every repeat than `order` in any."""
+    mine, theirs = times[order], times[other]
+    return mine is not None and (theirs is None or mine.most < theirs.least)
+
+
+def first_of(times: Times) -> str | None:
+    """Return the order that gets there before all others; None if the repeats leave it undecided."""
+    return next((one for one in times if all(earlier(times, one, other) for other in times if other != one)), None)
+
+
+def _medians(times: Sequence[Times], order: str) -> tuple[float, float, float] | tuple[()]:
+    """Return median, least and most over all cases; nothing if some case never got there."""
+    seconds = [at.seconds for one in times if (at := one[order]) is not None]
+    return (statistics.median(seconds), min(seconds), max(seconds)) if len(seconds) == len(times) else ()
+
+
+def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
+    """Return in how many cases attention is earlier than raster order. Of the attended quarter it is the paper's claim:
+    it holds if it is so in every case of enough scenes, and fails if it is so in none.
+    """
+    times = [case.times(measure) for case in cases]
+    scenes = list(dict.fromkeys(case.scene for case in cases))
+    ahead = [earlier(one, "attention", "raster") for one in times]
+    open_ = sum(map(_overlap, times))
+    behind = len(cases) - sum(ahead) - open_
+    status: Status = "measured"
+    words = f"of {len(cases)} cases, later in {behind}" + (f", undecided in {open_}" if open_ else "")
+    if measure == "attended":
+        status = "inconclusive"
+        if len(scenes) >= LEAST_SCENES and (all(ahead) or not (any(ahead) or open_)):
+            status = "pass" if all(ahead) else "fail"
+        won = sum(all(a for a, case in zip(ahead, cases, strict=True) if case.scene == scene) for scene in scenes)
+        words += f", earlier in all of them on {won} of {len(scenes)} scenes"
+        words += "; the map that orders regions says which are attended: earlier by construction, but for its own time"
+    return Check(
+        f"cases in which attention is earlier than raster order, in {MEASURES[measure]}",
+        float(sum(ahead)),
+        why=words,
+        subject="Eq. 7",
+        owner="paper",
+        status=status,
+        repeats=len(cases),
+        id=f"earlier.{measure}",
     )
 
 
-def reachings(curves: Sequence[TimedCurve]) -> list[Reaching]:
-    """Return when each measured error is small enough, for the curves of one scene and map, which begin with the same
-    coarse frame, if with any.
-    """
-    begun = next(one.anytime for one in curves if one.anytime.order != "plain")
-    return [reaching(one, measure, begun.rmse(measure)[0]) for one in curves for measure in MEASURES]
+def _overlap(times: Times) -> bool:
+    """Whether attention and raster order both get there, and neither before the other in all repeats."""
+    there = times["attention"] is not None and times["raster"] is not None
+    return there and not earlier(times, "attention", "raster") and not earlier(times, "raster", "attention")
 
 
-def _spread(seconds: np.ndarray) -> Pair:
-    return float(seconds.min()), float(seconds.max())
+def _against_others(cases: Sequence[Case]) -> Iterator[Check]:
+    """Yield how much later raster order is useful, and the seconds until all is there."""
+    pairs = [case.times("attended") for case in cases]
+    sooner = [
+        raster.seconds / mine.seconds for one in pairs if (raster := one["raster"]) and (mine := one["attention"])
+    ]
+    if sooner:
+        yield factor("sooner.attended", "time of raster order against attention, in the most attended quarter", sooner)
+    for order in ("attention", "raster", "spread"):
+        ratios = [float(case.curves[order].middle[-1] / case.curves["plain"].middle[-1]) for case in cases]
+        yield factor(f"total.{order}", f"seconds until all is there, {ORDERS[order]} against plain", ratios)
+
+
+def _lines(cases: Sequence[Case]) -> Iterator[Series]:
+    """Yield the curves of one map, as steps: an error stays until the next region is done."""
+    for measure, words in MEASURES.items():
+        for case in cases:
+            if case.kind == DRAWN:
+                for order, one in case.curves.items():
+                    x, y = steps(one.middle.tolist(), one.errors[measure])
+                    yield Series(
+                        f"{case.scene}, {words}, {DRAWN}", 0, ORDERS[order], "seconds since the view was asked for",
+                        "RMSE, display", x, y, log_x=False,
+                    )  # fmt: skip
+
+
+def steps(seconds: list[float], errors: list[float]) -> tuple[list[float], list[float]]:
+    """Return a curve as steps, of which those at once, to the eye, are one."""
+    apart = (seconds[-1] - seconds[0]) / STEPS
+    x, y = [seconds[0]], [max(errors[0], INVISIBLE)]
+    for place in range(1, len(seconds)):
+        if place + 1 == len(seconds) or seconds[place + 1] - x[-1] > apart:
+            x += [seconds[place]] * 2
+            y += [y[-1], max(errors[place], INVISIBLE)]
+    return [float(f"{value:.5g}") for value in x], [float(f"{value:.5g}") for value in y]
+
+
+def _table(cases: Sequence[Case]) -> Table:
+    """Return every time; the first order of each group is marked."""
+    rows: list[list[str | float | None]] = []
+    for case in cases:
+        for measure, words in MEASURES.items():
+            times = case.times(measure)
+            best = first_of(times)
+            rows.append(
+                [
+                    case.scene,
+                    case.kind,
+                    words,
+                    *(f"{brief(at.seconds)}{' ▲' * (one == best)}" if at else "never" for one, at in times.items()),
+                ]
+            )
+    title = f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left (▲ the first in every repeat)"
+    return Table("times", 0, title, ["scene", "attention", "in", *ORDERS.values()], rows)
+
+
+def examples(out: Path, seen: Seen) -> Iterator[Picture]:
+    """Yield pictures of one view, written under `out`: what is shown after the same time in every order."""
+    cell, finished = seen.of.view.cell, seen.finished.colour
+    limit = SHARE_OF_TIME * float(np.median(seen.runs["raster", None].seconds[:, -1]))
+    orders = [("raster", None), ("spread", None), ("plain", None), *(("attention", kind) for kind in EXAMPLES)]
+    shown = {"ground truth": seen.of.truth, "finished": finished, "coarse frame": seen.of.coarse.colour}
+    for order, kind in orders:
+        if (order, kind) in seen.runs:
+            title = f"{ORDERS[order]}{f' ({kind})' if kind else ''}, after {100 * SHARE_OF_TIME:.0f} % of the time"
+            shown[title] = seen.runs[order, kind].after(limit).colour
+    for number, (title, colour) in enumerate(shown.items()):
+        if colour is None:
+            continue
+        file = f"{PICTURES}/{seen.of.scene}.{cell.learner.method}.{number}.png"
+        (out / file).parent.mkdir(parents=True, exist_ok=True)
+        opaque = np.ones((*colour.shape[:2], 1))
+        write_png(out / file, np.concatenate([np.clip(colour, 0.0, 1.0), opaque], axis=-1).astype(np.float32))
+        score = psnr(colour, finished)
+        caption = f"{score:.1f} dB against the finished picture" if math.isfinite(score) else seen.of.scene
+        yield Picture(0, title, caption, file)

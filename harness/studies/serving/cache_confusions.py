@@ -1,7 +1,7 @@
 """What a key of the pose alone (Listing 5) would return, at poses that it has seen, if something else changed."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,9 +12,10 @@ from baselines.contract import Precision
 from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
-from harness.records.serving_record import Confusion
-from harness.studies.serving.cache_latency import ROOM, frozen, same
-from harness.studies.serving.serving_context import ServingContext, plain
+from harness.records.study import Check, Table, check
+from harness.studies.framework import Found
+from harness.studies.serving.cache_latency import ROOM, cells_of, frozen, same
+from harness.studies.serving.serving_context import ServingContext, plain, significant, study
 from harness.training.batches import Batches, Camera
 from harness.training.checkpoints import tensors_of
 from harness.training.evaluate import View, cameras_of
@@ -46,45 +47,106 @@ class Variant:
     asked: Callable[[Camera], Camera] = lambda camera: camera
 
 
-def confusions(situation: ServingContext, cell: TrainedCell, others: Iterable[Variant]) -> list[Confusion]:
+LEAST_VISIBLE = 0.5 / 255
+"""The least visible error of display colour: half a step of 8 bits."""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """What a key of the pose alone would have returned, and what ours did."""
+
+    changed: str
+    views: int
+    stale: int
+    """The views for which the key of the pose alone was in the cache already, with another picture behind it."""
+    rmse: float
+    """The root mean square between what it would have returned and what was asked for, over these views."""
+    missed: int
+    """The views for which our key was new, as it has to be."""
+
+
+@study
+def confusions(context: ServingContext) -> Iterator[Found]:
+    """Yield how many kinds of change each key does not notice."""
+    cells = cells_of(context)
+    rows = confused(context, cells[0], variants(context, cells[0])) if cells else []
+    for cell in cells[1:]:
+        rows += confused(context, cell, in_other_calls(cell))
+    if not rows:
+        yield "No method of the run can be rendered here."
+        return
+    yield from compared(rows)
+
+
+def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
+    """Yield everything that follows from the confusions."""
+    stale, views = [one for one in rows if one.stale], sum(one.views for one in rows)
+    worst = max(stale, key=lambda one: one.rmse, default=None)
+    hidden = [one.changed for one in stale if one.rmse <= LEAST_VISIBLE]
+    missed = sum(one.missed for one in rows)
+    off = f", off by up to {significant(worst.rmse)} ({worst.changed})" if worst else ""
+    unseen = f"; invisible in 8 bits: {', '.join(hidden)}" if hidden else ""
+    yield (
+        f"A key of the pose alone would return another picture after {len(stale)} of {len(rows)} kinds of change{off}; "
+        f"ours is new for {missed} of {views} views."
+    )
+    yield Check(
+        "kinds of change after which a key of the pose alone returns another picture",
+        float(len(stale)),
+        high=0.0,
+        why=f"of {len(rows)} kinds{off}{unseen}",
+        subject="Listing 5",
+        owner="paper",
+        status="fail" if stale else "pass",
+        repeats=len(rows),
+        id="key.pose",
+    )
+    yield check("share of these views for which our key is new", 100.0 * missed / views, 100.0, unit="%", id="key.ours")
+    columns = ["changed at the same pose", "views", "stale by the pose alone", "off by", "new for our key"]
+    lines = [[one.changed, one.views, one.stale, one.rmse if one.stale else None, one.missed] for one in rows]
+    yield Table("confusions", 0, "What a key has to tell apart", columns, lines)
+
+
+def confused(context: ServingContext, cell: TrainedCell, others: Iterable[Variant]) -> list[Confusion]:
     """Store pictures of `cell` under both keys, then request every one of `others` at their poses."""
-    cameras = [situation.camera(cell, pose) for pose in situation.orbit(cell.scene, situation.sizes.confused)]
-    store = ViewStore(ROOM, None, 0)
+    cameras = [context.camera(cell, pose) for pose in context.orbit(cell.scene, context.sizes.confused)]
+    store = ViewStore(ROOM)
     cached = frozen(cell, store)
     by_pose: dict[str, View] = {}
     for camera in cameras:
         by_pose[pose_hash(camera.camera_to_world)] = view = plain(cell.learner, camera, cell.chunk)
         cached.keep(camera, view)
-    found: list[Confusion] = []
-    for one in others:
-        if situation.is_over(f"what a key of the pose alone would return for {one.changed}, and what comes after it"):
+    rows: list[Confusion] = []
+    for variant in others:
+        if context.is_over(f"{variant.changed}, and what comes after it"):
             break
-        found.append(_confusion(one, cameras, by_pose, store))
-    return found
+        rows.append(_confusion(variant, cameras, by_pose, store))
+    return rows
 
 
-def _confusion(one: Variant, cameras: list[Camera], by_pose: dict[str, View], store: ViewStore) -> Confusion:
-    cached = CachedMethod(one.learner, store, one.chunk)
+def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View], store: ViewStore) -> Confusion:
+    cached = CachedMethod(variant.learner, store, variant.chunk)
     stale, missed, squares = 0, 0, []
     for seen in cameras:
-        camera = one.asked(seen)
-        wanted = plain(one.learner, camera, one.chunk)
+        camera = variant.asked(seen)
+        wanted = plain(variant.learner, camera, variant.chunk)
         returned = by_pose.get(pose_hash(camera.camera_to_world))
         if returned is not None and not same(returned, wanted):
             stale += 1
             squares.append(mse(of_size(returned.colour, *wanted.opacity.shape), wanted.colour))
         missed += cached.lookup(camera) is None
     # all pictures of a variant are of one size, so that the mean of means is that of all their pixels
-    return Confusion(one.changed, len(cameras), stale, float(np.sqrt(np.mean(squares))) if squares else 0.0, missed)
+    rmse = float(np.sqrt(np.mean(squares))) if squares else 0.0
+    return Confusion(variant.changed, len(cameras), stale, rmse, missed)
 
 
-def variants(situation: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
+def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
     """Yield everything that the picture depends on and its pose does not say, and last a pose that is nearly the
     same.
     """
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     if isinstance(learner, Trainer):
-        yield from _retrained(situation, cell, learner)
+        yield from _retrained(context, cell, learner)
         more = replace(learner.settings, bins=2 * learner.settings.bins)
         yield Variant(f"{more.bins} samples a ray instead of {learner.settings.bins}", copied(learner, more), chunk)
         other = "left" if learner.quadrature != "left" else "midpoint"
@@ -99,14 +161,12 @@ def variants(situation: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
         black.background = torch.zeros_like(learner.background)
         yield Variant("a black background instead of white", black, chunk)
     else:
-        situation.leave_out(
-            f"more training, samples, quadrature, precision and background are not confused with {learner.method}'s own"
-        )
-    another = next((one for one in situation.run.run.seeds if one != situation.seed), None)
-    if another is not None and (trained := situation.trained(scene, learner.method, another)) is not None:
+        context.leave_out("more training, samples, quadrature, precision, background", f"not of {learner.method}")
+    another = next((one for one in context.run.run.seeds if one != context.seed), None)
+    if another is not None and (trained := context.trained(scene, learner.method, another)) is not None:
         yield Variant("weights of another seed", trained.learner, trained.chunk)
-    for method in situation.methods:
-        if method != learner.method and (trained := situation.trained(scene, method)) is not None:
+    for method in context.methods:
+        if method != learner.method and (trained := context.trained(scene, method)) is not None:
             yield Variant(f"method {method} instead of {learner.method}", trained.learner, trained.chunk)
     yield Variant(
         f"focal length {LONGER} times as long", learner, chunk,
@@ -115,7 +175,11 @@ def variants(situation: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
     yield Variant(
         "half the width", learner, chunk, lambda camera: camera.resized(max(1, camera.width // 2))
     )  # fmt: skip
-    yield Variant("near and far closer together", learner, chunk, narrower)
+    inset = INSET * (scene.far - scene.near)
+    yield Variant(
+        "near and far closer together", learner, chunk,
+        lambda camera: replace(camera, near=camera.near + inset, far=camera.far - inset),
+    )  # fmt: skip
     yield from in_other_calls(cell)
     yield Variant("a pose one unit in the last place away", learner, chunk, one_ulp_away)
 
@@ -125,14 +189,6 @@ def in_other_calls(cell: TrainedCell) -> Iterator[Variant]:
     if not cell.learner.field.pointwise:
         half = max(1, cell.chunk // 2)
         yield Variant(f"{cell.learner.method} with {half} rays a call instead of {cell.chunk}", cell.learner, half)
-
-
-def narrower(camera: Camera) -> Camera:
-    """Return the camera with near and far moved inwards by a share of their distance: other samples, of the same
-    geometry.
-    """
-    inset = INSET * (camera.far - camera.near)
-    return replace(camera, near=camera.near + inset, far=camera.far - inset)
 
 
 def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
@@ -151,17 +207,17 @@ def one_ulp_away(camera: Camera) -> Camera:
     return camera.at(pose)
 
 
-def _retrained(situation: ServingContext, cell: TrainedCell, learner: Trainer) -> Iterator[Variant]:
-    views = situation.views(cell.scene)
+def _retrained(context: ServingContext, cell: TrainedCell, learner: Trainer) -> Iterator[Variant]:
+    views = context.views(cell.scene)
     if views is None:
-        situation.leave_out(f"more training of {cell.scene.name} was not confused: there are no views to train on")
+        context.leave_out(f"more training on {cell.scene.name}", "there are no views to train on")
         return
     settings = learner.settings
     # a refresh would count as empty what it has not measured: a checkpoint has the grid's mask and no densities
     kept = replace(settings, grid=replace(settings.grid, every=NEVER))
     further = copied(learner, kept)
     batches = Batches(cameras_of(views, views.train, learner.device), views.train.rgba)
-    steps = situation.sizes.extra_steps
+    steps = context.sizes.extra_steps
     train(further, batches.stream("serving", settings.rays), at_step(further.step + steps))
     yield Variant(f"{steps} more steps of training", further, cell.chunk)
 

@@ -1,99 +1,166 @@
 """How long a picture takes by rendering, and by a hit of each level of the view cache."""
 
 import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-import numpy as np
-
-from harness.playback.cached import CachedMethod
+from harness.playback.cached import CachedMethod, picture_of
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
-from harness.records.serving_record import Latency, Source, Timed
-from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, latency, plain, timed
+from harness.records.study import Check
+from harness.studies.framework import Found
+from harness.studies.serving.serving_context import (
+    CLOCK,
+    Clock,
+    ServingContext,
+    brief,
+    plain,
+    quantile,
+    range_of,
+    study,
+    timed,
+)
 from harness.training.batches import Camera
 from harness.training.evaluate import View
 
 ROOM = 1 << 30
 """A capacity in bytes that exceeds all that is stored here, so that nothing is evicted."""
 POSES = 8
+SCENE = "lego"
+METHODS = ("nerf", "qnerf")
+"""The methods preferred if the run has them."""
+
+
+class Hit(NamedTuple):
+    """A kind of hit."""
+
+    words: str
+    target: float
+    """How many times as long rendering should take at least: our reading of “instantly”."""
+
+
+HITS = {
+    "memory.0": Hit("from memory, asked for again (level 0)", 1000.0),
+    "memory.1": Hit("from memory, asked for once (level 1)", 1000.0),
+    "disk.warm": Hit("from disk, file in the system's memory (level 2)", 50.0),
+    "disk.cold": Hit("from disk, file not in the system's memory", 50.0),
+}
+LEVELS = {None: "rendered", 2: "disk (level 2)", 1: "memory (level 1)", 0: "memory (level 0)"}
+"""The level that a view came from, in words."""
 
 
 class WrongHit(RuntimeError):
     """A hit that is not of the expected level, or not the picture that was rendered: an error of ours."""
 
 
-def latencies(situation: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) -> list[Latency]:
-    """Time rendering, and hits of every kind, in turn, so that whatever else the machine does affects all alike.
+@study
+def latency(context: ServingContext) -> Iterator[Found]:
+    """Yield how many times as long as a hit rendering takes, for two methods on one scene."""
+    checks: list[Check] = []
+    for cell in cells_of(context):
+        if context.is_over(f"latencies of {cell.learner.method}"):
+            break
+        seconds = latencies(context, cell)
+        rendering = seconds.pop("render")
+        checks += [hit_check(cell, name, calls, rendering) for name, calls in seconds.items()]
+    if not checks:
+        yield "No hit was timed."
+        return
+    ratios = {place: [one.value or 0.0 for one in checks if one.id.startswith(f"hit.{place}.")] for place in HITS}
+    parts = [
+        f"{range_of(ratios[place])} times as long as a hit {where} (target {HITS[place].target:g})"
+        for place, where in (("memory.0", "in memory"), ("disk.warm", "on disk"))
+        if ratios[place]
+    ]
+    yield f"Rendering a view {context.width} px wide takes {' and '.join(parts)}."
+    yield from checks
 
-    A hit is what a caller waits for: key of a new camera, lookup, checksum, array. Weights are frozen, so that they are
-    hashed once, before; in `level 0 hashed` they are hashed at every request, as is the default. Level 2 is read by a
-    store that keeps nothing in memory: from a file in the operating system's memory, as one that was written lately is,
-    and, if the system can be told to drop a file's data, from one that is not (`level 2 cold`; names of files stay, and
-    the disk may have a memory of its own).
+
+def hit_check(cell: TrainedCell, name: str, seconds: Sequence[float], rendering: Sequence[float]) -> Check:
+    """Return how many times as long rendering takes, and quartile against the opposite quartile, both ways. Its target
+    is met or missed by this spread: it may lie above, below, or across.
     """
-    sizes, method = situation.sizes, cell.learner.method
-    poses = situation.orbit(cell.scene, POSES)
-    seconds: dict[Timed, list[float]] = {
-        name: [] for name in ("render", "level 0", "level 1", "level 2", "level 0 hashed", "level 2 cold")
-    }
-    folder = situation.scratch / f"latency.{method}"
-    plain(cell.learner, situation.camera(cell, poses[0]), cell.chunk)  # allocations and kernel choices
+    target, method = HITS[name].target, cell.learner.method
+    low = quantile(rendering, 0.25) / quantile(seconds, 0.75)
+    high = quantile(rendering, 0.75) / quantile(seconds, 0.25)
+    times = [brief(quantile(seconds, share)) for share in (0.5, 0.05, 0.95)]
+    why = f"{times[0]} ({times[1]} to {times[2]}) against {brief(quantile(rendering, 0.5))} on {cell.scene.name}"
+    return Check(
+        f"rendering against a hit {HITS[name].words}",
+        quantile(rendering, 0.5) / quantile(seconds, 0.5),
+        low=target,
+        unit="×",
+        why=why,
+        subject=method,
+        owner="machine",
+        status="pass" if low >= target else "fail" if high < target else "inconclusive",
+        spread=(low, high),
+        repeats=len(seconds),
+        id=f"hit.{name}.{method}",
+    )
+
+
+def cells_of(context: ServingContext) -> list[TrainedCell]:
+    """Return the cells of one scene: two methods if there is a scene that has them, ours first."""
+    scenes, methods = context.in_order((SCENE,), METHODS)
+    best: list[TrainedCell] = []
+    for scene in scenes:
+        cells: list[TrainedCell] = []
+        for method in methods:
+            if len(cells) < len(METHODS) and (cell := context.trained(scene, method)) is not None:
+                cells.append(cell)
+        best = max(best, cells, key=len)
+        if len(best) == min(len(METHODS), len(methods)):
+            break
+    return best
+
+
+def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) -> dict[str, list[float]]:
+    """Return the seconds of rendering (`render`) and of hits of every kind, in turn, so that whatever else the machine
+    does affects all alike.
+
+    Level 2 is read by a store that keeps nothing in memory: from a file in the operating system's memory, as one that
+    was written lately is, and, if the system can be told to drop a file's data, from one that is not.
+    """
+    sizes, method = context.sizes, cell.learner.method
+    poses = context.orbit(cell.scene, POSES)
+    seconds: dict[str, list[float]] = {name: [] for name in ("render", *HITS)}
+    folder = context.scratch / f"latency.{method}"
+    plain(cell.learner, context.camera(cell, poses[0]), cell.chunk)  # allocations and kernel choices
     for round_ in range(sizes.rounds):
-        if round_ and situation.is_over(f"latencies of {method}, rounds after {round_} of {sizes.rounds}"):
+        if round_ and context.is_over(f"latencies of {method}, rounds after {round_} of {sizes.rounds}"):
             break
         pose = poses[round_ % POSES]
-        asked = situation.camera(cell, pose)
+        asked = context.camera(cell, pose)
         view, took = timed(lambda: plain(cell.learner, asked, cell.chunk), clock)  # noqa: B023
         seconds["render"].append(took)
 
-        def hit(name: Timed, cached: CachedMethod, level: Source) -> None:
+        def hit(name: str, cached: CachedMethod, level: int) -> None:
             # a new camera: nothing may be remembered of it
-            seconds[name].append(_hit(cached, situation.camera(cell, pose), view, level, clock))  # noqa: B023
+            seconds[name].append(_hit(cached, context.camera(cell, pose), view, level, clock))  # noqa: B023
 
         if round_ < POSES:
             frozen(cell, ViewStore(0, folder, ROOM), (2,)).keep(asked, view)
         for _ in range(sizes.hits):
-            cached = frozen(cell, ViewStore(ROOM, None, 0))
+            cached = frozen(cell, ViewStore(ROOM))
             cached.keep(asked, view)
-            hit("level 1", cached, "level 1")
-            hit("level 0", cached, "level 0")
-            hit("level 0 hashed", CachedMethod(cell.learner, cached.store, cell.chunk, levels=(1,)), "level 0")
+            hit("memory.1", cached, 1)
+            hit("memory.0", cached, 0)
         for _ in range(sizes.hits):  # after those in memory, which writing and dropping files would slow down
-            hit("level 2", _of_disk(cell, folder, asked), "level 2")
+            hit("disk.warm", _of_disk(cell, folder, asked), 2)
             cold = _of_disk(cell, folder, asked)
             if dropped(folder):
-                hit("level 2 cold", cold, "level 2")
-    if not seconds["level 2 cold"]:
-        del seconds["level 2 cold"]
-        situation.leave_out("hits on disk were timed with the file in the system's memory alone: it cannot be dropped")
-    rendering = seconds["render"]
-    return [
-        latency(cell.scene.name, method, source, values, None if source == "render" else rendering)
-        for source, values in seconds.items()
-    ]
+                hit("disk.cold", cold, 2)
+    if not seconds["disk.cold"]:
+        del seconds["disk.cold"]
+        context.leave_out("hits from disk with the file not in the system's memory", "it cannot be dropped from there")
+    return seconds
 
 
 def frozen(cell: TrainedCell, store: ViewStore, levels: tuple[int, ...] = (1,)) -> CachedMethod:
     """Return a method that nobody trains, cached at these levels."""
     return CachedMethod(cell.learner, store, cell.chunk, frozen=True, levels=levels)
-
-
-def bytes_a_view(situation: ServingContext, cell: TrainedCell) -> tuple[int, int]:
-    """Return the bytes per view in memory and on disk, means over an orbit."""
-    poses = situation.orbit(cell.scene, POSES)
-    folder = situation.scratch / f"bytes.{cell.learner.method}"
-    store = ViewStore(ROOM, folder, ROOM)
-    cached = frozen(cell, store, (1, 2))
-    sizes = []
-    for pose in poses:
-        camera = situation.camera(cell, pose)
-        cached.render(camera)
-        value = store.get(cached.key(camera))
-        if value is None:
-            raise WrongHit("a view that was just stored is not there")
-        sizes.append(value.nbytes)
-    files = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
-    return round(float(np.mean(sizes))), round(sum(files) / len(poses))
 
 
 def dropped(folder: Path) -> bool:
@@ -113,14 +180,12 @@ def dropped(folder: Path) -> bool:
     return True
 
 
-def came_from(store: ViewStore, before: dict[int, int]) -> Source:
-    """Return where the last view came from: `before` are the hits of the store before it was requested."""
+def level_of_last(store: ViewStore, before: dict[int, int]) -> int | None:
+    """Return the level that the last view came from, None if it was rendered: `before` are the hits of the store before
+    it was requested.
+    """
     now = store.statistics.hits
-    found: list[Source] = [_LEVELS[level] for level in now if now[level] > before[level]]
-    return found[0] if found else "render"
-
-
-_LEVELS: dict[int, Source] = {0: "level 0", 1: "level 1", 2: "level 2"}
+    return next((level for level in now if now[level] > before[level]), None)
 
 
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
@@ -130,22 +195,20 @@ def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
     return cached
 
 
-def _hit(cached: CachedMethod, camera: Camera, view: View, level: Source, clock: Clock) -> float:
-    """Return the seconds of one hit; raises `WrongHit`. Its source is checked afterwards, because checking reads the
-    file.
+def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Clock) -> float:
+    """Return the seconds of one hit; raises `WrongHit`. Its level is checked afterwards, because checking takes
+    time.
     """
     before = cached.store.statistics.hits
-    found, took = timed(lambda: cached.render(camera), clock)
-    if not same(found, view):
-        raise WrongHit(f"a hit of {level} is not the picture that was stored")
-    if (source := came_from(cached.store, before)) != level:
-        raise WrongHit(f"a view came from {source}, where {level} is timed")
+    picture, took = timed(lambda: cached.render(camera), clock)
+    if not same(picture, view):
+        raise WrongHit(f"a hit of level {level} is not the picture that was stored")
+    if (source := level_of_last(cached.store, before)) != level:
+        raise WrongHit(f"a view was {LEVELS[source]}, where level {level} is timed")
     return took
 
 
 def same(one: View, other: View) -> bool:
     """Whether both are equal to the last bit: −0 is not 0."""
-    return all(
-        a.shape == b.shape and a.dtype == b.dtype and a.tobytes() == b.tobytes()
-        for a, b in ((getattr(one, name), getattr(other, name)) for name in ("colour", "opacity", "depth"))
-    )
+    a, b = picture_of(one), picture_of(other)
+    return a.shape == b.shape and a.tobytes() == b.tobytes()

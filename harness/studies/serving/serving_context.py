@@ -1,11 +1,14 @@
-"""The context of the serving studies: the run, its cells ready to render, poses, ground truth, timing."""
+"""The context of the serving studies: the run, its cells ready to render, poses, ground truth, timing, what is left
+out.
+"""
 
+import functools
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -15,51 +18,51 @@ from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.cells import SceneRecord
 from harness.records.json_record import DamagedRecord
-from harness.records.serving_record import Latency, Pair, Timed
+from harness.records.study import Check
+from harness.studies.framework import Found
 from harness.training.batches import Camera
 from harness.training.evaluate import View, render_view
 from harness.training.learner import Learner
 from harness.training.metrics import mse
+from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
+EXPECTED = (InputError, DamagedRecord, Diverged)
+"""The errors of a run that cannot be rendered; all else is an error of ours."""
+TRAIN_VIEWS = 8
+"""The views that a few more steps are trained on."""
+
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of the measurements."""
+    """The sizes of the measurements: renderings that are timed, and hits of every level around each; views of a camera
+    path, and seeds of a walk; views that are requested by a key of the pose alone, and steps of further training;
+    scenes on which attention is examined, views of each, repeats of every refinement, and of every picture with its
+    samples shared out.
+    """
 
     rounds: int
-    """The renderings that are timed, each with hits of every level around it."""
     hits: int
-    """The hits of every level in a round."""
     orbit: int
-    """The views of a camera path."""
     walks: int
-    """The seeds of a walk whose hits are counted."""
     confused: int
-    """The views that are requested by a key of the pose alone."""
     extra_steps: int
-    """The steps of further training, for slightly later weights."""
     scenes: int
-    """The scenes on which attention is examined."""
     views: int
-    """The views of each of these."""
     repeats: int
-    """The repeats of every refinement, for a median of its seconds."""
     shared: int
-    """The repeats of every picture with its samples distributed, of one view per scene."""
     reference_bins: int
-    first_frames: int
 
 
 FULL = Sizes(
     rounds=20, hits=5, orbit=12, walks=20, confused=3, extra_steps=10, scenes=3, views=3, repeats=3, shared=2,
-    reference_bins=512, first_frames=5,
+    reference_bins=512,
 )  # fmt: skip
 QUICK = Sizes(
     rounds=3, hits=2, orbit=4, walks=3, confused=2, extra_steps=2, scenes=1, views=1, repeats=1, shared=1,
-    reference_bins=64, first_frames=1,
+    reference_bins=64,
 )  # fmt: skip
 """Sizes at which no figure means anything, to try the studies themselves."""
 
@@ -76,18 +79,18 @@ class ServingContext:
     device: torch.device
     view_sets: Path
     scratch: Path
-    """A folder on a disk that is removed after the run; pictures for the report lie under it as they will under the
-    run.
-    """
+    """A folder on a disk that is removed after the run."""
     quick: bool
     show: Progress
     deadline: float | None = None
     """The time by `clock` after which nothing is begun."""
+    survive: bool = False
+    """Whether a study may fail without ending the others, whatever the reason."""
     clock: Callable[[], float] = time.monotonic
-    is_late: bool = False
-    """Whether something was left out because of the deadline."""
-    left_out: list[str] = field(default_factory=list)
-    """What cannot be measured and why, one sentence each, no sentence twice."""
+    gaps: list[Check] = field(default_factory=list)
+    """What the present study had to leave out, and why."""
+    memory: dict[str, Any] = field(default_factory=dict)
+    """What a study has prepared for those that follow, by its name."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
     _views: dict[str, ViewSet | None] = field(default_factory=dict)
 
@@ -95,32 +98,36 @@ class ServingContext:
     def sizes(self) -> Sizes:
         return QUICK if self.quick else FULL
 
-    def leave_out(self, sentence: str) -> None:
-        """Add a sentence to `left_out`, once."""
-        if sentence not in self.left_out:
-            self.left_out.append(sentence)
-            self.show.line(f"  left out: {sentence}")
+    def leave_out(self, what: str, why: str, id: str = "left_out") -> None:
+        """Note once what cannot be measured."""
+        gap = Check(what, None, why=why, owner="machine", status="not_available", id=id)
+        if gap not in self.gaps:
+            self.gaps.append(gap)
 
     def is_over(self, rest: str) -> bool:
         """Whether the time is up: then `rest`, which comes next, is named as left out."""
         if self.deadline is None or self.clock() < self.deadline:
             return False
-        self.leave_out(f"{rest}: not measured, as the time for it was over")
-        self.is_late = True
+        self.leave_out(rest, "the time for it was over", "late")
         return True
 
     def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
-        """Return the cell ready to render; None, with a sentence in `left_out`, if it cannot be rendered here. Nobody
-        may train it.
-        """
+        """Return the cell ready to render; None if it cannot be rendered here. Nobody may train it."""
         key = (scene.name, method, self.seed if seed is None else seed)
         if key not in self._cells:
             try:
                 self._cells[key] = self.run.trained(scene, method, key[2], self.device)
             except (InputError, DamagedRecord) as reason:
-                self.leave_out(f"{scene.name}, {method}, seed {key[2]} cannot be rendered: {reason}")
+                self.leave_out(f"{scene.name}, {method}, seed {key[2]}", f"cannot be rendered: {reason}")
                 self._cells[key] = None
         return self._cells[key]
+
+    def in_order(self, scenes: Sequence[str], methods: Sequence[str]) -> tuple[list[SceneRecord], list[str]]:
+        """Return scenes and methods of the run, those that are named first."""
+        by_name = {scene.name: scene for scene in self.scenes}
+        first = [by_name.pop(name) for name in scenes if name in by_name]
+        preferred = [name for name in methods if name in self.methods]
+        return [*first, *by_name.values()], list(dict.fromkeys([*preferred, *self.methods]))
 
     def camera(self, cell: TrainedCell, pose: np.ndarray) -> Camera:
         """Return the scene's lens at a pose, in pictures of the width that is measured."""
@@ -131,33 +138,28 @@ class ServingContext:
         try:
             radius = self.run.view_radius(scene, self.view_sets)
         except InputError as reason:
-            self.leave_out(f"orbits of {scene.name} are 4 scene units wide, as its cameras are not known: {reason}")
-            return orbit(frames, radius=4.0)
+            self.leave_out(f"the distance of the cameras of {scene.name}", f"4 scene units are taken: {reason}")
+            radius = 4.0
         return orbit(frames, radius=radius)
 
     def views(self, scene: SceneRecord) -> ViewSet | None:
-        """Return the run's own views at the measured width; None, with a sentence in `left_out`, if they are
-        missing.
-        """
+        """Return the run's own views at the measured width; None if they are missing."""
         if scene.name not in self._views:
-            self._views[scene.name] = self._read_views(scene)
+            try:
+                self._views[scene.name] = self._read_views(scene)
+            except InputError as reason:
+                self.leave_out(f"the ground truth of {scene.name}", str(reason))
+                self._views[scene.name] = None
         return self._views[scene.name]
 
-    def _read_views(self, scene: SceneRecord) -> ViewSet | None:
-        missing = f"without the ground truth of {scene.name}"
+    def _read_views(self, scene: SceneRecord) -> ViewSet:
         if self.width > scene.width:
-            self.leave_out(f"{missing}: its views are {scene.width} pixels wide, {self.width} are measured")
-            return None
-        try:
-            found = self.run.views(scene, self.view_sets, self.width, train=TRAIN_VIEWS, scratch=self.scratch)
-        except InputError as reason:
-            self.leave_out(f"{missing}: {reason}")
-            return None
+            raise InputError(f"its views are {scene.width} pixels wide, {self.width} are measured")
+        views = self.run.views(scene, self.view_sets, self.width, train=TRAIN_VIEWS, scratch=self.scratch)
         height = max(1, round(scene.height * self.width / scene.width))
-        if (found.height, found.width) != (height, self.width):
-            self.leave_out(f"{missing}: its views have {found.height} rows at this width, pictures have {height}")
-            return None
-        return found
+        if (views.height, views.width) != (height, self.width):
+            raise InputError(f"its views have {views.height} rows at this width, pictures have {height}")
+        return views
 
     def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
         """Return `count` poses evenly spread over the test views, with their pictures over white [h, w, 3]; if the
@@ -171,8 +173,31 @@ class ServingContext:
         return [(test.camera_to_world[index], over_white(test.rgba[int(index)])) for index in chosen]
 
 
-TRAIN_VIEWS = 8
-"""The views that a few more steps are trained on."""
+Measure = Callable[[ServingContext], Iterator[Found]]
+
+
+def study(measure: Measure) -> Measure:
+    """Let a study end with what it had to leave out, and with its failure where others go on: a check that fails."""
+
+    @functools.wraps(measure)
+    def measured(context: ServingContext) -> Iterator[Found]:
+        context.gaps.clear()
+        if not context.is_over("all of it"):
+            try:
+                yield from measure(context)
+            except Exception as error:
+                if not (context.survive or isinstance(error, EXPECTED)):
+                    raise
+                yield Check("this study", None, why=reason_of(error), status="fail", id="failed")
+        yield from context.gaps
+
+    return measured
+
+
+def reason_of(error: BaseException) -> str:
+    """Return the reason in one sentence: a mistake speaks for itself, of an error of ours the kind is named as well."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, EXPECTED) else f"{type(error).__name__}: {text}"
 
 
 def plain(learner: Learner, camera: Camera, chunk: int) -> View:
@@ -180,15 +205,14 @@ def plain(learner: Learner, camera: Camera, chunk: int) -> View:
     return render_view(learner, camera.cameras(learner.device), 0, chunk)
 
 
-def rmse(found: np.ndarray, wanted: np.ndarray) -> float:
+def rmse(picture: np.ndarray, wanted: np.ndarray) -> float:
     """Return the root of the mean square over everything; raises `ValueError` if a value is not finite."""
-    return math.sqrt(mse(found, wanted))
+    return math.sqrt(mse(picture, wanted))
 
 
 One = TypeVar("One")
 Clock = Callable[[], float]
 """Seconds that never decrease."""
-
 CLOCK: Clock = time.perf_counter
 
 
@@ -197,33 +221,40 @@ def timed(call: Callable[[], One], clock: Clock = CLOCK) -> tuple[One, float]:
     device has finished by then.
     """
     began = clock()
-    found = call()
-    return found, clock() - began
+    result = call()
+    return result, clock() - began
 
 
-def latency(
-    scene: str, method: str, source: Timed, seconds: Sequence[float], rendering: Sequence[float] | None = None
-) -> Latency:
-    """Return the median and spread of timed requests and, against those of `rendering`, how many times as long
-    rendering takes.
-
-    Raises `ValueError` if there are none, and for seconds that are not positive: the clock is too coarse for them.
+def quantile(seconds: Sequence[float], share: float) -> float:
+    """Return a quantile of timed requests; raises `ValueError` if there are none, and for seconds that are not
+    positive: the clock is too coarse for them.
     """
-    ratio, ratio_spread = None, None
-    if rendering is not None:
-        ratio = _quantile(rendering, 0.5) / _quantile(seconds, 0.5)
-        ratio_spread = (
-            _quantile(rendering, 0.25) / _quantile(seconds, 0.75),
-            _quantile(rendering, 0.75) / _quantile(seconds, 0.25),
-        )
-    spread: Pair = (_quantile(seconds, 0.05), _quantile(seconds, 0.95))
-    return Latency(scene, method, source, _quantile(seconds, 0.5), spread, len(seconds), ratio, ratio_spread)
-
-
-def _quantile(seconds: Sequence[float], share: float) -> float:
     values = np.asarray(seconds, dtype=np.float64)
     if not len(values):
         raise ValueError("no call was timed")
     if not bool((values > 0.0).all()):
         raise ValueError(f"{float(values.min())} s for a call: the clock is too coarse, or ran backwards")
     return float(np.quantile(values, share))
+
+
+def brief(seconds: float) -> str:
+    """Return the time as 18.3 µs, 45.2 ms, 1.20 s."""
+    size, unit = next(((size, unit) for size, unit in ((1.0, "s"), (1e-3, "ms")) if seconds >= size), (1e-6, "µs"))
+    return f"{significant(seconds / size)} {unit}"
+
+
+def significant(value: float) -> str:
+    """Return three significant digits, or all of a larger whole number: 0.0123, 45.2, 1925."""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}".rstrip(".")
+
+
+def range_of(values: Sequence[float]) -> str:
+    """Return the range as `1684 to 1925`."""
+    return " to ".join(dict.fromkeys([significant(min(values)), significant(max(values))]))
+
+
+def factor(id: str, what: str, ratios: Sequence[float], why: str = "") -> Check:
+    """Return geometric mean and range of ratios over several cases."""
+    mean = math.exp(float(np.mean(np.log(ratios))))
+    spread = float(min(ratios)), float(max(ratios))
+    return Check(what, mean, unit="×", why=why, owner="machine", spread=spread, repeats=len(ratios), id=id)

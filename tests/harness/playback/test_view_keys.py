@@ -218,6 +218,7 @@ NOT_RENDERING = {
     "harness.plan.schedule",
     "harness.records.cells",
     "harness.records.json_record",
+    "harness.records.metric_table",
     "harness.records.pictures",
     "harness.records.snapshot",
     "harness.training.checkpoints",
@@ -254,14 +255,6 @@ def test_another_process_has_the_same_key(tmp_path: Path) -> None:
     again = trainer()
     load_checkpoint(again, tmp_path / "a.safetensors", 2)
     assert done.stdout.split() == [key(one)] == [key(again)]
-
-
-def test_a_cached_method_has_these_keys() -> None:
-    one = trained()
-    for frozen in (False, True):
-        method = CachedMethod(one, ViewStore(0), 512, frozen)
-        assert method.key(camera()) == key(one)
-        assert method.key(camera(), "otherwise") == key(one, calls="otherwise")
 
 
 @contextmanager

@@ -72,7 +72,7 @@ def test_the_sentences_say_what_is_open_and_what_is_a_property():
 @pytest.mark.parametrize("shelf", EMPTY)
 def test_an_empty_record_is_a_page_and_a_study_without_anything_too(shelf, tmp_path):
     outline = Outline(study_page(EMPTY[shelf], tmp_path))
-    assert {"matrix", "outcomes", "provenance"} & set(outline.ids) == set()
+    assert {"matrix", "stability-outcomes", "provenance"} & set(outline.ids) == set()
     assert "Why?" in study_page(replace(EMPTY["evidence"], studies=[StudyRecord(INFO)]), tmp_path)
 
 

@@ -1,17 +1,15 @@
 """A tiny finished run, copies of it that may be written to, and what its studies are given."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
 
 from harness.execution.progress import Quiet
 from harness.playback.run_loader import FinishedRun, TrainedCell
-from harness.studies.serving import serving_run
 from harness.studies.serving.serving_context import ServingContext
+from harness.studies.serving.serving_run import ServingRequest
 from tests.harness.trained_runs import SIZE, train_run
 
 CPU = torch.device("cpu")
@@ -30,26 +28,18 @@ def out(trained: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def situation(trained: Path, tmp_path: Path) -> ServingContext:
-    run = FinishedRun.of(trained)
-    return ServingContext(
-        run=run,
-        scenes=run.run.scenes,
-        methods=["nerf", "qnerf"],
-        seed=0,
-        width=SIZE,
-        device=CPU,
-        view_sets=tmp_path,
-        scratch=tmp_path,
-        quick=True,
-        show=Quiet(),
-    )
+def context(trained: Path, tmp_path: Path) -> ServingContext:
+    return asked_of(trained, tmp_path).context(tmp_path, Quiet())
+
+
+def asked_of(out: Path, view_sets: Path) -> ServingRequest:
+    return ServingRequest(FinishedRun.of(out), ["ball"], ["nerf", "qnerf"], 0, SIZE, True, CPU, view_sets)
 
 
 @pytest.fixture
-def cell(situation: ServingContext) -> TrainedCell:
+def cell(context: ServingContext) -> TrainedCell:
     """nerf."""
-    found = situation.trained(situation.scenes[0], "nerf")
+    found = context.trained(context.scenes[0], "nerf")
     assert found is not None
     return found
 
@@ -68,14 +58,3 @@ class Ticks:
 @pytest.fixture
 def ticks() -> Ticks:
     return Ticks()
-
-
-def fail_with(error: BaseException) -> Callable[..., Any]:
-    def study(situation: Any) -> Any:
-        raise error
-
-    return study
-
-
-def with_study(monkeypatch: pytest.MonkeyPatch, field: str, study: Callable[..., Any]) -> None:
-    monkeypatch.setitem(serving_run.STUDIES, field, (serving_run.STUDIES[field][0], study))

@@ -1,33 +1,35 @@
-"""The record of serving: whole, read back, never at the cost of the run, and not measured twice."""
+"""The record of serving: complete, never at the cost of the run, not measured twice; and the command."""
 
 import json
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
+from harness.__main__ import main
 from harness.execution.progress import Quiet
 from harness.playback.run_loader import FinishedRun
-from harness.records.json_record import DamagedRecord
-from harness.records.serving_record import SERVING_FILE, read_serving, write_serving
+from harness.records.cells import read_cells
+from harness.records.study import Check, Studies, read_studies, write_studies
+from harness.studies.framework import Found
 from harness.studies.serving import serving_run
-from harness.studies.serving.serving_run import ServingRequest, after_run
+from harness.studies.serving.serving_context import Measure, ServingContext, reason_of, study
+from harness.studies.serving.serving_run import after_run, run
+from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
-from reports.data.serving_load import find_serving
-from tests.harness.studies.serving.conftest import CPU, fail_with, with_study
-from tests.harness.trained_runs import SIZE
+from tests.harness.shell import refused
+from tests.harness.studies.serving.conftest import asked_of
+from tests.harness.trained_runs import SIZE, in_this_process
 
 pytestmark = pytest.mark.slow
 
-OTHER_ORIGINS: dict[str, dict[str, Any]] = {"machine": {"processor": "another"}, "torch": {"packages": {"torch": "0"}}}
 
-
-class Said(Quiet):
-    """Keeps what it is told."""
+class Lines(Quiet):
+    """Keeps what it is given."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -49,205 +51,127 @@ def copy(served: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(served, tmp_path / "served"))
 
 
-def test_the_record_is_whole(served: Path) -> None:
-    record = find_serving(served)
-    assert record is not None
-    assert record.cache is not None
-    assert record.attention is not None
-    assert record.first_frame is not None
-    assert {one.method for one in record.cache.latencies} == {"nerf", "qnerf"}
-    assert record.first_frame.methods == ["nerf", "qnerf"]
-    assert {row.truth_whole is None for row in record.attention.allocations} == {False}
+def record_of(out: Path) -> Studies:
+    return read_studies(out / SHELF.file)
+
+
+def with_studies(monkeypatch: pytest.MonkeyPatch, **measures: Measure) -> None:
+    """Let studies measure something else, those that are not named nothing but a sentence."""
+
+    def measure_of(self: object, name: str) -> Measure:
+        return study(measures.get(name, sentence))
+
+    monkeypatch.setattr(serving_run.SHELF.__class__, "measure_of", measure_of)
+
+
+def sentence(context: ServingContext) -> Iterator[Found]:
+    yield "It was measured again."
+
+
+def failing(error: BaseException) -> Measure:
+    def measure(context: ServingContext) -> Iterator[Found]:
+        yield "It begins."
+        raise error
+
+    return measure
+
+
+def test_the_record_is_complete(served: Path) -> None:
+    record = record_of(served)
+    assert [one.info.id for one in record.studies] == list(STUDIES)
+    assert record.finished
+    assert not record.broken
+    assert not any(one.cut_short for one in record.studies)
+    assert all(one.answers for one in record.studies)
+    ids = [one.id for _, one in record.checks() if one.id != "left_out"]
+    assert len(set(ids)) == len(ids)
+    assert {one.subject for _, one in record.checks() if one.id.startswith("hit.")} == {"nerf", "qnerf"}
+    assert all((served / one.path).is_file() for study in record.studies for one in study.pictures)
     settings = record.settings
-    assert (settings["scenes"], settings["methods"], settings["seed"]) == (["ball"], ["nerf", "qnerf"], 0)
-    assert (settings["width"], settings["quick"], settings["complete"]) == (SIZE, True, True)
+    assert (settings["scenes"], settings["methods"], settings["width"]) == (["ball"], ["nerf", "qnerf"], SIZE)
     assert not list(served.glob(".scratch-*")), "scratch files are gone"
 
 
-def test_what_is_written_is_read_back(served: Path, tmp_path: Path) -> None:
-    record = read_serving(served / SERVING_FILE)
-    write_serving(tmp_path, record)
-    assert read_serving(tmp_path / SERVING_FILE) == record
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda data: data.pop("cache"),
-        lambda data: data.update(schema=99),
-        lambda data: data.update(schema=1),
-        lambda data: data.update(extra=1),
-        lambda data: data["cache"]["latencies"][0].pop("seconds"),
-        lambda data: data["attention"]["curves"][0].update(colour=1),
-        lambda data: data["attention"].update(phi=None),
-        lambda data: data.update(first_frame=[1]),
-    ],
-)
-def test_a_damaged_record_is_refused(copy: Path, damage: Callable[[dict[str, Any]], Any]) -> None:
-    path = copy / SERVING_FILE
-    data = json.loads(path.read_text(encoding="utf-8"))
-    data.pop("digest", None)
-    damage(data)
-    path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=f"run `python -m harness study serving {copy}` again"):
-        read_serving(path)
-
-
-def test_a_truncated_record_is_refused(copy: Path) -> None:
-    path = copy / SERVING_FILE
-    path.write_text(path.read_text(encoding="utf-8")[:1000], encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=str(path)):
-        read_serving(path)
-
-
 def test_what_is_there_is_not_measured_again(copy: Path) -> None:
-    before, said = (copy / SERVING_FILE).read_bytes(), Said()
-    after_run(copy, "cpu", copy, said)
-    assert said.lines == ["serving: measured before"]
-    assert (copy / SERVING_FILE).read_bytes() == before
+    before, show = (copy / SHELF.file).read_bytes(), Lines()
+    after_run(copy, "cpu", copy, show)
+    assert show.lines == ["serving: measured before"]
+    assert (copy / SHELF.file).read_bytes() == before
 
 
-@pytest.mark.parametrize("change", ["weights", "stopped", "damaged", "code", "machine", "torch"])
+@pytest.mark.parametrize("change", ["weights", "code", "processor", "packages", "damaged", "former"])
 def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
-    path = copy / SERVING_FILE
-    before = read_serving(path)
-    for field in serving_run.STUDIES:
-        with_study(monkeypatch, field, lambda situation: None)
-    with_study(monkeypatch, "first_frame", lambda situation: before.first_frame)
+    path, before = copy / SHELF.file, record_of(copy)
+    with_studies(monkeypatch)
     if change == "code":
         monkeypatch.setattr(serving_run, "_code", lambda: "other sources")
-    elif change in ("machine", "torch"):
-        origin = {**before.provenance, **OTHER_ORIGINS[change]}
-        write_serving(copy, replace(before, provenance=origin))
     elif change == "weights":
         shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
-    elif change == "stopped":
-        data = json.loads(path.read_text(encoding="utf-8"))
-        data.pop("digest", None)
-        path.write_text(json.dumps({**data, "settings": {**data["settings"], "complete": False}}), encoding="utf-8")
+    elif change in ("processor", "packages"):
+        write_studies(path, msgspec.structs.replace(before, provenance={**before.provenance, change: "another"}))
     else:
-        path.write_text("{", encoding="utf-8")
+        path.write_text("{" if change == "damaged" else '{"schema": 2, "cache": null}', encoding="utf-8")
     after_run(copy, "cpu", copy, Quiet())
-    assert read_serving(path).cache is None, "by studies that measure nothing"
+    assert [one.answers for one in record_of(copy).studies] == [["It was measured again."]] * len(STUDIES)
+    assert len(list((copy / "damaged").glob("*"))) == (change in ("damaged", "former"))
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no memory"), OSError(28, "No space left"), Diverged(3, "colour")])
 def test_a_failing_study_costs_itself_alone_and_is_tried_again(
     out: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    with_study(monkeypatch, "attention", fail_with(error))
-    with_study(monkeypatch, "cache", lambda situation: None)
+    with_studies(monkeypatch, anytime=failing(error))
     after_run(out, "cpu", out, Quiet())
-    record = read_serving(out / SERVING_FILE)
-    assert record.attention is None
-    assert record.first_frame is not None
-    assert any("attention-prioritised rendering: " in one and str(error) in one for one in record.left_out)
-    assert record.failed == ["attention-prioritised rendering"]
-    assert not record.settings["complete"]
-    with_study(monkeypatch, "attention", lambda situation: None)
+    record = record_of(out)
+    assert [one.info.id for one in record.studies] == list(STUDIES)
+    assert [(found.info.id, one.why) for found, one in record.broken] == [("anytime", reason_of(error))]
+    with_studies(monkeypatch, latency=failing(error))
     after_run(out, "cpu", out, Quiet())
-    again = read_serving(out / SERVING_FILE)
-    assert (again.failed, again.settings["complete"]) == ([], True)
+    assert record_of(out).broken == [], "the others were not measured again"
 
 
-@pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("ours")])
-def test_a_full_disk_does_not_hide_what_stopped_it(
-    out: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException
+def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_studies(monkeypatch, paths=failing(ZeroDivisionError("ours")))
+    with pytest.raises(ZeroDivisionError):
+        run(asked_of(out, out), list(STUDIES), False, Quiet())
+    assert [one.info.id for one in record_of(out).studies] == ["latency"], "what was finished is kept"
+    with_studies(monkeypatch, paths=failing(Diverged(3, "colour")))
+    assert run(asked_of(out, out), list(STUDIES), True, Quiet()) == 3
+
+
+def test_once_the_time_is_over_nothing_is_begun_and_the_rest_is_measured_later(
+    out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left on device")
+    def takes_all(context: ServingContext) -> Iterator[Found]:
+        context.deadline = context.clock()
+        yield "It took long."
 
-    for field in serving_run.STUDIES:
-        with_study(monkeypatch, field, fail_with(stop))
-    monkeypatch.setattr(serving_run, "write_serving", full)
-    asked, said = ServingRequest(["ball"], ["nerf"], 0, SIZE, True), Said()
-    with pytest.raises(type(stop)):
-        serving_run.run(FinishedRun.of(out), asked, CPU, out, said)
-    assert any("could not be written" in line and "No space left" in line for line in said.lines)
-
-
-def everything_in(out: Path) -> dict[str, bytes]:
-    files = [out / SERVING_FILE, *(out / "records/images/serving").iterdir()]
-    return {file.name: file.read_bytes() for file in files}
-
-
-SELDOM = [pytest.param(ended, marks=pytest.mark.thorough) for ended in ("first study", "third study", "late")]
-
-
-@pytest.mark.parametrize("ended", ["too long", "nothing to render", *SELDOM])
-def test_a_whole_record_is_not_lost_to_a_lesser_one(copy: Path, monkeypatch: pytest.MonkeyPatch, ended: str) -> None:
-    monkeypatch.setattr(serving_run, "_code", lambda: "measured again")
-    before = everything_in(copy)
-    assert len(before) > 3
-    if ended == "too long":
-        monkeypatch.setattr(serving_run, "estimated_seconds", lambda situation: 1e6)
-    elif ended == "first study":
-        with_study(monkeypatch, "cache", fail_with(KeyboardInterrupt()))
-    elif ended == "third study":
-        with_study(monkeypatch, "cache", lambda situation: None)
-        with_study(monkeypatch, "first_frame", fail_with(KeyboardInterrupt()))
-    elif ended == "nothing to render":
-        for file in (copy / "checkpoints").iterdir():
-            file.unlink()
-    else:
-        monkeypatch.setattr(serving_run, "estimated_seconds", lambda situation: -1.0)
-        monkeypatch.setattr(serving_run, "SERVING_SECONDS", 0.0)
-    said = Said()
-    with suppress(KeyboardInterrupt):
-        after_run(copy, "cpu", copy, said)
-    assert said.lines != ["serving: measured before"]
-    assert everything_in(copy) == before
-    assert not list(copy.glob(".scratch-*"))
-
-
-def test_what_is_left_of_a_stopped_run_replaces_other_weights(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
-    cache = read_serving(copy / SERVING_FILE).cache
-    with_study(monkeypatch, "cache", lambda situation: cache)
-    with_study(monkeypatch, "attention", fail_with(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        after_run(copy, "cpu", copy, Quiet())
-    record = read_serving(copy / SERVING_FILE)
-    assert (record.cache, record.attention) == (cache, None)
-
-
-def test_once_the_time_is_over_nothing_is_begun(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def takes_all(situation: Any) -> None:
-        situation.deadline = situation.clock()
-
-    with_study(monkeypatch, "cache", takes_all)
+    with_studies(monkeypatch, latency=takes_all)
     after_run(out, "cpu", out, Quiet())
-    record = read_serving(out / SERVING_FILE)
-    assert (record.cache, record.attention, record.first_frame) == (None, None, None)
-    assert not record.settings["complete"]
-    assert [one.split(":")[0] for one in record.left_out] == [
-        "attention-prioritised rendering", "first frame of the viewer"
-    ]  # fmt: skip
+    late = [one for one in record_of(out).studies if one.cut_short]
+    assert [one.info.id for one in late] == list(STUDIES)[1:]
+    assert {one.checks[0].why for one in late} == {"the time for it was over"}
+    after_run(out, "cpu", out, Quiet())
+    assert not any(one.cut_short for one in record_of(out).studies)
 
 
-@pytest.mark.thorough
 def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_study(monkeypatch, "cache", lambda situation: None)
-
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(serving_run, "write_serving", full)
-    said = Said()
-    after_run(out, "cpu", out, said)
-    assert any("serving was not measured" in line and "No space left" in line for line in said.lines)
+    monkeypatch.setattr("harness.studies.framework.write_studies", full)
+    show = Lines()
+    after_run(out, "cpu", out, show)
+    assert "serving was not measured" in show.lines[-1]
+    assert "No space left" in show.lines[-1]
 
 
-def test_ctrl_c_keeps_what_was_finished(served: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    measured = read_serving(served / SERVING_FILE).cache
-    with_study(monkeypatch, "cache", lambda situation: measured)
-    with_study(monkeypatch, "attention", fail_with(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
+def test_ctrl_c_keeps_what_was_finished(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_studies(monkeypatch, anytime=failing(KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt, match="are kept"):
         after_run(out, "cpu", out, Quiet())
-    record = read_serving(out / SERVING_FILE)
-    assert record.cache == measured
-    assert not record.settings["complete"]
-    assert any("stopped by KeyboardInterrupt" in one for one in record.left_out)
+    assert [one.info.id for one in record_of(out).studies] == list(STUDIES)[:3]
+    assert not list(out.glob(".scratch-*"))
 
 
 def test_a_cell_that_diverged_is_named(out: Path) -> None:
@@ -255,9 +179,78 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     data = json.loads(path.read_text(encoding="utf-8"))
     data.pop("digest", None)
     path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
-    after_run(out, "cpu", out, Quiet())
-    record = read_serving(out / SERVING_FILE)
-    assert record.cache is not None
-    assert {one.method for one in record.cache.latencies} == {"qnerf"}
-    assert record.attention is None
-    assert any("ball, nerf, seed 0" in one and "diverged" in one for one in record.left_out)
+    asked = replace(asked_of(out, out), run=FinishedRun.of(out))
+    assert run(asked, ["latency", "anytime"], False, Quiet()) == 0
+    latency, anytime = record_of(out).studies
+    assert {one.subject for one in latency.checks if one.id.startswith("hit.")} == {"qnerf"}
+    gaps = [one for one in latency.checks if one.status == "not_available"]
+    assert any(one.what == "ball, nerf, seed 0" and "diverged" in one.why for one in gaps)
+    assert anytime.answers == ["No method of the run can be rendered by regions here."]
+
+
+def test_the_command_measures_what_is_asked(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    typed = ["serving", str(out), "--quick", "--methods", "qnerf", "--width", "12", "--studies", "latency"]
+    assert main(typed) == 0
+    (latency,) = record_of(out).studies
+    assert {one.subject for one in latency.checks if one.id.startswith("hit.")} == {"qnerf"}
+    assert latency.answers[0].startswith("Rendering a view 12 px wide takes")
+    printed = capsys.readouterr().out
+    assert "about" in printed.splitlines()[0], "an estimate comes first"
+    assert str(out / SHELF.file) in printed.splitlines()[-1]
+    for file in (out / "checkpoints").iterdir():
+        file.unlink()
+    assert main([*typed[:3], "--quiet"]) == 0
+    assert {one.status for _, one in record_of(out).checks()} == {"not_available"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--width", "4"], "--width 4"),
+        (["--threads", "0"], "--threads 0"),
+        (["--seed", "7"], "--seed 7"),
+        (["--scenes", "lego"], "'lego'"),
+        (["--methods", "nerv"], "'nerv'"),
+        (["--studies", "latencies"], "'latencies'"),
+    ],
+)
+def test_mistakes_are_said_in_one_line(
+    trained: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: str
+) -> None:
+    assert words in refused(capsys, trained, "--quiet", *options, command="serving")
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "holds no run" in refused(capsys, tmp_path, command="serving")
+
+
+@pytest.mark.parametrize(("options", "measured"), [([], True), (["--no-serving"], False)])
+def test_a_run_measures_it_at_its_end(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], measured: bool
+) -> None:
+    asked: list[Path] = []
+
+    def noted(out: Path, device: str, view_sets: Path, show: Any) -> None:
+        assert [cell.status for cell in read_cells(out)] == ["done"], "after everything else"
+        assert (out / "records/comparisons.json").exists()
+        asked.append(out)
+
+    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
+    monkeypatch.setattr(serving_run, "after_run", noted)
+    monkeypatch.setattr("harness.machine.device.available_cores", lambda: 1)
+    typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
+    out = tmp_path / "run"
+    assert main(["run", *typed.split(), str(ball_folder), "--out", str(out), *options]) == 0
+    assert asked == ([out] if measured else [])
+    phases = FinishedRun.of(out).run.phases
+    assert ("serve" in phases) == measured
+
+
+def test_a_study_ends_with_what_it_left_out_said_once(context: ServingContext) -> None:
+    def leaves_out(context: ServingContext) -> Iterator[Found]:
+        for _ in range(2):
+            context.leave_out("this", "it is not there")
+        yield "It was measured."
+
+    gap = Check("this", None, why="it is not there", owner="machine", status="not_available", id="left_out")
+    assert list(study(leaves_out)(context)) == ["It was measured.", gap]

@@ -8,27 +8,30 @@ import pytest
 
 from baselines.numerics.attention.priorities import PHI
 from baselines.numerics.attention.regions import Regions
-from harness.playback.progressive import Done, coarse
+from harness.playback.progressive import Done, coarse, filled
 from harness.playback.run_loader import TrainedCell
-from harness.records.serving_record import Anytime
-from harness.studies.serving import allocations, anytime
+from harness.records.study import Check, Picture, Series
+from harness.studies.serving import allocations, anytime, attention_views
 from harness.studies.serving.anytime import (
-    KINDS,
+    MEASURES,
     ORDERS,
-    Looked,
+    Case,
+    Curve,
     Measured,
+    Reaching,
     Refined,
     Seen,
-    TimedCurve,
     attended_pixels,
-    attention_of,
+    cases_of,
+    earlier,
     errors_along,
+    first_of,
     hardest_pixels,
     reaching,
-    reachings,
     refined,
+    steps,
 )
-from harness.studies.serving.attention_study import STRIDE, measured_attention, tile_of
+from harness.studies.serving.attention_views import KINDS, AttendedView, Looked, attended_views, attention_of, looked
 from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.evaluate import View
 from tests.harness.studies.serving.conftest import Ticks
@@ -44,7 +47,7 @@ def flat(value: float, height: int = 2, width: int = 2) -> View:
 
 def done(pixels: list[int], value: float, share: float) -> Done:
     ones = np.full(len(pixels), value, np.float32)
-    return Done(None, np.array(pixels), np.repeat(ones[:, None], 3, axis=1), ones, ones, share, 1)
+    return Done(np.array(pixels), np.repeat(ones[:, None], 3, axis=1), ones, ones, share, 1)
 
 
 BY_HAND = Refined(flat(0.0), [1.0, 2.0, 4.0], [done([0, 1], 0.5, 0.5), done([2, 3], 0.5, 1.0)])
@@ -61,12 +64,10 @@ def test_an_error_that_is_not_finite_is_refused() -> None:
         list(errors_along(BY_HAND, flat(float("nan"))))
 
 
-def curve_of(errors: list[float], *repeats: float) -> TimedCurve:
+def curve_of(errors: list[float], *repeats: float) -> Curve:
     """Repeats that are as many times as slow."""
     seconds = np.array([[slow * 0.5 * (place + 1) for place in range(len(errors))] for slow in repeats or (1.0,)])
-    middle = np.median(seconds, axis=0).tolist()
-    none, total = [9.0] * len(errors), (middle[-1], middle[-1])
-    return TimedCurve(Anytime("ball", "nerf", "point", "raster", 1, middle, none, total, none, errors, none), seconds)
+    return Curve(seconds, dict.fromkeys(MEASURES, errors))
 
 
 @pytest.mark.parametrize(
@@ -79,17 +80,56 @@ def curve_of(errors: list[float], *repeats: float) -> TimedCurve:
     ],
 )
 def test_reaching_is_when_the_error_stays_below(errors: list[float], seconds: float | None) -> None:
-    found = reaching(curve_of(errors, 1.0, 3.0, 0.5), "hardest", 1.0, 0.5)
-    assert (found.measure, found.error, found.seconds) == ("hardest", 0.5, seconds)
-    assert found.spread == (None if seconds is None else (0.5 * seconds, 3.0 * seconds))
+    found = reaching(curve_of(errors, 1.0, 3.0, 0.5), "hardest", 0.5)
+    assert found == (None if seconds is None else Reaching(seconds, 0.5 * seconds, 3.0 * seconds))
 
 
 def test_all_orders_are_measured_by_the_coarse_frame_s_error_also_one_that_has_none() -> None:
-    coarse = curve_of([1.0, 0.15, 0.05])
-    white = curve_of([3.0, 0.25, 0.15])
-    white = replace(white, anytime=replace(white.anytime, order="plain"))
-    found = {(one.order, one.measure): one.seconds for one in reachings([white, coarse])}
-    assert (found["raster", "hardest"], found["plain", "hardest"]) == (1.5, None)
+    case = Case("ball", "point", {"raster": curve_of([1.0, 0.15, 0.05]), "plain": curve_of([3.0, 0.25, 0.15])})
+    assert case.times("hardest") == {"raster": Reaching(1.5, 1.5, 1.5), "plain": None}
+
+
+def test_the_first_is_before_all_others_in_every_repeat() -> None:
+    times = {"attention": Reaching(1.0, 0.9, 1.1), "raster": Reaching(2.0, 1.2, 3.0), "plain": None}
+    assert first_of(times) == "attention"
+    assert not earlier(times, "raster", "attention")
+    assert earlier(times, "raster", "plain")
+    overlapping = {**times, "raster": Reaching(2.0, 1.1, 3.0)}
+    assert first_of(overlapping) is None
+
+
+def test_what_is_at_once_to_the_eye_is_one_step_and_nothing_invisible_is_drawn() -> None:
+    assert steps([0.0, 1.0, 1.001, 1.002, 2.0], [1.0, 0.5, 0.45, 0.4, 1e-9]) == (
+        [0.0, 1.0, 1.0, 1.002, 1.002, 2.0, 2.0],
+        [1.0, 1.0, 0.5, 0.5, 0.4, 0.4, 1e-4],
+    )
+
+
+def cases(kinds: dict[str, list[float]]) -> list[Case]:
+    """Three scenes with attention so many times as fast as raster order, from 1 down to 0."""
+    return [
+        Case(scene, kind, {"attention": curve_of([1.0, 0.0], factor), "raster": curve_of([1.0, 0.0], 1.0, 2.0)})
+        for kind, factors in kinds.items()
+        for scene, factor in zip(("ball", "lego", "chair"), factors, strict=False)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "status", "ahead"),
+    [
+        ({"point": [0.5, 0.5, 0.5], "mask": [0.5, 0.9, 0.5]}, "pass", 6),
+        ({"point": [0.5, 0.5, 0.5], "mask": [0.5, 3.0, 0.5]}, "inconclusive", 5),
+        ({"point": [3.0, 3.0, 3.0]}, "fail", 0),
+        ({"point": [3.0, 1.5, 3.0]}, "inconclusive", 0),  # undecided on one scene
+        ({"point": [0.5, 0.5]}, "inconclusive", 2),  # too few scenes
+    ],
+)
+def test_the_claim_holds_on_every_scene_or_fails_on_every_one(
+    kinds: dict[str, list[float]], status: str, ahead: int
+) -> None:
+    found = anytime._earlier_check(cases(kinds), "attended")
+    assert (found.status, found.value, found.owner) == (status, ahead, "paper")
+    assert anytime._earlier_check(cases(kinds), "whole").status == "measured"
 
 
 def test_the_hardest_quarter_is_where_the_coarse_frame_is_most_wrong() -> None:
@@ -103,9 +143,8 @@ def test_the_hardest_quarter_is_where_the_coarse_frame_is_most_wrong() -> None:
 
 
 @pytest.fixture
-def view(situation: ServingContext, cell: TrainedCell) -> Looked:
-    camera = situation.camera(cell, situation.orbit(cell.scene, 1)[0])
-    return Looked(cell, camera, Regions(SIZE, SIZE, tile_of(SIZE)), STRIDE, 16)
+def view(context: ServingContext, cell: TrainedCell) -> Looked:
+    return looked(context, cell, context.orbit(cell.scene, 1)[0])
 
 
 @pytest.mark.parametrize("order", ["attention", "raster", "spread"])
@@ -114,7 +153,7 @@ def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order
     assert np.diff(found.seconds).tolist() == [1.0] * len(found.parts), "one look at the clock a part"
     assert len(found.parts) == view.regions.count
     wanted = plain(view.cell.learner, view.camera, view.cell.chunk)
-    np.testing.assert_allclose(found.at(len(found.parts)).colour, wanted.colour, atol=1e-5)
+    np.testing.assert_allclose(filled(view.camera, found.parts)[0].colour, wanted.colour, atol=1e-5)
     *_, last = errors_along(found, wanted)
     assert max(last) < 1e-5
 
@@ -139,22 +178,23 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
     assert found["raster", None].seconds.tolist() == [[1.0, 2.0, 3.0], [5.0, 10.0, 15.0], [3.0, 6.0, 9.0]]
 
     small = replace(view, regions=Regions(2, 2, 1))
-    maps = {"point": np.array([1.0, 0.0, 0.0, 0.0])}
+    maps = {kind: np.ones(4) for kind in KINDS} | {"point": np.array([1.0, 0.0, 0.0, 0.0])}
     first, second = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 9.0]]), np.array([[3.0, 4.0, 5.0], [3.0, 8.0, 9.0]])
-    runs: Any = {("raster", None): Measured(BY_HAND, first), ("attention", "point"): None}
-    other: Any = {("raster", None): Measured(BY_HAND, second), ("attention", "point"): None}
     rough = flat(0.0)
     rough.colour[1, 0] = 9.0
-    views = [Seen(small, flat(0.5), rough, maps, runs), Seen(small, flat(0.25), rough, maps, other)]
-    curve = anytime.curve(views, "point", "raster")
-    assert curve is not None
+
+    def seen(value: float, seconds: np.ndarray) -> Seen:
+        runs: Any = {(order, None): Measured(BY_HAND, seconds) for order in ("raster", "spread", "plain")}
+        runs["attention", "point"] = runs["raster", None]
+        return Seen(AttendedView(small, 0, rough, maps, None), flat(value), runs)
+
+    (case,) = cases_of([seen(0.5, first), seen(0.25, second)])
+    assert (case.scene, case.kind, list(case.curves)) == ("ball", "point", list(ORDERS))
+    curve = case.curves["raster"]
     assert curve.seconds.tolist() == [[2.0, 3.0, 4.0], [2.0, 5.0, 9.0]], "means over views, repeat by repeat"
-    line = curve.anytime
-    assert (line.seconds, line.total_spread, line.views) == ([2.0, 4.0, 6.5], (4.0, 9.0), 2)
-    assert line.share == [0.0, 0.5, 1.0]
-    assert line.rmse_attended == [0.375, 0.125, 0.125], "of the attended pixel, 0: done with the first part"
-    assert line.rmse_hardest == [0.375, 0.375, 0.125], "of pixel 2: done with the second part"
-    assert anytime.curve(views[:1], "mask", "raster") is None
+    assert curve.middle.tolist() == [2.0, 4.0, 6.5]
+    assert curve.errors["attended"] == [0.375, 0.125, 0.125], "of the attended pixel, 0: done with the first part"
+    assert curve.errors["hardest"] == [0.375, 0.375, 0.125], "of pixel 2: done with the second part"
 
 
 def test_a_map_costs_what_it_renders(view: Looked) -> None:
@@ -202,52 +242,45 @@ def test_all_evaluations_of_a_picture_are_counted(view: Looked, way: Any, kind: 
         assert 0.95 * 16.0 < found.bins <= 16.0
 
 
-def test_ways_are_compared_with_the_even_picture(view: Looked, ticks: Ticks) -> None:
-    first = plain(view.cell.learner, view.camera, view.cell.chunk)
-    maps = {"point": attention_of("point", view, first)[0], "mask": np.ones(view.regions.count)}
-    truth = np.zeros((SIZE, SIZE, 3), np.float32)
-    one = allocations.sampled(view, maps, 64, 2, truth, ticks)
-    found = allocations.allocations([one], "point")
-    assert [(row.way, row.against) for row in found] == [
-        ("even", 8), ("even", 16), ("even", 32), ("samples", 16), ("evaluations", 16)
-    ]  # fmt: skip
-    assert {(row.seconds, row.seconds_spread) for row in found} == {(1.0, (1.0, 1.0))}, "one look at the clock each"
-    assert len(one.pictures["even", None, 16].seconds) == 2
-    assert allocations.allocations([one], "mask") == [], "all alike is the plain picture"
-    half, own, twice, *_ = found
-    assert twice.rmse_whole < own.rmse_whole < half.rmse_whole, "more samples are nearer to many"
-    assert own.truth_whole is not None
-    without = replace(one, truth=None)
-    blind = allocations.allocations([one, without], "point")[0]
-    assert (blind.views, blind.truth_whole, blind.truth_attended) == (2, None, None), "no mean over some of the views"
+def test_ways_are_compared_with_the_even_picture(context: ServingContext, ticks: Ticks) -> None:
+    one = attended_views(context)[0]
+    one = replace(one, maps={**one.maps, "mask": np.ones(one.view.regions.count)})
+    seen = allocations.sampled(one, 64, 2, ticks)
+    assert {len(seconds) for seconds in seen.seconds.values()} == {2}
+    assert {second for seconds in seen.seconds.values() for second in seconds} == {1.0}, "one look at the clock each"
+    rows = [row for row in allocations.allocations(seen) if row.kind == "point"]
+    assert [row.way for row in rows] == ["even", "samples", "evaluations"]
+    assert "mask" not in {row.kind for row in allocations.allocations(seen)}, "all alike is the plain picture"
+    assert rows[0].truths["whole"] > 0.0
+    blind = replace(seen, of=replace(one, truth=None))
+    assert {tuple(row.truths) for row in allocations.allocations(blind)} == {()}
 
 
-def test_the_study_is_whole(situation: ServingContext) -> None:
-    found = measured_attention(situation)
-    assert found is not None
-    assert {(one.attention, one.order) for one in found.curves} == {(kind, order) for kind in KINDS for order in ORDERS}
-    in_parts = [one for one in found.curves if one.order != "plain"]
-    assert {len(one.seconds) for one in in_parts} == {Regions(SIZE, SIZE, found.tile).count + 1}
-    assert len(found.reaching) == 3 * len(found.curves)
-    assert all(one.seconds is not None for one in found.reaching), "the last part leaves no error"
-    assert found.phi.sum_of_priorities == pytest.approx(PHI)
-    assert (found.phi.maps, found.phi.orders_changed, found.phi.allocations_changed) == (len(KINDS), 0, 0)
-    (plainly,) = found.not_by_regions
-    assert plainly.method == "qnerf"
-    assert plainly.rmse > 0.0
-    for frame in found.frames:
-        assert (situation.scratch / "records" / frame.image).is_file()
-    assert {frame.title for frame in found.frames} >= {"ground truth", "finished", "coarse frame"}
+def test_the_studies_are_complete(context: ServingContext) -> None:
+    found = list(anytime.anytime(context))
+    checks = {one.id: one for one in found if isinstance(one, Check)}
+    assert {f"whole.{order}" for order in ORDERS} <= set(checks), "the last part leaves no error"
+    assert checks["earlier.attended"].repeats == len(KINDS)
+    pictures = [one for one in found if isinstance(one, Picture)]
+    assert {one.title for one in pictures} >= {"ground truth", "finished", "coarse frame"}
+    assert all((context.run.out / one.path).is_file() for one in pictures)
+    lines = [one for one in found if isinstance(one, Series)]
+    assert {one.panel for one in lines} == {f"ball, {words}, point" for words in MEASURES.values()}
+    (phi,) = [one for one in attention_views.priorities(context) if isinstance(one, Check) and one.id == "phi.sum"]
+    assert phi.value == pytest.approx(PHI)
 
 
-def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(situation: ServingContext) -> None:
-    situation.methods = ["qnerf"]
-    assert measured_attention(situation) is None
-    assert any("by regions" in sentence for sentence in situation.left_out)
+def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingContext) -> None:
+    context.methods = ["qnerf"]
+    answer, gap = anytime.anytime(context)
+    assert answer == attention_views.NOTHING
+    assert isinstance(gap, Check)
+    assert "which points share a call" in gap.why
+    assert list(allocations.samples(context)) == [attention_views.NOTHING]
 
 
-def test_without_its_views_poses_come_from_an_orbit_and_truth_is_left_out(situation: ServingContext) -> None:
-    situation.width = 2 * SIZE
-    poses = situation.test_poses(situation.scenes[0], 2)
+def test_without_its_views_poses_come_from_an_orbit_and_truth_is_left_out(context: ServingContext) -> None:
+    context.width = 2 * SIZE
+    poses = context.test_poses(context.scenes[0], 2)
     assert [truth for _, truth in poses] == [None, None]
-    assert any("ground truth of ball" in sentence for sentence in situation.left_out)
+    assert [gap.what for gap in context.gaps] == ["the ground truth of ball"]

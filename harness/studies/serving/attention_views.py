@@ -1,0 +1,180 @@
+"""The views on which attention is examined, the maps of attention on them, and what needs no more than these."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.numerics.attention.maps import MAPS, MapInputs
+from baselines.numerics.attention.priorities import PHI, without_phi
+from baselines.numerics.attention.regions import Regions
+from harness.playback.progressive import coarse, estimated_error, why_plain
+from harness.playback.run_loader import TrainedCell
+from harness.records.study import Check
+from harness.studies.framework import Found
+from harness.studies.serving.serving_context import ServingContext, study
+from harness.training.batches import Camera
+from harness.training.evaluate import View
+
+KINDS = {
+    "point": "a point of interest in the picture's centre, half the attention a quarter of the width away",
+    "mask": "a user's mask: the middle half of the rows and of the columns, a quarter of the picture",
+    "gradients": "where the coarse frame changes",
+    "error": "where half of the samples make another coarse frame",
+    "foveal": "the acuity of an eye that looks at a third of the height and two thirds of the width",
+}
+"""Map of `baselines.numerics.attention.maps.MAPS` → what is attended to, in words."""
+CENTRE = (1 / 2, 1 / 2)
+LOOKED_AT = {"foveal": (1 / 3, 2 / 3)}
+"""The row and column that are looked at, as shares of height and width; the centre for all others."""
+SCENES = ("lego", "hotdog", "drums")
+METHODS = ("nerf", "nerf_matched")
+"""The methods preferred if the run has them; the first that can be rendered by regions is taken."""
+STRIDE = 4
+"""The stride of the coarse frame: one ray of sixteen."""
+REGIONS_A_SIDE = 10
+LEAST_TILE = 4
+LEAST_SHARE = 0.25
+"""The share of the mean number of samples that every ray gets, whatever is attended."""
+NOTHING = "No method of the run can be rendered by regions here."
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A view of a cell, its regions, and the stride of its coarse frame."""
+
+    cell: TrainedCell
+    camera: Camera
+    regions: Regions
+    stride: int
+    bins: int
+    """The samples per ray, of the coarse frame as well."""
+
+
+@dataclass(frozen=True)
+class AttendedView:
+    """A view with its maps of attention, and the ground truth [h, w, 3] if it is there."""
+
+    view: Looked
+    number: int
+    """Its number among the views of its scene."""
+    coarse: View
+    maps: dict[str, np.ndarray]
+    truth: np.ndarray | None
+
+    @property
+    def scene(self) -> str:
+        return self.view.cell.scene.name
+
+
+def attended_views(context: ServingContext) -> list[AttendedView]:
+    """Return the views of every scene, rendered coarsely once for all studies."""
+    if "attended views" not in context.memory:
+        views = []
+        for cell in cells_of(context):
+            for number, (pose, truth) in enumerate(context.test_poses(cell.scene, context.sizes.views)):
+                view = looked(context, cell, pose)
+                first = coarse(cell.learner, view.camera, STRIDE, cell.chunk).view
+                maps = {kind: attention_of(kind, view, first)[0] for kind in KINDS}
+                views.append(AttendedView(view, number, first, maps, truth))
+        context.memory["attended views"] = views
+    found: list[AttendedView] = context.memory["attended views"]
+    return found
+
+
+def looked(context: ServingContext, cell: TrainedCell, pose: np.ndarray) -> Looked:
+    camera = context.camera(cell, pose)
+    tile = max(LEAST_TILE, camera.width // REGIONS_A_SIDE)
+    return Looked(
+        cell, camera, Regions(camera.height, camera.width, tile), STRIDE, int(cell.cell.settings["train"]["bins"])
+    )
+
+
+def cells_of(context: ServingContext) -> list[TrainedCell]:
+    """Return one cell per scene, of one method: a pointwise one, as others are rendered plainly whatever is
+    attended.
+    """
+    scenes, methods = context.in_order(SCENES, METHODS)
+    for method in methods:
+        cells: list[TrainedCell] = []
+        for scene in scenes:
+            if len(cells) < context.sizes.scenes and (cell := context.trained(scene, method)) is not None:
+                if reason := why_plain(cell.learner):
+                    context.leave_out(f"attention with {method}", reason)
+                    break
+                cells.append(cell)
+        if cells:
+            return cells
+    return []
+
+
+def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
+    """Return the attention, float64 [regions], and the network evaluations that it cost; `first` is the coarse frame,
+    which is rendered if it is needed and not given.
+    """
+    learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
+    spent = 0
+
+    def frame() -> View:
+        nonlocal first, spent
+        if first is None:
+            first, _, evaluations = coarse(learner, camera, view.stride, chunk, view.bins)
+            spent += evaluations
+        return first
+
+    def error() -> np.ndarray:
+        nonlocal spent
+        estimate = estimated_error(learner, camera, frame(), view.stride, chunk, view.bins)
+        spent += estimate.network_evaluations
+        return estimate.error
+
+    row, column = LOOKED_AT.get(kind, CENTRE)
+    inputs = MapInputs(
+        view.regions,
+        row * camera.height,
+        column * camera.width,
+        0.25 * camera.width,
+        camera.focal,
+        mask=lambda: middle(camera.height, camera.width),
+        image=lambda: frame().colour,
+        error=error,
+    )
+    return MAPS[kind](inputs), spent
+
+
+def middle(height: int, width: int) -> np.ndarray:
+    """Return bool [height, width]: pixels whose centre lies in the middle half of the rows and of the columns."""
+    rows, columns = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
+    return (np.abs(rows - 0.5) < 0.25)[:, None] & (np.abs(columns - 0.5) < 0.25)[None, :]
+
+
+def least_bins(bins: int) -> int:
+    return max(1, int(LEAST_SHARE * bins))
+
+
+@study
+def priorities(context: ServingContext) -> Iterator[Found]:
+    """Yield what the factor φ of Eq. 7 changes, for every map."""
+    effects = [
+        without_phi(attention, one.view.regions.rays, one.view.bins, least_bins(one.view.bins))
+        for one in attended_views(context)
+        for attention in one.maps.values()
+    ]
+    if not effects:
+        yield NOTHING
+        return
+    orders, allocations = sum(one.order_changed for one in effects), sum(one.allocation_changed for one in effects)
+    total = max((one.sum_of_priorities for one in effects), key=lambda value: abs(value - PHI))
+    yield (
+        f"The priorities sum to {total:.4g}, not to 1: they are no probabilities. Without φ, which scales all alike, "
+        f"{orders} of {len(effects)} maps have another order of regions, and {allocations} other samples."
+    )
+    yield Check("sum of the priorities", total, owner="paper", repeats=len(effects), id="phi.sum")
+    yield Check(
+        "maps whose order or samples φ changes",
+        float(max(orders, allocations)),
+        why=f"of {len(effects)} maps; the priorities sum to {total:.4g}, not to 1: they are no probabilities",
+        owner="paper",
+        repeats=len(effects),
+        id="phi.changed",
+    )

@@ -1,0 +1,210 @@
+"""Latencies, paths and confusions of the view cache, on paths whose answer is known by hand and with faults planted."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.playback import disk
+from harness.playback.cached import CachedMethod
+from harness.playback.camera_paths import walk
+from harness.playback.run_loader import TrainedCell
+from harness.studies.serving.cache_confusions import Variant, confused, copied, pose_hash, variants
+from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, cells_of, hit_check, latencies
+from harness.studies.serving.cache_paths import Route, followed, hit_rate, routes
+from harness.studies.serving.serving_context import ServingContext, plain, quantile
+from harness.training.batches import Camera
+from harness.training.evaluate import View
+from harness.training.metrics import mse
+from harness.training.trainer import Trainer
+from tests.harness.studies.serving.conftest import Ticks
+from tests.harness.trained_runs import SIZE
+
+VIEW_BYTES = SIZE * SIZE * 5 * 4
+
+
+def test_every_level_is_timed_as_often_as_asked(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
+    seconds = latencies(context, cell, ticks)
+    rounds, hits = context.sizes.rounds, context.sizes.hits
+    counts = {"render": rounds, **dict.fromkeys(HITS, rounds * hits)}
+    assert {name: len(calls) for name, calls in seconds.items()} == counts
+    assert {second for calls in seconds.values() for second in calls} == {1.0}, "nothing else is on the clock"
+
+
+@pytest.mark.parametrize(
+    ("name", "slower", "status"),
+    [
+        ("memory.0", 1.0, "pass"), ("memory.0", 100.0, "inconclusive"), ("memory.1", 300.0, "fail"),
+        ("disk.cold", 300.0, "pass"),
+    ],
+)  # fmt: skip
+def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
+    cell: TrainedCell, name: str, slower: float, status: str
+) -> None:
+    rendering = [40.0, 10.0, 20.0, 30.0, 50.0]
+    found = hit_check(cell, name, [slower * 1e-3 * x for x in (0.1, 0.2, 0.3, 0.4, 0.5)], rendering)
+    assert found.value == pytest.approx(1e5 / slower)
+    assert found.spread == (pytest.approx(20.0 / 0.4e-3 / slower), pytest.approx(40.0 / 0.2e-3 / slower))
+    assert (found.status, found.repeats, found.is_broken) == (status, 5, False)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [([], "no call"), ([0.1, 0.0], "too coarse"), ([0.1, -1.0], "ran backwards")]
+)
+def test_what_no_clock_gives_is_refused(seconds: list[float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        quantile(seconds, 0.5)
+
+
+def test_a_hit_that_is_another_picture_is_no_hit(
+    context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def darker(self: CachedMethod, camera: Camera, use_cache: bool = True) -> View:
+        view = plain(self.learner, camera, self.chunk)
+        return replace(view, colour=np.nextafter(view.colour, np.float32(-1.0)))
+
+    monkeypatch.setattr(CachedMethod, "render", darker)
+    with pytest.raises(WrongHit, match="not the picture"):
+        latencies(context, cell, ticks)
+
+
+def test_nothing_reads_a_file_before_it_is_timed(
+    context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """But for the views that a path has to find."""
+    reads: list[float] = []
+    read = disk._content
+
+    def noted(file: Path, most: int) -> bytes:
+        content = read(file, most)
+        reads.append(ticks.now)
+        return content
+
+    monkeypatch.setattr(disk, "_content", noted)
+    latencies(context, cell, ticks)
+    assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one a hit, warm or cold"
+    poses = context.orbit(cell.scene, 2)[[0, 1, 0]]
+    followed(context, cell, Route("by hand", poses, VIEW_BYTES, ROOM), 0, ticks)
+    assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits + 1
+
+
+@pytest.mark.parametrize(
+    ("places", "memory", "disk", "hits"),
+    [
+        ([0, 1, 0, 1, 0], ROOM, 0, {None: 2, 1: 2, 0: 1}),
+        # one view fits: each pushes the other out
+        ([0, 1, 0, 1, 0], VIEW_BYTES, 0, {None: 5}),
+        ([0, 0, 1, 1], VIEW_BYTES, 0, {None: 2, 1: 2}),
+        ([0, 1, 0, 1, 0], VIEW_BYTES, ROOM, {None: 2, 2: 3}),
+    ],
+)
+def test_views_come_from_where_they_must(
+    context: ServingContext, cell: TrainedCell, ticks: Ticks, places: list[int], memory: int, disk: int,
+    hits: dict[int | None, int], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    poses = context.orbit(cell.scene, 2)[places]
+    found = followed(context, cell, Route("by hand", poses, memory, disk), 0, ticks)
+    assert found is not None
+    assert found.sources == hits
+    assert (found.seconds, found.seconds_without) == (len(places), len(places))
+    assert found.hit_rate == pytest.approx(1 - hits[None] / len(places))
+    if not disk:
+        monkeypatch.setattr("harness.studies.serving.cache_paths.plain", None)
+        assert hit_rate(context, cell, poses, memory) == found.hit_rate, "counted without rendering"
+
+
+def test_paths_are_what_their_words_say(context: ServingContext, cell: TrainedCell) -> None:
+    orbit, walked, little, on_disk, spiral = routes(context, cell)
+    count = context.sizes.orbit
+    assert (orbit.path, len(orbit.poses)) == (f"an orbit of {count} views, three times", 3 * count)
+    np.testing.assert_array_equal(orbit.poses[:count], orbit.poses[2 * count :])
+    assert len(walked.poses) == 2 * count
+    radius = float(np.linalg.norm(orbit.poses[0][:3, 3]))
+    every = [walked.poses, *walked.others]
+    assert len(every) == context.sizes.walks
+    for seed, poses in enumerate(every):
+        np.testing.assert_array_equal(poses, walk(2 * count, seed, radius))
+    assert len({pose.tobytes() for pose in spiral.poses}) == count, "none twice"
+    assert little.memory_bytes == on_disk.memory_bytes == max(1, count // 3) * VIEW_BYTES
+    assert (little.disk_bytes, on_disk.disk_bytes) == (0, ROOM)
+    np.testing.assert_array_equal(little.poses, on_disk.poses)
+
+
+def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
+    context.deadline, context.clock = 3.0, ticks
+    route = Route("by hand", context.orbit(cell.scene, 4), ROOM, 0)
+    assert followed(context, cell, route, 0, Ticks()) is None
+    assert [(one.what, one.id) for one in context.gaps] == [("by hand, with nerf", "late")]
+    ticks.now = 0.0
+    assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two looks at the clock were in time"
+    context.deadline = ticks.now + 3
+    assert len(confused(context, cell, variants(context, cell))) == 2
+    assert context.gaps[-1].what.startswith("quadrature")
+
+
+def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
+    context: ServingContext, cell: TrainedCell
+) -> None:
+    found = confused(context, cell, variants(context, cell))
+    *others, last = found
+    assert [one.changed.split(" ")[-1] for one in others] == [
+        "training", "16", "midpoint", "float32", "white", "nerf", "long", "width", "together",
+    ]  # fmt: skip
+    for one in others:
+        assert (one.stale, one.missed) == (one.views, one.views)
+        assert 0.0 < one.rmse < 1.0
+    assert last.changed == "a pose one unit in the last place away"
+    assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
+
+
+def test_the_error_is_that_of_the_picture_that_would_have_come(context: ServingContext, cell: TrainedCell) -> None:
+    wider = Variant("focal", cell.learner, cell.chunk, lambda camera: replace(camera, focal=2.0 * camera.focal))
+    found = confused(context, cell, [wider])[0]
+    squares = []
+    for pose in context.orbit(cell.scene, found.views):
+        camera = context.camera(cell, pose)
+        asked = plain(cell.learner, replace(camera, focal=2.0 * camera.focal), cell.chunk)
+        squares.append(mse(plain(cell.learner, camera, cell.chunk).colour, asked.colour))
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(squares)))
+
+
+def test_the_same_method_again_is_neither_stale_nor_missed(context: ServingContext, cell: TrainedCell) -> None:
+    assert isinstance(cell.learner, Trainer)
+    found = confused(context, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
+    assert (found.stale, found.missed, found.rmse) == (0, 0, 0.0)
+
+
+def test_a_planted_key_that_forgets_something_is_found(
+    context: ServingContext, cell: TrainedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def of_the_pose_alone(self: CachedMethod, camera: Camera, calls: str | None = None) -> str:
+        return pose_hash(camera.camera_to_world)
+
+    monkeypatch.setattr(CachedMethod, "key", of_the_pose_alone)
+    found = confused(context, cell, variants(context, cell))
+    resized = [one.changed == "half the width" for one in found[:-1]]
+    wanted = [one.views if other_size else 0 for one, other_size in zip(found, resized, strict=False)]
+    assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
+    assert sum(resized) == 1
+    assert found[-1].missed == found[-1].views
+
+
+def test_methods_that_cannot_be_rendered_are_named(context: ServingContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    context.methods = ["qnerf", "voxels_drjit"]
+    assert [cell.learner.method for cell in cells_of(context)] == ["qnerf"]
+    assert any("voxels_drjit" in gap.what and "was not trained" in gap.why for gap in context.gaps)
+
+
+@pytest.fixture(autouse=True)
+def learners_are_left_alone(context: ServingContext) -> Iterator[None]:
+    """No study may train what others are going to render."""
+    cells = [context.trained(context.scenes[0], method) for method in ("nerf", "qnerf")]
+    before = [
+        {name: value.clone() for name, value in cell.learner.fields.state_dict().items()} for cell in cells if cell
+    ]
+    yield
+    for cell, weights in zip([cell for cell in cells if cell], before, strict=True):
+        for name, value in cell.learner.fields.state_dict().items():
+            assert bool((value == weights[name]).all())
