@@ -44,16 +44,12 @@ def frozen(value: np.ndarray) -> np.ndarray:
     if not isinstance(value, np.ndarray) or value.dtype != np.float32:
         kind = value.dtype if isinstance(value, np.ndarray) else type(value).__name__
         raise TypeError(f"a picture is a float32 array, not {kind}")
-    if not is_possible(value.shape):
+    height, width, channels = value.shape if value.ndim == 3 else (0, 0, 0)
+    if not (0 < height * width <= LARGEST_PIXELS and 0 < channels <= MOST_CHANNELS):
         raise ValueError(f"a picture is [height, width, channels], not an array of shape {value.shape}")
     if not np.isfinite(value).all():
         raise ValueError(f"{int((~np.isfinite(value)).sum())} of {value.size} values of a picture are not finite")
     return np.frombuffer(value.tobytes(), dtype=np.float32).reshape(value.shape)
-
-
-def is_possible(shape: tuple[int, ...]) -> bool:
-    """Whether a picture may have this shape."""
-    return len(shape) == 3 and min(shape) > 0 and shape[0] * shape[1] <= LARGEST_PIXELS and shape[2] <= MOST_CHANNELS
 
 
 @dataclass

@@ -93,11 +93,6 @@ def fake_findings() -> dict[str, list[Finding]]:
             Picture(0, "raster order, after 40 % of the time", "24.1 dB against the finished picture", PICTURE),
         ],
         "priorities": [Answer("The priorities sum to 1.618, not to 1."), phi(0)],
-        "regions": [
-            Answer("No method of the run can be rendered by regions here."),
-            Check("nerf_matched", None, why="measured with nerf", owner="machine", status="not_available",
-                  id="left_out"),
-        ],
     }  # fmt: skip
 
 

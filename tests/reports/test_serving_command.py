@@ -63,7 +63,7 @@ def test_a_record_of_an_earlier_version_is_left_out_with_its_remedy(
 
 def test_what_was_cut_short_is_not_published(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     late = Check("the rest", None, why="the time was over", owner="machine", status="not_available", id="late")
-    write_fake_serving(out, fake_serving(regions=[late]))
+    write_fake_serving(out, fake_serving(priorities=[late]))
     assert main([str(out), "--publish", str(tmp_path / "docs")]) == 2
     assert "not finished" in capsys.readouterr().err
     assert not (tmp_path / "docs").exists()

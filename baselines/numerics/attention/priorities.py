@@ -5,7 +5,7 @@ taken as equal attention, which is plain rendering: nobody said that anything ma
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,8 +139,7 @@ def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) 
     return steps[level]
 
 
-@dataclass(frozen=True)
-class PhiEffect:
+class PhiEffect(NamedTuple):
     """The effect of the factor φ of Eq. 7 for one map of attention."""
 
     sum_of_priorities: float

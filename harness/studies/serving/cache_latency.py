@@ -17,7 +17,7 @@ from harness.studies.serving.serving_context import (
     brief,
     plain,
     quantile,
-    range_of,
+    significant,
     study,
     timed,
 )
@@ -67,12 +67,11 @@ def latency(context: ServingContext) -> Iterator[Found]:
     if not checks:
         yield "No hit was timed."
         return
-    ratios = {place: [one.value or 0.0 for one in checks if one.id.startswith(f"hit.{place}.")] for place in HITS}
-    parts = [
-        f"{range_of(ratios[place])} times as long as a hit {where} (target {HITS[place].target:g})"
-        for place, where in (("memory.0", "in memory"), ("disk.warm", "on disk"))
-        if ratios[place]
-    ]
+    parts = []
+    for place, where in (("memory.0", "in memory"), ("disk.warm", "on disk")):
+        ratios = [one.value or 0.0 for one in checks if one.id.startswith(f"hit.{place}.")]
+        ends = " to ".join(dict.fromkeys(significant(end) for end in (min(ratios), max(ratios))))
+        parts.append(f"{ends} times as long as a hit {where} (target {HITS[place].target:g})")
     yield f"Rendering a view {context.width} px wide takes {' and '.join(parts)}."
     yield from checks
 

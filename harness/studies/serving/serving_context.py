@@ -248,11 +248,6 @@ def significant(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}".rstrip(".")
 
 
-def range_of(values: Sequence[float]) -> str:
-    """Return the range as `1684 to 1925`."""
-    return " to ".join(dict.fromkeys([significant(min(values)), significant(max(values))]))
-
-
 def factor(id: str, what: str, ratios: Sequence[float], why: str = "") -> Check:
     """Return geometric mean and range of ratios over several cases."""
     mean = math.exp(float(np.mean(np.log(ratios))))

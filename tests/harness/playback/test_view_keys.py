@@ -180,10 +180,6 @@ def test_other_sources_another_torch_or_processor_is_another_picture(
     assert key(one) != before
 
 
-def digested() -> set[Path]:
-    return {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
-
-
 def test_the_digest_of_the_code_is_of_every_source_that_renders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -195,7 +191,7 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
         if name in known and name not in rendering:
             rendering.add(name)
             waiting += imported(name, known[name], set(known))
-    in_digest = digested()
+    in_digest = {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
     assert keys.ROOT / "harness/training/evaluate.py" in in_digest
     left_out = {name for name in rendering if known[name] not in in_digest}
     # they train, keep time, read files and say what is missing; no pixel comes from them

@@ -40,15 +40,6 @@ def test_equal_values_have_exactly_equal_means(value: float) -> None:
     assert set(regions.mean(np.full((11, 13), value)).tolist()) == {value}
 
 
-def test_what_is_not_finite_does_not_disappear() -> None:
-    regions = Regions(4, 4, 2)
-    values = np.ones((4, 4))
-    values[0, 0], values[3, 3] = np.nan, np.inf
-    found = regions.mean(values)
-    assert np.isnan(found[0])
-    assert not np.isfinite(found[3])
-
-
 def test_spread_is_the_inverse_of_the_mean() -> None:
     regions = Regions(7, 10, 3)
     values = np.arange(1.0, regions.count + 1)

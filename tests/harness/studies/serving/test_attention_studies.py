@@ -57,9 +57,6 @@ def test_errors_fall_part_by_part() -> None:
     hardest, attended = np.array([[True, False, False, False], [False, False, True, False]])
     found = list(errors_along(BY_HAND, flat(0.5), hardest, attended))
     assert found == [[0.5, 0.5, 0.5], [pytest.approx(0.5 * np.sqrt(0.5)), 0.0, 0.5], [0.0, 0.0, 0.0]]
-
-
-def test_an_error_that_is_not_finite_is_refused() -> None:
     with pytest.raises(ValueError, match="not finite"):
         list(errors_along(BY_HAND, flat(float("nan"))))
 

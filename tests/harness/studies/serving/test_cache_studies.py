@@ -12,7 +12,7 @@ from harness.playback.cached import CachedMethod
 from harness.playback.camera_paths import walk
 from harness.playback.run_loader import TrainedCell
 from harness.studies.serving.cache_confusions import Variant, confused, copied, pose_hash, variants
-from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, cells_of, hit_check, latencies
+from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, hit_check, latencies
 from harness.studies.serving.cache_paths import Route, followed, hit_rate, routes
 from harness.studies.serving.serving_context import ServingContext, plain, quantile
 from harness.training.batches import Camera
@@ -189,12 +189,6 @@ def test_a_planted_key_that_forgets_something_is_found(
     assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
     assert sum(resized) == 1
     assert found[-1].missed == found[-1].views
-
-
-def test_methods_that_cannot_be_rendered_are_named(context: ServingContext, monkeypatch: pytest.MonkeyPatch) -> None:
-    context.methods = ["qnerf", "voxels_drjit"]
-    assert [cell.learner.method for cell in cells_of(context)] == ["qnerf"]
-    assert any("voxels_drjit" in gap.what and "was not trained" in gap.why for gap in context.gaps)
 
 
 @pytest.fixture(autouse=True)
