@@ -172,7 +172,10 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision, settings: TrainS
         if field is not None:
             field.dtype = kind.dtype
     if start.stirred:
-        _stir(learner)
+        with torch.no_grad():
+            learner.coarse.amplifier.alpha.fill_(1.2)
+            learner.coarse.amplifier.beta.fill_(1.3)
+            learner.coarse.density_head.weight.mul_(4.0)
     batch_at = Batches(train, views.train.rgba).stream(STREAM, settings.rays)
     looked_at = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
     losses, renders = [], {}
@@ -182,14 +185,6 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision, settings: TrainS
             seen = learner.render(looked_at, 2048)
             renders[str(learner.step)] = torch.cat([seen.colour.flatten(), seen.depth]).tolist()
     return Course(losses, renders)
-
-
-@torch.no_grad()
-def _stir(learner: Trainer) -> None:
-    amplifier = learner.coarse.amplifier
-    amplifier.alpha.fill_(1.2)
-    amplifier.beta.fill_(1.3)
-    learner.coarse.density_head.weight.mul_(4.0)
 
 
 def deviation(new: Course, stored: Course) -> tuple[float | None, str]:

@@ -86,22 +86,23 @@ def mean_square(renders: np.ndarray, reference: Reference) -> float:
     Well below 1 where nothing differs: empty pixels and the opacity of full ones count and do not deviate, and the
     floor of `variances` makes dark ones deviate by less. What is usual for a scene is measured, not derived.
     """
-    z2 = standardised(renders, reference) ** 2
+    x = np.asarray(renders, dtype=np.float64)
+    z2 = standardised(x.mean(axis=0), reference, len(x)) ** 2
     # a pixel that is not finite makes the whole so: np.minimum hands NaN on
     return float(np.minimum(z2, LARGEST_SQUARE).mean())
 
 
-def standardised(renders: np.ndarray, reference: Reference) -> np.ndarray:
-    """Return the deviation of the renders' mean from the reference's [height, width, 4], in standard errors of both."""
-    x = np.asarray(renders, dtype=np.float64)
-    return (x.mean(axis=0) - reference.mean) / np.sqrt(reference.variances() * (1 / len(x) + 1 / reference.batches))
+def standardised(images: np.ndarray, reference: Reference, count: int = 1) -> np.ndarray:
+    """Return the deviation from the reference of images [..., height, width, 4] that are means of `count` renders, in
+    standard errors of both.
+    """
+    x = np.asarray(images, dtype=np.float64)
+    return (x - reference.mean) / np.sqrt(reference.variances() * (1 / count + 1 / reference.batches))
 
 
 def largest(renders: np.ndarray, reference: Reference) -> np.ndarray:
     """Return the largest deviation of any pixel of each render [batches], in standard deviations of one render."""
-    x = np.asarray(renders, dtype=np.float64)
-    z = np.abs(x - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
-    return z.max(axis=(1, 2, 3))
+    return np.asarray(np.abs(standardised(renders, reference)).max(axis=(1, 2, 3)))
 
 
 def pooled(by_scene: list[np.ndarray], spreads: list[float]) -> np.ndarray:
@@ -240,11 +241,9 @@ def leave_pictures(folder: Path, renders: np.ndarray, reference: Reference, test
     """Write the renders' mean, or for `largest` the render that deviates most, the reference and their difference as
     PNG: in standard deviations, grey if nothing differs, black and white at ± 5.
     """
-    if test == "largest":
-        image = renders[int(np.argmax(largest(renders, reference)))]
-        z = (image - reference.mean) / np.sqrt(reference.variances() * (1 + 1 / reference.batches))
-    else:
-        image, z = renders.mean(axis=0), standardised(renders, reference)
+    worst = renders[int(np.argmax(largest(renders, reference)))]
+    image, count = (worst, 1) if test == "largest" else (renders.mean(axis=0), len(renders))
+    z = standardised(image, reference, count)
     shown, expected = (over_white(display_from_linear(np.nan_to_num(pixels))) for pixels in (image, reference.mean))
     difference = 0.5 + np.nan_to_num(z[..., :3]) / 10.0
     folder.mkdir(parents=True, exist_ok=True)

@@ -146,12 +146,14 @@ class LimitsFile(Record, frozen=True):
     def renewed(self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts) -> "LimitsFile":
         """Return the file with new measurements of one kind; every limit is computed anew."""
         measured = self.values | {name: [_rounded(value) for value in some] for name, some in values.items()}
-        table = [gate for gate in gates() if gate.name in measured]
-        return LimitsFile(
-            {**self.kinds, kind: facts},
-            {gate.name: _tidy(limit_from(gate, measured[gate.name])) for gate in table},
-            {gate.name: measured[gate.name] for gate in table},
-        )
+        measured = {gate.name: measured[gate.name] for gate in gates() if gate.name in measured}
+        limits = {}
+        for gate in gates():
+            if gate.name in measured:
+                limit = limit_from(gate, measured[gate.name])
+                numbers = {name: _rounded(end) for name, end in structs.asdict(limit).items() if isinstance(end, float)}
+                limits[gate.name] = structs.replace(limit, **numbers)
+        return LimitsFile({**self.kinds, kind: facts}, limits, measured)
 
 
 Stored = TypeVar("Stored")
@@ -183,24 +185,15 @@ def write_stored(file: Path, record: Record) -> None:
 
 def changes(before: LimitsFile, after: LimitsFile) -> list[str]:
     """Return old → new, a line for each gate whose limits changed."""
-    lines = []
-    for name in dict.fromkeys([*before.limits, *after.limits]):
-        old, new = (_words(file.limits.get(name)) for file in (before, after))
-        if old != new:
-            lines.append(f"{name}: {old} → {new}")
-    return lines
 
+    def words(limit: Limit | None) -> str:
+        if limit is None:
+            return "none"
+        return " … ".join("" if end is None else f"{end:.5g}" for end in (limit.low, limit.high))
 
-def _words(limit: Limit | None) -> str:
-    if limit is None:
-        return "none"
-    low, high = ("" if value is None else f"{value:.5g}" for value in (limit.low, limit.high))
-    return f"{low} … {high}"
-
-
-def _tidy(limit: Limit) -> Limit:
-    numbers = {name: _rounded(value) for name, value in structs.asdict(limit).items() if isinstance(value, float)}
-    return structs.replace(limit, **numbers)
+    names = dict.fromkeys([*before.limits, *after.limits])
+    pairs = {name: [words(file.limits.get(name)) for file in (before, after)] for name in names}
+    return [f"{name}: {old} → {new}" for name, (old, new) in pairs.items() if old != new]
 
 
 def _rounded(value: float) -> float:

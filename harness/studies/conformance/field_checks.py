@@ -55,18 +55,18 @@ def gives_the_right_shapes(subject: Subject) -> None:
                 raise Broken(f"encode_directions of {len(d)} rays gives {tuple(view.shape)}")
             sigma, colour = field.density_and_colour(x, view, ray)
             before, after = field.density_before_and_after(x)
-            for what, values, shape in (
-                ("density", field.density(x), (count,)),
-                ("density before the amplifier", before, (count,)),
-                ("density after the amplifier", after, (count,)),
-                ("density beside colour", sigma, (count,)),
-                ("colour", colour, (count, 3)),
-            ):
-                if tuple(values.shape) != shape or values.dtype != torch.float32:
-                    raise Broken(
-                        f"{what} of {count} points at depth {depth} is {values.dtype} {tuple(values.shape)}, "
-                        f"not torch.float32 {shape}"
-                    )
+            given = {
+                "density": field.density(x),
+                "density before the amplifier": before,
+                "density after the amplifier": after,
+                "density beside colour": sigma,
+                "colour": colour,
+            }
+            for what, values in given.items():
+                shape, kind = tuple(values.shape), values.dtype
+                wanted = (count, 3) if what == "colour" else (count,)
+                if shape != wanted or kind != torch.float32:
+                    raise Broken(f"{what} of {count} points at depth {depth} is {kind} {shape}, not float32 {wanted}")
 
 
 @torch.no_grad()
@@ -80,10 +80,8 @@ def stays_in_range(subject: Subject) -> None:
         sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
         _in("density", sigma, 0.0, field.density_limit * (1.0 + 1e-6))
         _in("colour", colour, 0.0, 1.0)
-        for what, other in (
-            ("density()", field.density(x)),
-            ("density_before_and_after()", field.density_before_and_after(x)[1]),
-        ):
+        others = {"density()": field.density(x), "density_before_and_after()": field.density_before_and_after(x)[1]}
+        for what, other in others.items():
             if not torch.allclose(other, sigma, rtol=1e-4, atol=1e-5):
                 raise Broken(f"{what} is off density_and_colour() by {float((other - sigma).abs().max()):.3g}")
 
@@ -103,9 +101,9 @@ def has_the_unit_of_the_box(subject: Subject) -> None:
     for k in (0.1, 8.0, 25.0):
         scaled = subject.field(box=Box(k * BOX.lower, k * BOX.upper))
         k_sigma, k_colour = scaled.density_and_colour(k * x, scaled.encode_directions(d), ray)
-        for what, one, other in (("density × length", sigma, k * k_sigma), ("colour", colour, k_colour)):
-            if not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
-                change = float((one - other).abs().max())
+        for what, before, after in (("density × length", sigma, k * k_sigma), ("colour", colour, k_colour)):
+            if not torch.allclose(before, after, rtol=1e-3, atol=1e-4):
+                change = float((before - after).abs().max())
                 raise Broken(f"{what} changes by {change:.3g} where the unit of length is {k:g} times as fine")
 
 
@@ -119,9 +117,7 @@ def survives_magnitudes(subject: Subject) -> None:
         rendering = subject.rendered(field, some_rays())
         _in(f"colour with weights × {scale:g}", rendering.colour.detach(), 0.0, 1.0 + 1e-5)
         (rendering.colour**2).sum().backward()
-        for name, weight in field.named_parameters():
-            if weight.grad is not None and not bool(torch.isfinite(weight.grad).all()):
-                raise Broken(f"the gradient of {name} is not finite with weights × {scale:g}")
+        _gradients_are_finite(field, f"with weights × {scale:g}")
 
 
 def gradients_reach_everything(subject: Subject) -> None:
@@ -129,28 +125,32 @@ def gradients_reach_everything(subject: Subject) -> None:
     for depth in DEPTHS:
         field = roughened(subject.field(depth))
         (subject.rendered(field, some_rays()).colour ** 2).sum().backward()
+        _gradients_are_finite(field, f"at depth {depth}")
         for name, weight in field.named_parameters():
             if weight.grad is None:
                 raise Broken(f"no gradient reaches {name} at depth {depth}")
-            if not bool(torch.isfinite(weight.grad).all()):
-                raise Broken(f"the gradient of {name} is not finite at depth {depth}")
             if not bool((weight.grad != 0).any()):
                 raise Broken(f"the gradient of {name} is 0 everywhere at depth {depth}")
+
+
+def _gradients_are_finite(field: Any, where: str) -> None:
+    for name, weight in field.named_parameters():
+        if weight.grad is not None and not bool(torch.isfinite(weight.grad).all()):
+            raise Broken(f"the gradient of {name} is not finite {where}")
 
 
 def weights_depend_on_the_seed_alone(subject: Subject) -> None:
     """Equal seeds give equal first weights, whatever torch's global generator is at; other seeds give other ones."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(1)
-        one = subject.field()
+        first = subject.field()
         torch.manual_seed(2)
         same = subject.field()
-    for (name, weight), again in zip(one.named_parameters(), same.parameters(), strict=True):
+    for (name, weight), again in zip(first.named_parameters(), same.parameters(), strict=True):
         if not torch.equal(weight, again):
             raise Broken(f"{name} is another one with the same seed; use baselines.contract.uniform_weights")
     for seed in (1, "0/fine"):
-        other = subject.field(seed=seed)
-        pairs = zip(one.parameters(), other.parameters(), strict=True)
+        pairs = zip(first.parameters(), subject.field(seed=seed).parameters(), strict=True)
         if all(torch.equal(weight, again) for weight, again in pairs):
             raise Broken(f"seed {seed!r} gives the weights of seed 0")
 
@@ -184,11 +184,9 @@ def renders_the_same_again(subject: Subject) -> None:
     """Two renderings have the same bits, at midpoints and at random points of the same seed."""
     field = roughened(subject.field())
     for seed in (None, 3):
-        one, two = (
-            subject.rendered(field, some_rays(), None if seed is None else torch.Generator().manual_seed(seed))
-            for _ in range(2)
-        )
-        if not (torch.equal(one.colour, two.colour) and torch.equal(one.depth, two.depth)):
+        generators = [None if seed is None else torch.Generator().manual_seed(seed) for _ in range(2)]
+        first, again = (subject.rendered(field, some_rays(), generator) for generator in generators)
+        if not (torch.equal(first.colour, again.colour) and torch.equal(first.depth, again.depth)):
             raise Broken("the same rays give another picture when they are rendered again")
 
 
@@ -197,7 +195,10 @@ def pointwise_is_true(subject: Subject) -> None:
     """Where density is said to be of the point alone, calls of any size give the same picture; where it is said to
     depend on the call, some call shows it.
     """
-    field = moved(subject)
+    field = roughened(subject.field())
+    # α away from 1/φ, at which Eq. 4 is the identity about any mean
+    if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
+        set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
     claimed, rays = field.pointwise, some_rays(40)
     whole = subject.rendered(field, rays)
     largest = 0.0
@@ -210,14 +211,6 @@ def pointwise_is_true(subject: Subject) -> None:
         raise Broken(f"pointwise is True, but calls of another size change a picture by {largest:.3g}")
     if not claimed and largest <= ROUNDING:
         raise Broken("pointwise is False, but no call of another size changed the picture: it costs for nothing")
-
-
-def moved(subject: Subject) -> Any:
-    """Return the field with α away from 1/φ, at which Eq. 4 is the identity about any mean."""
-    field = roughened(subject.field())
-    if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
-        set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
-    return field
 
 
 def _in(what: str, values: Tensor, low: float, high: float) -> None:

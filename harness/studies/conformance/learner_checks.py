@@ -13,7 +13,7 @@ import torch
 from baselines.contract import NetworkSize
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings, VoxelSettings
-from harness.records.snapshot import Unfinished, read_unfinished, write_unfinished
+from harness.records.snapshot import read_unfinished, write_unfinished
 from harness.studies.conformance.subject import Broken, Subject
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
@@ -43,6 +43,9 @@ SETTINGS = TrainSettings(
     grid=GridSettings(cells=12, first_step=20, every=10),
     voxels=VoxelSettings(finest=16, bins=24, smoothed=256),
 )
+GRID_IN_USE = SETTINGS.grid.first_step + 2
+STOPPED = SETTINGS.grid.first_step // 2
+"""The step of the stop: before the grid is in use, and between two refinements of voxels."""
 
 
 @cache
@@ -66,18 +69,14 @@ def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, st
     batch_at = batches.stream(STREAM, settings.rays)
     learner.warm_up(*batch_at(0))
     for stop in stops:
-        kept = _through_a_file(training_state(train(learner, batch_at, at_step(stop))))
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "cell.safetensors"
+            write_unfinished(path, training_state(train(learner, batch_at, at_step(stop))))
+            kept = read_unfinished(path)
         learner = fresh(subject, settings)
         learner.warm_up(*batch_at(0))
         restore_training(learner, kept)
     return train(learner, batch_at, at_step(steps))
-
-
-def _through_a_file(kept: Unfinished) -> Unfinished:
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / "cell.safetensors"
-        write_unfinished(path, kept)
-        return read_unfinished(path)
 
 
 def picture(learner: Learner) -> torch.Tensor:
@@ -108,9 +107,13 @@ def learns_the_same_again(subject: Subject) -> None:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             states.append(tensors_of(trained(subject, SHORT)))
-    for name, value in states[0].items():
-        if not torch.equal(value, states[1][name]):
-            raise Broken(f"{name} is another one after the same {SHORT} steps")
+    _are_equal(*states, f"after the same {SHORT} steps")
+
+
+def _are_equal(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor], when: str) -> None:
+    for name, value in first.items():
+        if not torch.equal(value, second[name]):
+            raise Broken(f"{name} is another one {when}")
 
 
 def comes_back_from_its_checkpoint(subject: Subject) -> None:
@@ -132,9 +135,7 @@ def goes_on_in_the_middle(subject: Subject) -> None:
     """A cell that was stopped twice, and goes on from the file that was kept, ends in the bits of one that was not."""
     last = GRID_IN_USE + SETTINGS.grid.every
     whole, pieces = tensors_of(trained(subject, last)), trained(subject, last, stops=(STOPPED, GRID_IN_USE))
-    for name, value in tensors_of(pieces).items():
-        if not torch.equal(value, whole[name]):
-            raise Broken(f"{name} is another one after it went on in the middle")
+    _are_equal(tensors_of(pieces), whole, "after it went on in the middle")
 
 
 def trains_with_two_passes(subject: Subject) -> None:
@@ -161,8 +162,3 @@ def can_be_recorded(subject: Subject) -> None:
     counts = learner.field.parameter_counts()
     if not all(type(value) is int for value in counts.values()) or counts.get("total", 0) < 1:
         raise Broken(f"parameter_counts() is {counts}")
-
-
-GRID_IN_USE = SETTINGS.grid.first_step + 2
-STOPPED = SETTINGS.grid.first_step // 2
-"""The step of the stop: before the grid is in use, and between two refinements of voxels."""
