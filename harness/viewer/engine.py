@@ -268,11 +268,3 @@ def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return pixels, colour, opacity and depth of a complete picture."""
     size = view.opacity.size
     return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)
-
-
-def warmed(seat: MethodView, camera: Camera) -> None:
-    """Let a method allocate its memory, and measure its pace."""
-    for _ in range(2):
-        began = time.perf_counter()
-        _, rays, _ = coarse(seat.learner, camera, COARSEST_STRIDE // 2, seat.chunk)
-        seat.pace.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)
