@@ -107,7 +107,7 @@ def learns_the_same_again(subject: Subject) -> None:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             states.append(tensors_of(trained(subject, SHORT)))
-    _are_equal(*states, f"after the same {SHORT} steps")
+    _are_equal(states[0], states[1], f"after the same {SHORT} steps")
 
 
 def _are_equal(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor], when: str) -> None:
