@@ -78,6 +78,20 @@ def catalogue(*studies: Study) -> dict[str, Study]:
     return {study.info.id: study for study in studies}
 
 
+@dataclass(frozen=True)
+class StudyContext:
+    """What the studies of every shelf work with in one run; each shelf adds its own."""
+
+    out: Path
+    view_sets: Path
+    """The cache of rendered view sets."""
+    scratch: Path
+    """A folder for temporary files on a disk, removed after the run."""
+    quick: bool
+    """Whether to use sizes at which no figure means anything, to try the studies themselves."""
+    show: "Progress"
+
+
 def run(
     shelf: Shelf,
     asked: list[str],
@@ -123,45 +137,49 @@ def run(
             began = time.monotonic()
             findings = measure(shelf.measure_of(name)(context), show)
             measured = StudyRecord(study.info, scale_of(study, context), findings, time.monotonic() - began)
-            record = _with_study(shelf, record, measured)
+            studies = sorted([*record.studies, measured], key=lambda one: list(shelf.studies).index(one.info.id))
+            record = msgspec.structs.replace(record, studies=studies)
             write_studies(path, record)
     record = msgspec.structs.replace(record, finished=True)
     write_studies(path, record)
-    for study_record, one in record.broken:
-        show.line(f"does not hold: {study_record.info.id}: {line_of(one)}")
+    for study_record, check in record.broken:
+        show.line(f"does not hold: {study_record.info.id}: {line_of(check)}")
     return 3 if record.broken else 0
 
 
 def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
     """Return everything that one study yields, printed as it comes."""
-    found: list[Finding] = []
-    for one in findings:
-        finding = Answer(one) if isinstance(one, str) else one
-        found.append(finding)
+    complete: list[Finding] = []
+    for item in findings:
+        finding = Answer(item) if isinstance(item, str) else item
+        complete.append(finding)
         if isinstance(finding, Answer):
             show.line(f"  {finding.text}")
         elif isinstance(finding, Check):
             show.line(f"  {line_of(finding)}")
-    return found
+    return complete
 
 
-def line_of(one: Check) -> str:
+def line_of(check: Check) -> str:
     """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`, with spread and reason if
     any.
     """
-    status = one.status.replace("_", " ")
-    if one.status == "fail":
-        status = "FAIL" if one.must_hold else "missed" if one.owner == "machine" else "fails, a property of it"
-    unit = one.unit and f" {one.unit}"
-    figure = "no figure" if one.value is None else f"{one.value:.3g}{unit}"
-    spread = f" [{one.spread[0]:.3g}, {one.spread[1]:.3g}]" if one.spread and one.value is not None else ""
-    limits = [f"{word} {end:.3g}" for word, end in (("at least", one.low), ("at most", one.high)) if end is not None]
+    status = check.status.replace("_", " ")
+    if check.status == "fail":
+        status = "FAIL" if check.must_hold else "missed" if check.owner == "machine" else "fails, a property of it"
+    limits = [
+        f"{word} {end:.3g}" for word, end in (("at least", check.low), ("at most", check.high)) if end is not None
+    ]
     between = f" ({', '.join(limits)})" if limits else ""
-    if one.value is None and one.status not in ("fail", "inconclusive"):
-        figure = between = ""
-    joint = ", " if figure == "no figure" else " "
-    said = joint.join(filter(None, (one.what, f"{figure}{spread}{between}".strip())))
-    return ": ".join(filter(None, (one.subject, status, said))) + (f"; {one.why}" if one.why else "")
+    if check.value is not None:
+        unit = check.unit and f" {check.unit}"
+        spread = f" [{check.spread[0]:.3g}, {check.spread[1]:.3g}]" if check.spread else ""
+        figure = f"{check.what} {check.value:.3g}{unit}{spread}{between}".strip()
+    elif check.status in ("fail", "inconclusive"):
+        figure = ", ".join(filter(None, (check.what, f"no figure{between}")))
+    else:
+        figure = check.what
+    return ": ".join(filter(None, (check.subject, status, figure))) + (f"; {check.why}" if check.why else "")
 
 
 def list_lines(shelf: Shelf) -> list[str]:
@@ -187,9 +205,3 @@ def _claimed(
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
     known = [one for one in record.studies if one.info.id in shelf.studies]
     return msgspec.structs.replace(record, studies=known, finished=False)
-
-
-def _with_study(shelf: Shelf, record: Studies, study: StudyRecord) -> Studies:
-    order = list(shelf.studies)
-    studies = sorted([*record.studies, study], key=lambda one: order.index(one.info.id))
-    return msgspec.structs.replace(record, studies=studies, finished=False)

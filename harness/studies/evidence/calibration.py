@@ -13,7 +13,8 @@ import numpy as np
 
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.records.study import Check, Series, Table, check
-from harness.studies.evidence.evidence_context import EvidenceContext, Finding
+from harness.studies.evidence.evidence_context import EvidenceContext
+from harness.studies.framework import Found
 from harness.verdicts import nested
 from harness.verdicts.statistics import half_widths
 
@@ -74,22 +75,35 @@ class DesignPoint:
     scene_sd: float
     coverage: dict[str, float]
     """Interval → share of studies in which it contains the truth."""
-    found: dict[str, dict[float, float]]
+    power: dict[str, dict[float, float]]
     """Interval → effect in dB → share of studies that call it better."""
 
+    def __str__(self) -> str:
+        return f"{self.noise}, {self.scenes} scenes, {self.seeds} seeds, {self.scene_sd:g} dB from scene to scene"
 
-def calibration(situation: EvidenceContext) -> Iterator[Finding]:
+
+def calibration(context: EvidenceContext) -> Iterator[Found]:
     """Yield the coverage over the complete grid and the power at the noise of the default run."""
-    count = 1000 if situation.quick else STUDIES
-    grid = [
-        simulated(noise, scenes, seeds, scene_sd, count)
-        for noise, scenes, seeds, scene_sd in product(NOISE, SCENES, SEEDS, SCENE_SD)
-    ]
+    count = 1000 if context.quick else STUDIES
+    grid = [simulated(*point, count) for point in product(NOISE, SCENES, SEEDS, SCENE_SD)]
     default = simulated("normal", *DEFAULT, PUBLISHED, count, EFFECTS)
     yield from _sentences(grid, default, count)
     yield from checks(grid, default, count)
-    for kind, found in default.found.items():
-        yield _curve(kind, found, count)
+    for kind, power in default.power.items():
+        error = [2 * math.sqrt(share * (1 - share) / count) for share in power.values()]
+        yield Series(
+            "how often an effect is called better, at the noise of the default run",
+            0,
+            kind,
+            "true effect (dB)",
+            "share of simulated studies",
+            list(power),
+            list(power.values()),
+            [max(0.0, share - half) for share, half in zip(power.values(), error, strict=True)],
+            [min(1.0, share + half) for share, half in zip(power.values(), error, strict=True)],
+            log_x=False,
+            log_y=False,
+        )
     yield _table([default, *grid])
 
 
@@ -101,20 +115,21 @@ def simulated(
     truth = scene_sd * generator.standard_normal((count, scenes))
     values = truth[..., None] + NOISE[noise](generator, (count, scenes, seeds))
     left = np.where(np.isfinite(values).any(axis=-1), truth, np.nan)
+    here, none = nested.on_these_scenes(values), np.zeros(count)
     tried = {
-        HERE: (nested.on_these_scenes(values), np.nanmean(left, axis=-1)),
-        ELSEWHERE: (nested.scenes_like_these(values), np.zeros(count)),
-        ASKED_WRONGLY: (nested.on_these_scenes(values), np.zeros(count)),
+        HERE: (here, np.nanmean(left, axis=-1)),
+        ELSEWHERE: (nested.scenes_like_these(values), none),
+        ASKED_WRONGLY: (here, none),
         ONE_SCENE: (nested.on_each_scene(values), left),
     }
-    coverage, found = {}, {}
+    coverage, power = {}, {}
     for kind, (estimated, true) in tried.items():
         half = half_widths(estimated)
         known = np.isfinite(half) & np.isfinite(true)
         coverage[kind] = float((np.abs(estimated.mean - true) <= half)[known].mean())
         if kind in (HERE, ELSEWHERE):
-            found[kind] = {effect: _share_found(estimated.mean + effect, half) for effect in effects}
-    return DesignPoint(noise, scenes, seeds, scene_sd, coverage, found)
+            power[kind] = {effect: _share_found(estimated.mean + effect, half) for effect in effects}
+    return DesignPoint(noise, scenes, seeds, scene_sd, coverage, power)
 
 
 def _share_found(mean: np.ndarray, half: np.ndarray) -> float:
@@ -125,27 +140,26 @@ def _share_found(mean: np.ndarray, half: np.ndarray) -> float:
 def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[Check]:
     """Yield checks of each kind of interval from below and from above, and of the power that was promised."""
     judged = [one for one in grid if one.noise in CHECKED]
-    low, high = COVERAGE
     for kind in (ELSEWHERE, HERE, ONE_SCENE):
-        least, most = (end(judged, key=lambda one: one.coverage[kind]) for end in (min, max))
-        why = f"of {len(judged)} kinds of study, {count} each: {{}}; 95 % is what the interval says"
-        what = f"share of intervals {kind} that hold the truth"
-        yield check(f"{what}, lowest", least.coverage[kind], low=low, high=high, why=why.format(_named(least)))
-        yield check(f"{what}, highest", most.coverage[kind], low=low, high=high, why=why.format(_named(most)))
+        for which, end in (("lowest", min), ("highest", max)):
+            point = end(judged, key=lambda one: one.coverage[kind])
+            yield check(
+                f"share of intervals {kind} that hold the truth, {which}",
+                point.coverage[kind],
+                *COVERAGE,
+                why=f"of {len(judged)} kinds of study, {count} each: {point}; 95 % is what the interval says",
+            )
     for effect, share in POWER.items():
-        yield check(
-            f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}",
-            default.found[ELSEWHERE][effect],
-            low=share,
-            why=f"{_named(default)}; {count} studies",
-        )
+        what = f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}"
+        yield check(what, default.power[ELSEWHERE][effect], low=share, why=f"{default}; {count} studies")
 
 
 def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[str]:
     judged = [one for one in grid if one.noise in CHECKED]
+    unseen = [one for one in grid if one.noise not in CHECKED]
 
-    def span(kind: str, places: list[DesignPoint]) -> str:
-        values = [one.coverage[kind] for one in places]
+    def span(kind: str, points: list[DesignPoint]) -> str:
+        values = [one.coverage[kind] for one in points]
         return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
 
     yield (
@@ -154,21 +168,19 @@ def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Ite
         f"where it is about a single scene: {len(judged)} kinds of study, {count} of each."
     )
     sizes = " and ".join(
-        f"{effect:g} dB in {100 * default.found[ELSEWHERE][effect]:.0f} % {ELSEWHERE} and in "
-        f"{100 * default.found[HERE][effect]:.0f} % {HERE}"
+        f"{effect:g} dB in {100 * default.power[ELSEWHERE][effect]:.0f} % {ELSEWHERE} and in "
+        f"{100 * default.power[HERE][effect]:.0f} % {HERE}"
         for effect in POWER
     )
     yield (
         f"At the noise of the default run ({DEFAULT[0]} scenes, {DEFAULT[1]} seeds; {PUBLISHED:g} dB from scene to "
         f"scene, {PAIR_SD:g} dB from seed to seed) a study finds {sizes}."
     )
-
     wrong = [one.coverage[ASKED_WRONGLY] for one in judged if one.scene_sd == max(SCENE_SD)]
     yield (
         f"The interval on these scenes answers no other question: where effects differ by {max(SCENE_SD):g} dB from "
         f"scene to scene, it holds the mean of all such scenes in {100 * min(wrong):.0f} to {100 * max(wrong):.0f} %."
     )
-    unseen = [one for one in grid if one.noise not in CHECKED]
     yield (
         "A collapse is a failure, counted apart, and the intervals are about the other runs. Were it not noticed, and "
         f"one pair in fifty lost {UNSEEN_LOSS:g} dB, intervals would hold the truth in {span(ELSEWHERE, unseen)} on "
@@ -176,37 +188,14 @@ def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Ite
     )
 
 
-def _named(one: DesignPoint) -> str:
-    return f"{one.noise}, {one.scenes} scenes, {one.seeds} seeds, {one.scene_sd:g} dB from scene to scene"
-
-
-def _curve(kind: str, found: dict[float, float], count: int) -> Series:
-    error = {effect: 2 * math.sqrt(share * (1 - share) / count) for effect, share in found.items()}
-    return Series(
-        panel="how often an effect is called better, at the noise of the default run",
-        item=0,
-        name=kind,
-        x_label="true effect (dB)",
-        y_label="share of simulated studies",
-        x=list(found),
-        y=list(found.values()),
-        low=[max(0.0, share - error[effect]) for effect, share in found.items()],
-        high=[min(1.0, share + error[effect]) for effect, share in found.items()],
-        log_x=False,
-        log_y=False,
-    )
-
-
-def _table(places: list[DesignPoint]) -> Table:
+def _table(points: list[DesignPoint]) -> Table:
     kinds = (ELSEWHERE, HERE, ONE_SCENE)
     columns = ["noise", "scenes", "seeds", "SD of scenes (dB)", *(f"coverage {kind} (%)" for kind in kinds)]
     columns += [f"{effect:g} dB found {kind} (%)" for effect in POWER for kind in kinds[:2]]
-    rows: list[list[str | float | None]] = [
-        [
-            *(one.noise, float(one.scenes), float(one.seeds), one.scene_sd),
-            *(round(100 * one.coverage[kind], 1) for kind in kinds),
-            *(round(100 * one.found[kind][effect], 1) for effect in POWER for kind in kinds[:2]),
-        ]
-        for one in places
-    ]
+    rows: list[list[str | float | None]] = []
+    for one in points:
+        shares = [one.coverage[kind] for kind in kinds]
+        shares += [one.power[kind][effect] for effect in POWER for kind in kinds[:2]]
+        figures = [round(100 * share, 1) for share in shares]
+        rows.append([one.noise, float(one.scenes), float(one.seeds), one.scene_sd, *figures])
     return Table("coverage", 0, f"Coverage and power; {PAIR_SD:g} dB from seed to seed throughout", columns, rows)

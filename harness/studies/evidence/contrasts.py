@@ -14,84 +14,84 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
+from harness.records import metric_table
 from harness.records.cells import CellRecord
-from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Series
-from harness.verdicts.comparisons import Budget, Key, differences, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import Budget, differences, family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
+
+METRICS = ("psnr", "ssim")
+BUDGETS: tuple[Budget, ...] = ("steps", "seconds")
+Tables = dict[str, np.ndarray]
+"""Scene → differences or contrasts [seeds], NaN for a seed without one; the same seeds in the same order."""
+
+
+def effects_of_table(
+    table: Tables,
+    name: str,
+    metric: str,
+    budget: Budget,
+    metrics: int,
+    against: str = "",
+    together: int = 1,
+    note: str = "",
+) -> list[Effect]:
+    """Return one contrast over all scenes of `table`, then scene by scene.
+
+    `metrics` are judged beside each other (`family_of`), and `together` contrasts make up one question.
+    """
+    effects = []
+    for scene in ["all", *table]:
+        family = together * family_of(metric, scene, len(table), metrics)
+        judgement = judged(table, metric, family, scene)
+        estimate = judgement.chosen
+        effects.append(
+            Effect(
+                name=name,
+                against=against,
+                scene=scene,
+                metric=metric,
+                budget=budget,
+                difference=judgement.difference,
+                interval=estimate.interval,
+                simultaneous=estimate.simultaneous,
+                family=family,
+                verdict=estimate.verdict,
+                smallest_detectable=estimate.smallest_detectable,
+                pairs=judgement.pairs,
+                unpaired=judgement.unpaired,
+                note=note,
+                on_these_scenes=judgement.on_these_scenes,
+            )
+        )
+    return effects
 
 
 def effects(
     cells: list[CellRecord],
     method: str,
     against: str,
-    metrics: tuple[str, ...] = ("psnr", "ssim"),
-    budgets: tuple[Budget, ...] = ("steps", "seconds"),
+    metrics: tuple[str, ...] = METRICS,
+    budgets: tuple[Budget, ...] = BUDGETS,
     name: str | None = None,
 ) -> list[Effect]:
-    """Return `method` − `against`, for each budget and metric: over all scenes of `cells` first, then scene by scene.
-
-    `name` is what the effect is called if that is not the method's name. `metrics` are names of
-    `harness.verdicts.comparisons.METRICS`; families count those that are given (`family_of`).
-    """
+    """Return `method` − `against` for each budget and metric, called `name` if that is not the method's."""
     by_key, scenes, seeds = keyed(cells)
-    found = []
-    for budget in budgets:
-        for metric in metrics:
-            table = differences(by_key, scenes, seeds, method, against, metric, budget)
-            for scene in ["all", *scenes]:
-                found.append(
-                    effect_of(
-                        table,
-                        name=name or method,
-                        against=against,
-                        scene=scene,
-                        metric=metric,
-                        budget=budget,
-                        family=family_of(metric, scene, len(scenes), len(metrics)),
-                    )
-                )
-    return found
+    return [
+        effect
+        for budget in budgets
+        for metric in metrics
+        for effect in effects_of_table(
+            differences(by_key, scenes, seeds, method, against, metric, budget),
+            name or method,
+            metric,
+            budget,
+            len(metrics),
+            against,
+        )
+    ]
 
 
-def effect_of(
-    table: dict[str, np.ndarray],
-    *,
-    name: str,
-    against: str,
-    scene: str,
-    metric: str,
-    budget: Budget,
-    family: int = 1,
-    note: str = "",
-) -> Effect:
-    """Return any contrast: scene → differences [seeds], NaN for a seed without one, and the same seeds in the same
-    order.
-
-    `scene` is one of `table`, whose other scenes then show how much seeds differ, or `all`.
-    """
-    found = judged(table, metric, family, scene)
-    one = found.chosen
-    return Effect(
-        name=name,
-        against=against,
-        scene=scene,
-        metric=metric,
-        budget=budget,
-        difference=found.difference,
-        interval=one.interval,
-        simultaneous=one.simultaneous,
-        family=family,
-        verdict=one.verdict,
-        smallest_detectable=one.smallest_detectable,
-        pairs=found.pairs,
-        unpaired=found.unpaired,
-        note=note,
-        on_these_scenes=found.on_these_scenes,
-    )
-
-
-Corner = tuple[bool, ...]
 Term = tuple[str, ...]
 """The factors of a main effect (one of them) or of an interaction."""
 
@@ -101,7 +101,7 @@ class Design:
     """Which method belongs to which combination of factors."""
 
     factors: tuple[str, ...]
-    methods: dict[Corner, str]
+    methods: dict[tuple[bool, ...], str]
     """All 2^k corners."""
 
     def terms(self) -> list[Term]:
@@ -126,29 +126,6 @@ def contrast(scores: Float[np.ndarray, "*some corners"], design: Design, term: T
     return np.asarray(scores @ signs(design, term) / (len(design.methods) / 2))
 
 
-def corner_scores(
-    design: Design,
-    cells: dict[Key, CellRecord],
-    scenes: list[str],
-    seeds: list[int],
-    metric: str,
-    budget: Budget,
-    step: int | None = None,
-) -> dict[str, np.ndarray]:
-    """Return scene → scores [seeds, corners] that may be compared with each other (`scores_together`)."""
-    return {
-        scene: np.array(
-            [
-                scores_together(
-                    [cells.get((scene, method, seed)) for method in design.methods.values()], metric, budget, step
-                )
-                for seed in seeds
-            ]
-        )
-        for scene in scenes
-    }
-
-
 def scores_together(
     cells: Sequence[CellRecord | None], metric: str, budget: Budget, step: int | None = None
 ) -> Float[np.ndarray, " cells"]:
@@ -166,28 +143,33 @@ def scores_together(
         if cell is None or not judgeable(cell):
             return math.nan
         if budget == "seconds" and step is None:
-            found = score_on_curve(cell, metric, "seconds", at)
+            value = score_on_curve(cell, metric, "seconds", at)
         else:
-            found = cell.scores.get(metric) if at == cell.steps else score_on_curve(cell, metric, "step", at)
-        return math.nan if found is None else found
+            value = cell.scores.get(metric) if at == cell.steps else score_on_curve(cell, metric, "step", at)
+        return math.nan if value is None else value
 
     return np.array([score(cell) for cell in cells])
 
 
 def contrast_tables(
     design: Design, term: Term, cells: list[CellRecord], metric: str, budget: Budget, step: int | None = None
-) -> dict[str, np.ndarray]:
-    """Return scene → the contrast [seeds], NaN if a corner has no score."""
-    scores = corner_scores(design, *keyed(cells), metric, budget, step)
-    return {scene: contrast(values, design, term) for scene, values in scores.items()}
+) -> Tables:
+    """Return the contrasts of scores that may be compared with each other, NaN if a corner has no score."""
+    by_key, scenes, seeds = keyed(cells)
+    tables = {}
+    for scene in scenes:
+        corners = [[by_key.get((scene, method, seed)) for method in design.methods.values()] for seed in seeds]
+        scores = np.array([scores_together(corner, metric, budget, step) for corner in corners])
+        tables[scene] = contrast(scores, design, term)
+    return tables
 
 
 def contrast_effects(
     design: Design,
     cells: list[CellRecord],
     where: str,
-    metrics: tuple[str, ...] = ("psnr", "ssim"),
-    budgets: tuple[Budget, ...] = ("steps", "seconds"),
+    metrics: tuple[str, ...] = METRICS,
+    budgets: tuple[Budget, ...] = BUDGETS,
     together: int = 1,
 ) -> list[Effect]:
     """Return every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
@@ -197,47 +179,19 @@ def contrast_effects(
     """
     interactions = len(design.terms()) - len(design.factors)
     return [
-        one
+        effect
         for budget in budgets
         for metric in metrics
         for term in design.terms()
-        for one in effects_of_table(
+        for effect in effects_of_table(
             contrast_tables(design, term, cells, metric, budget),
-            name=f"{' × '.join(term)} {where}".strip(),
-            metric=metric,
-            budget=budget,
-            metrics=len(metrics),
+            f"{' × '.join(term)} {where}".strip(),
+            metric,
+            budget,
+            len(metrics),
             together=together * (1 if len(term) == 1 else interactions),
             note="" if len(term) == 1 else "interaction",
         )
-    ]
-
-
-def effects_of_table(
-    table: dict[str, np.ndarray],
-    *,
-    name: str,
-    metric: str,
-    budget: Budget,
-    metrics: int,
-    together: int = 1,
-    note: str = "",
-) -> list[Effect]:
-    """Return one contrast over all scenes of `table`, then scene by scene. `together` contrasts make up one
-    question.
-    """
-    return [
-        effect_of(
-            table,
-            name=name,
-            against="",
-            scene=scene,
-            metric=metric,
-            budget=budget,
-            family=together * family_of(metric, scene, len(table), metrics),
-            note=note,
-        )
-        for scene in ["all", *table]
     ]
 
 
@@ -247,77 +201,99 @@ def common_steps(cells: list[CellRecord]) -> list[int]:
     return sorted(set.intersection(*scored)) if scored else []
 
 
-def line(
-    tables: dict[float, dict[str, np.ndarray]], metric: str, *, panel: str, name: str, x_label: str, y_label: str
-) -> Series:
-    """Return a line of place on the axis → a contrast there: its mean and the 95 % interval of that place alone."""
-    judged = [
-        effect_of(table, name=name, against="", scene="all", metric=metric, budget="steps") for table in tables.values()
-    ]
-    return Series(
-        panel=panel,
-        item=0,
-        name=name,
-        x_label=x_label,
-        y_label=y_label,
-        x=list(tables),
-        y=[one.difference for one in judged],
-        low=[one.interval and one.interval[0] for one in judged],
-        high=[one.interval and one.interval[1] for one in judged],
-        log_x=True,
-        log_y=False,
-    )
+def line(tables: dict[float, Tables], panel: str, name: str, x_label: str) -> Series:
+    """Return a line of place on the axis → a contrast of PSNR there: its mean and the interval of that place alone."""
+    judgements = [judged(table, "psnr", 1) for table in tables.values()]
+    intervals = [one.chosen.interval for one in judgements]
+    low, high = ([one and one[end] for one in intervals] for end in (0, 1))
+    y = [one.difference for one in judgements]
+    return Series(panel, 0, name, x_label, "difference of PSNR, dB", list(tables), y, low, high, log_y=False)
+
+
+def along_training(design: Design, term: Term, cells: list[CellRecord], panel: str, name: str) -> Series:
+    """Return the contrast of PSNR at every checkpoint as a line."""
+    tables = {float(at): contrast_tables(design, term, cells, "psnr", "steps", at) for at in common_steps(cells)}
+    return line(tables, panel, name, "training step")
+
+
+def scores_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> list[float | None]:
+    """Return the scores of every seed, at the end; None for a cell that did not end well."""
+    return [cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)]
+
+
+def mean_of(scores: list[float | None]) -> float | None:
+    known = [score for score in scores if score is not None]
+    return float(np.mean(known)) if known else None
+
+
+def spread(scores: list[float | None]) -> str:
+    """Return `24.10 ± 0.05` with the standard deviation over seeds, and the number of seeds if some are missing."""
+    known = [score for score in scores if score is not None]
+    if not known:
+        return "no seed ended well"
+    digits = 2 if max(map(abs, known)) > 1 else 3
+    text = f"{np.mean(known):.{digits}f}"
+    text += f" ± {np.std(known, ddof=1):.{digits}f}" if len(known) > 1 else ""
+    return text if len(known) == len(scores) else f"{text} ({len(known)} of {len(scores)} seeds)"
+
+
+def score_table(cells: list[CellRecord], methods: Iterable[str]) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the columns of PSNR and SSIM scene by scene, and method → its scores in words."""
+    keys = [(scene, metric) for scene in keyed(cells)[1] for metric in METRICS]
+    labels = {"psnr": "PSNR, dB", "ssim": "SSIM"}
+    columns = [f"{scene}: {labels[metric]}" for scene, metric in keys]
+    return columns, {method: [spread(scores_of(cells, scene, method, metric)) for scene, metric in keys]
+                     for method in methods}  # fmt: skip
+
+
+def without_a_score(cells: list[CellRecord]) -> list[str]:
+    """Return the names of the cells that did not end well."""
+    return [f"{one.method} on {one.scene}, seed {one.seed} ({one.reason})" for one in cells if one.status != "done"]
 
 
 UNITS = {"psnr": " dB", "delta_e": "", "depth_rmse": " scene units"}
 DIGITS = {"psnr": 2, "delta_e": 2}
-NO_FIGURE = "no figure"
 
 
 def amount(value: float | None, metric: str, sign: bool = True) -> str:
     """Return the difference as `+0.81 dB`, with a true minus sign."""
-    if value is None:
-        return NO_FIGURE
-    digits = DIGITS.get(metric, 3)
-    return _number(value, digits, sign) + UNITS.get(metric, "")
+    return "no figure" if value is None else _number(value, metric, sign) + UNITS.get(metric, "")
 
 
-def told(one: Effect, gain: bool = True) -> str:
+def in_words(effect: Effect, gain: bool = True) -> str:
     """Return the effect as `+0.81 dB (95 % interval +0.52 to +1.10: better)`, with the interval that the verdict is
     taken from.
 
     Without `gain`, as for an interaction, more is called "above 0" and not "better".
     """
-    aside = f", {one.unpaired} of {one.unpaired + one.pairs} pairs without a score" if one.unpaired else ""
-    if one.difference is None or one.simultaneous is None:
-        return f"{amount(one.difference, one.metric)} (no interval{aside})"
-    digits = DIGITS.get(one.metric, 3)
-    low, high = (_number(end, digits, True) for end in one.simultaneous)
-    kind = "95 % interval" if one.family == 1 else f"95 % interval, {one.family} together,"
-    return f"{amount(one.difference, one.metric)} ({kind} {low} to {high}: {said(one, gain)}{aside})"
+    lost = f", {effect.unpaired} of {effect.unpaired + effect.pairs} pairs without a score" if effect.unpaired else ""
+    size = amount(effect.difference, effect.metric)
+    if effect.difference is None or effect.simultaneous is None:
+        return f"{size} (no interval{lost})"
+    low, high = (_number(end, effect.metric) for end in effect.simultaneous)
+    kind = "95 % interval" if effect.family == 1 else f"95 % interval, {effect.family} together,"
+    return f"{size} ({kind} {low} to {high}: {verdict_in_words(effect, gain)}{lost})"
 
 
-def short(one: Effect) -> str:
+def in_brief(effect: Effect) -> str:
     """Return the effect as `+0.81 [+0.52, +1.10]`, for a cell of a table: no unit, no verdict; the interval is the
     verdict's.
     """
-    digits = DIGITS.get(one.metric, 3)
-    if one.difference is None:
-        return NO_FIGURE
-    ends = [_number(end, digits, True) for end in one.simultaneous or ()]
-    return _number(one.difference, digits, True) + (f" [{', '.join(ends)}]" if ends else "")
+    if effect.difference is None:
+        return "no figure"
+    ends = [_number(end, effect.metric) for end in effect.simultaneous or ()]
+    return _number(effect.difference, effect.metric) + (f" [{', '.join(ends)}]" if ends else "")
 
 
-def said(one: Effect, gain: bool = True) -> str:
-    """Return the verdict in words."""
-    interest = METRICS[one.metric].smallest_of_interest
-    if one.verdict == "equivalent":
-        return f"within ±{interest}{UNITS.get(one.metric, '')}"
-    if one.verdict == "inconclusive":
+def verdict_in_words(effect: Effect, gain: bool = True) -> str:
+    if effect.verdict == "equivalent":
+        interest = metric_table.METRICS[effect.metric].smallest_of_interest
+        return f"within ±{interest}{UNITS.get(effect.metric, '')}"
+    if effect.verdict == "inconclusive":
         return "not settled"
     if gain:
-        return one.verdict
-    return "above 0" if (one.difference or 0.0) > 0 else "below 0"
+        return effect.verdict
+    return "above 0" if (effect.difference or 0.0) > 0 else "below 0"
 
 
 def listed(parts: Iterable[str]) -> str:
@@ -326,7 +302,8 @@ def listed(parts: Iterable[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def _number(value: float, digits: int, sign: bool) -> str:
+def _number(value: float, metric: str, sign: bool = True) -> str:
+    digits = DIGITS.get(metric, 3)
     text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
     if float(text) == 0:
         text = text.lstrip("+-")

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from msgspec import structs
 
-from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
 from harness.records.study import Check, Effect, Table, check
-from harness.studies.evidence.contrasts import amount, effects, listed, told
-from harness.studies.evidence.evidence_context import EvidenceContext, Finding, StudyRun
+from harness.studies.evidence.contrasts import amount, effects, in_words, listed
+from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
+from harness.studies.framework import Found
 from harness.verdicts.comparisons import Budget
 
 ORIGINAL = 31.01
@@ -38,7 +38,7 @@ class Control:
     """The name of the method that lacks something."""
     what: str
     original: float
-    """The loss in dB in the original's ablation."""
+    """The PSNR in dB in the original's ablation."""
     training: str
     baseline: str
     """The training whose nerf it is compared with."""
@@ -47,122 +47,122 @@ class Control:
     images: bool = False
     """Whether it is nerf itself, trained with fewer views in a run of its own."""
 
+    @property
+    def loss(self) -> float:
+        """Return the difference of PSNR in dB in the original's ablation."""
+        return self.original - ORIGINAL
+
 
 CONTROLS = (
     Control("nerf_no_encoding", "without positional encoding", 28.77, "no_encoding", "no_encoding"),
-    Control(
-        "nerf_no_direction", "without view direction", 27.66, "no_direction", "no_direction", need="view_direction"
-    ),
+    Control("nerf_no_direction", "without view direction", 27.66, "no_direction", "no_direction", "view_direction"),
     Control("nerf_half_images", "with half of the images", 29.79, "half_images", "images", images=True),
     Control("nerf_quarter_images", "with a quarter of the images", 27.78, "quarter_images", "images", images=True),
 )
 
 
-def positive_controls(situation: EvidenceContext) -> Iterator[Finding]:
+@dataclass(frozen=True)
+class Loss:
+    """The effects of a control on PSNR at equal steps."""
+
+    control: Control
+    every: list[Effect]
+    """All effects, of other scores and at equal time included; empty if no scene needs what is missing."""
+    without: list[str]
+    """The scenes that do not need it."""
+
+    @property
+    def overall(self) -> Effect | None:
+        return next((one for one in self.psnr if one.scene == "all"), None)
+
+    @property
+    def by_scene(self) -> list[Effect]:
+        return [one for one in self.psnr if one.scene != "all"]
+
+    @property
+    def psnr(self) -> list[Effect]:
+        """Return the effect over all scenes, then scene by scene."""
+        return [one for one in self.every if (one.metric, one.budget) == ("psnr", "steps")]
+
+    @property
+    def is_found(self) -> bool:
+        """Whether the loss is called worse over all scenes or on one of them, and better nowhere.
+
+        These are two families at 5 %, each of which calls a false loss one in at most half as many studies: together in
+        at most 5 %.
+        """
+        verdicts = [one.verdict for one in self.psnr]
+        return "worse" in verdicts and "better" not in verdicts
+
+
+def positive_controls(context: EvidenceContext) -> Iterator[Found]:
     """Yield each control against nerf: found or not, and how large."""
-    asked = dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training))
-    trained = {name: situation.trained(name) for name in asked}
-    found = {control: effects_of(control, trained) for control in CONTROLS}
-    yield _answer(found)
-    for control in CONTROLS:
-        yield from _sentences(control, trained, found[control])
-    yield design_changed(trained)
-    for control in CONTROLS:
-        yield found_check(control, found[control])
-        yield size_check(control, found[control])
-    for control in CONTROLS:
-        yield from found[control]
-    yield _table(found)
+    names = dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training))
+    trained = {name: context.trained(name) for name in names}
+    losses = [_loss(control, trained[control.baseline], trained[control.training]) for control in CONTROLS]
+    yield _answer(losses)
+    for loss in losses:
+        yield from _sentences(loss)
+    yield _design_changed(trained)
+    for loss in losses:
+        yield from _checks(loss)
+    for loss in losses:
+        yield from loss.every
+    yield _table(losses)
 
 
-def effects_of(control: Control, trained: dict[str, StudyRun]) -> list[Effect]:
-    """Return the effects against nerf of its baseline, on the scenes that need what is missing; empty if none does.
+def _loss(control: Control, baseline: StudyRun, own: StudyRun) -> Loss:
+    """Return the effects against nerf of its baseline, on the scenes that need what is missing by the record of their
+    view sets.
 
     Runs of their own do not share a clock with nerf's: they are compared at equal steps alone.
     """
-    baseline, own = trained[control.baseline], trained[control.training]
-    scenes = needing(control, baseline)
+    without = [scene.name for scene in baseline.scenes if control.need in {row.name for row in scene.left_out}]
     cells = [cell for cell in baseline.cells if cell.method == "nerf"]
     cells += [
         structs.replace(cell, method=control.name)
         for cell in own.cells
         if cell.method == ("nerf" if control.images else control.name)
     ]
+    cells = [cell for cell in cells if cell.scene not in without]
     budgets: tuple[Budget, ...] = ("steps",) if control.images else ("steps", "seconds")
-    return effects(_on(scenes, cells), control.name, "nerf", ("psnr", "ssim"), budgets) if scenes else []
+    every = effects(cells, control.name, "nerf", budgets=budgets) if len(without) < len(baseline.scenes) else []
+    return Loss(control, every, without)
 
 
-def needing(control: Control, trained: StudyRun) -> list[str]:
-    """Return the scenes that need what the control lacks, by the needs that their view sets record."""
-    return [scene.name for scene in trained.scenes if control.need not in {one.name for one in scene.left_out}]
+def _answer(losses: list[Loss]) -> str:
+    yes, no = ([one.control.what for one in losses if one.is_found == wanted] for wanted in (True, False))
+    if not no:
+        return f"Yes: NeRF {listed(yes)} is found to be worse, by the functions that judge Q-NeRF."
+    if not yes:
+        return f"No: none of the known losses is found (NeRF {listed(no)})."
+    return f"In part: NeRF {listed(yes)} is found to be worse; {listed(no)} it is not told from NeRF."
 
 
-def _on(scenes: list[str], cells: list[CellRecord]) -> list[CellRecord]:
-    return [cell for cell in cells if cell.scene in scenes]
-
-
-def overall(found: list[Effect]) -> Effect | None:
-    """Return the effect on PSNR at equal steps over all scenes."""
-    return next((one for one in found if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps")), None)
-
-
-def by_scene(found: list[Effect]) -> list[Effect]:
-    """Return the effects on PSNR at equal steps, scene by scene."""
-    return [one for one in found if one.scene != "all" and (one.metric, one.budget) == ("psnr", "steps")]
-
-
-def is_found(found: list[Effect]) -> bool:
-    """Whether the loss is found: called worse over all scenes or on one of them, and better nowhere.
-
-    These are two families at 5 %, each of which calls a false loss one in at most half as many studies: together in at
-    most 5 %.
-    """
-    verdicts = [one.verdict for one in (overall(found), *by_scene(found)) if one is not None]
-    return "worse" in verdicts and "better" not in verdicts
-
-
-def found_check(control: Control, found: list[Effect]) -> Check:
-    """Return how many of the verdicts call the loss a loss, none if one calls it a gain."""
-    what = f"NeRF {control.what} is found to be worse: verdicts that say so"
-    rows = [one for one in (overall(found), *by_scene(found)) if one is not None]
-    if not rows:
-        return check(what, None, low=1.0, why="no scene needs what is missing")
-    said = ", ".join(f"{one.scene} {one.verdict}" for one in rows)
-    count = sum(one.verdict == "worse" for one in rows) if is_found(found) else 0
-    chance = (
-        "two families, over all scenes and on single ones: either calls a loss that is not there one in at most 2.5 % "
-        "of studies"
-    )
-    return check(what, float(count), low=1.0, unit="verdicts", why=f"PSNR at equal steps: {said}; {chance}")
-
-
-def size_check(control: Control, found: list[Effect]) -> Check:
-    """Check that the loss lies between the smallest one of interest and `TIMES` the original's."""
-    loss = control.original - ORIGINAL
-    least = -METRICS["psnr"].smallest_of_interest
-    one = overall(found)
-    return check(
-        f"NeRF {control.what}: difference in PSNR over all scenes",
-        None if one is None else one.difference,
-        low=TIMES * loss,
-        high=least,
-        unit="dB",
-        why=f"the original lost {amount(-loss, 'psnr', sign=False)} at 800 px; plausible here is a loss between "
-        f"{amount(-least, 'psnr', sign=False)} and {TIMES:g} times that: a range that was declared before any result, "
-        "where the design was changed once results had been seen",
+def _sentences(loss: Loss) -> Iterator[str]:
+    control = loss.control
+    if control.need and loss.without:
+        need = control.need.replace("_", " ")
+        yield f"No {need} is needed on {listed(loss.without)}: there is nothing to lose there, and no pair."
+    if loss.overall is None:
+        yield f"NeRF {control.what}: not applicable to any of the scenes."
+        return
+    scenes = listed(f"{one.scene} {in_words(one)}" for one in loss.by_scene)
+    yield (
+        f"NeRF {control.what}, over all scenes at equal steps: {in_words(loss.overall)}; the original's loss: "
+        f"{amount(control.loss, 'psnr')}. {scenes}."
     )
 
 
-def design_changed(trained: dict[str, StudyRun]) -> str:
+def _design_changed(trained: dict[str, StudyRun]) -> str:
     """Return what was declared before any result and what was not; what there is now comes from the plans."""
     images = [trained[name].plan for name in ("images", "half_images", "quarter_images")]
     directed = trained["no_direction"].plan
-    need = "view_direction"
     needed = {
         scene.name
-        for one in trained.values()
-        for scene in one.scenes
-        if need not in {row.name for row in scene.left_out}
+        for run in trained.values()
+        for scene in run.scenes
+        if "view_direction" not in {row.name for row in scene.left_out}
     }
     dropped = [name for name in FIRST_DIRECTION if name in needed and name not in directed.scenes]
     changes = [listed(amount(one, "psnr") for one in first.values() if one) for first in (FIRST_VIEWS, FIRST_DIRECTION)]
@@ -183,38 +183,41 @@ def design_changed(trained: dict[str, StudyRun]) -> str:
     )
 
 
-def _answer(found: dict[Control, list[Effect]]) -> str:
-    yes = [control.what for control, rows in found.items() if is_found(rows)]
-    no = [control.what for control, rows in found.items() if not is_found(rows)]
-    if not no:
-        return f"Yes: NeRF {listed(yes)} is found to be worse, by the functions that judge Q-NeRF."
-    if not yes:
-        return f"No: none of the known losses is found (NeRF {listed(no)})."
-    return f"In part: NeRF {listed(yes)} is found to be worse; {listed(no)} it is not told from NeRF."
+def _checks(loss: Loss) -> Iterator[Check]:
+    """Yield how many of the verdicts call the loss a loss, none if one calls it a gain; and its size, between the
+    smallest one of interest and `TIMES` the original's.
+    """
+    control = loss.control
+    what = f"NeRF {control.what} is found to be worse: verdicts that say so"
+    if loss.psnr:
+        verdicts = ", ".join(f"{one.scene} {one.verdict}" for one in loss.psnr)
+        count = sum(one.verdict == "worse" for one in loss.psnr) if loss.is_found else 0
+        why = (
+            f"PSNR at equal steps: {verdicts}; two families, over all scenes and on single ones: either calls a loss "
+            "that is not there one in at most 2.5 % of studies"
+        )
+        yield check(what, float(count), low=1.0, unit="verdicts", why=why)
+    else:
+        yield check(what, None, low=1.0, why="no scene needs what is missing")
+    least = -METRICS["psnr"].smallest_of_interest
+    yield check(
+        f"NeRF {control.what}: difference in PSNR over all scenes",
+        loss.overall.difference if loss.overall else None,
+        low=TIMES * control.loss,
+        high=least,
+        unit="dB",
+        why=f"the original lost {amount(-control.loss, 'psnr', sign=False)} at 800 px; plausible here is a loss "
+        f"between {amount(-least, 'psnr', sign=False)} and {TIMES:g} times that: a range that was declared before any "
+        "result, where the design was changed once results had been seen",
+    )
 
 
-def _sentences(control: Control, trained: dict[str, StudyRun], found: list[Effect]) -> Iterator[str]:
-    one = overall(found)
-    loss = amount(control.original - ORIGINAL, "psnr")
-    baseline = trained[control.baseline]
-    without = [scene.name for scene in baseline.scenes if scene.name not in needing(control, baseline)]
-    if control.need and without:
-        need = control.need.replace("_", " ")
-        yield f"No {need} is needed on {listed(without)}: there is nothing to lose there, and no pair."
-    if one is None:
-        yield f"NeRF {control.what}: not applicable to any of the scenes."
-        return
-    scenes = listed(f"{row.scene} {told(row)}" for row in by_scene(found))
-    yield f"NeRF {control.what}, over all scenes at equal steps: {told(one)}; the original's loss: {loss}. {scenes}."
-
-
-def _table(found: dict[Control, list[Effect]]) -> Table:
+def _table(losses: list[Loss]) -> Table:
     rows: list[list[str | float | None]] = []
-    for control, effects_found in found.items():
-        for one in [overall(effects_found), *by_scene(effects_found)]:
-            if one is not None:
-                low, high = one.simultaneous or (None, None)
-                printed = control.original - ORIGINAL if one.scene == "all" else None
-                rows.append([f"NeRF {control.what}", one.scene, one.difference, low, high, one.verdict, printed])
+    for loss in losses:
+        for one in loss.psnr:
+            low, high = one.simultaneous or (None, None)
+            printed = loss.control.loss if one.scene == "all" else None
+            rows.append([f"NeRF {loss.control.what}", one.scene, one.difference, low, high, one.verdict, printed])
     columns = ["control", "scene", "difference (dB)", "interval from", "to", "verdict", "original's (dB, 800 px)"]
     return Table("positive_controls", 0, "Known losses in test PSNR at equal steps", columns, rows)

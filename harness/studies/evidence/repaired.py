@@ -10,9 +10,18 @@ from baselines.numerics.encoding import PHI
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Effect, Table, check
 from harness.studies.choices.repair_search import Search, read_search
-from harness.studies.evidence.contrasts import amount, effects, listed, told
-from harness.studies.evidence.evidence_context import EvidenceContext, Finding
-from harness.studies.evidence.factorial import mean_of, scores_of, spread
+from harness.studies.evidence.contrasts import (
+    amount,
+    effects,
+    in_words,
+    listed,
+    mean_of,
+    scores_of,
+    spread,
+    without_a_score,
+)
+from harness.studies.evidence.evidence_context import EvidenceContext
+from harness.studies.framework import Found
 from harness.verdicts.comparisons import Budget, keyed
 
 REPAIRED = "qnerf_repaired"
@@ -30,64 +39,50 @@ CHUNK_BAR = 2e-6
 OPAQUE = 0.999
 
 
-def repaired(situation: EvidenceContext) -> Iterator[Finding]:
+def repaired(context: EvidenceContext) -> Iterator[Found]:
     """Yield what was chosen against NeRF, against NeRF of its bandwidth, and against itself without the amplifier."""
-    trained = situation.trained("repaired")
-    cells, found = trained.cells, read_search()
+    cells, search = context.trained("repaired").cells, read_search()
     compared = [one for against in CONTROLS for one in effects(cells, REPAIRED, against, METRICS, tuple(BUDGETS))]
-    yield from answers(compared)
-    yield equal_time(cells, found.clock)
-    yield _others(compared)
-    yield _of_the_search(found)
-    yield from found.history
-    yield from _without_a_score(cells)
-    yield from checks(cells, found)
-    yield from compared
-    yield _scores(cells)
-    yield _learnt(cells)
-    yield search_table(found)
-    yield Table(
-        "excluded",
-        0,
-        "What was no candidate, and why",
-        ["mean", "why"],
-        [[what, why] for what, why in EXCLUDED.items()],
-    )
-
-
-def answers(compared: list[Effect]) -> Iterator[str]:
-    """Answer whether it beats NeRF, whether by the paper's margin, and what else has its encoding; at equal steps
-    first, then at equal time.
-    """
+    # whether it beats NeRF, whether by the paper's margin, and what else has its encoding
     for budget, words in BUDGETS.items():
-        found = {against: over_all(compared, against, budget) for against in CONTROLS}
-        changes = listed(f"{whose} by {told(found[against])}" for against, whose in CONTROLS.items())
-        yield f"At {words} the repaired Q-NeRF changes {changes}; {reached(found['nerf'])}."
+        by_control = {against: _over_all(compared, against, budget) for against in CONTROLS}
+        changes = listed(f"{whose} by {in_words(by_control[against])}" for against, whose in CONTROLS.items())
+        yield f"At {words} the repaired Q-NeRF changes {changes}; {_reached(by_control['nerf'])}."
+    yield equal_time(cells, search.clock)
+    others = [(metric, _over_all(compared, "nerf", "steps", metric)) for metric in METRICS[1:]]
+    changes = listed(f"{metric} by {in_words(effect)}" for metric, effect in others)
+    yield f"Other scores at equal steps, against NeRF: {changes}."
+    yield _of_the_search(search)
+    yield from search.history
+    if lost := without_a_score(cells):
+        yield f"{len(lost)} cells have no score, and their pairs are not judged: {listed(lost)}."
+    yield from _checks(cells, search)
+    yield from compared
+    _, scenes, seeds = keyed(cells)
+    scores: list[list[str | float | None]] = [
+        [method, *(spread(scores_of(cells, scene, method, "psnr")) for scene in scenes)]
+        for method in (REPAIRED, *CONTROLS)
+    ]
+    yield Table("repaired_scores", 0, "PSNR at equal steps, dB: mean ± sd over seeds", ["method", *scenes], scores)
+    yield _learnt(cells, scenes, seeds)
+    yield _search_table(search)
+    excluded: list[list[str | float | None]] = [[what, why] for what, why in EXCLUDED.items()]
+    yield Table("excluded", 0, "What was no candidate, and why", ["mean", "why"], excluded)
 
 
-def reached(one: Effect) -> str:
+def _reached(one: Effect) -> str:
     """Return where the interval lies relative to the paper's margin."""
     margin = f"the paper's margin of {amount(MARGIN, 'psnr')}"
-    if one.simultaneous is None:
-        return f"whether {margin} is reached is not settled"
-    low, high = one.simultaneous
-    if low >= MARGIN:
+    if one.simultaneous is not None and one.simultaneous[0] >= MARGIN:
         return f"{margin} is reached"
-    return f"{margin} is not reached" if high < MARGIN else f"whether {margin} is reached is not settled"
+    if one.simultaneous is not None and one.simultaneous[1] < MARGIN:
+        return f"{margin} is not reached"
+    return f"whether {margin} is reached is not settled"
 
 
-def over_all(compared: list[Effect], against: str, budget: Budget, metric: str = "psnr") -> Effect:
-    return next(
-        one for one in compared if (one.against, one.budget, one.metric, one.scene) == (against, budget, metric, "all")
-    )
-
-
-def _others(compared: list[Effect]) -> str:
-    """Return the other scores beside PSNR."""
-    others = listed(
-        f"{metric} by {told(over_all(compared, 'nerf', 'steps', metric))}" for metric in METRICS if metric != "psnr"
-    )
-    return f"Other scores at equal steps, against NeRF: {others}."
+def _over_all(compared: list[Effect], against: str, budget: Budget, metric: str = "psnr") -> Effect:
+    wanted = (against, budget, metric, "all")
+    return next(one for one in compared if (one.against, one.budget, one.metric, one.scene) == wanted)
 
 
 def equal_time(cells: list[CellRecord], clock: str) -> str:
@@ -101,84 +96,62 @@ def equal_time(cells: list[CellRecord], clock: str) -> str:
     if not ratios:
         return f"How far the slower method had come at equal time is not known: no pair ended {budgets}."
     ratio = math.exp(statistics.fmean(map(math.log, ratios)))
-    slower = REPAIRED if ratio > 1.0 else "nerf"
     return (
-        f"Equal time is read off runs of equal steps: {slower}, the slower one, is met after "
-        f"{100 * min(ratio, 1 / ratio):.0f} % of its training time, before its learning rate has fallen all the way, "
-        f"which counts against it {budgets}."
+        f"Equal time is read off runs of equal steps: {REPAIRED if ratio > 1.0 else 'nerf'}, the slower one, is met "
+        f"after {100 * min(ratio, 1 / ratio):.0f} % of its training time, before its learning rate has fallen all the "
+        f"way, which counts against it {budgets}."
     )
 
 
-def _of_the_search(found: Search) -> str:
-    ties = [one.method for one in found.standings if one.ties]
-    best = max((one for one in found.standings if one.mean is not None), key=lambda one: one.mean or 0.0)
-    beside = {name: mean_of([row.psnr_val for row in found.rows if row.method == name]) for name in CONTROLS}
+def _of_the_search(search: Search) -> str:
+    ties = sum(one.ties for one in search.standings)
+    best = max((one for one in search.standings if one.mean is not None), key=lambda one: one.mean or 0.0)
+    beside = {name: mean_of([row.psnr_val for row in search.rows if row.method == name]) for name in CONTROLS}
     references = listed(f"{amount(mean, 'psnr', sign=False)} of {name}" for name, mean in beside.items() if mean)
-    first = f"{len(ties)} of {len(found.standings)} candidates tie with the best" if len(ties) > 1 else "One stood out"
+    first = f"{ties} of {len(search.standings)} candidates tie with the best" if ties > 1 else "One stood out"
     return (
-        f"{first}, {best.method} ({amount(best.mean, 'psnr', sign=False)} on validation views at equal {found.clock}, "
-        f"beside {references}); chosen, as the simplest of them, was {found.chosen}."
+        f"{first}, {best.method} ({amount(best.mean, 'psnr', sign=False)} on validation views at equal {search.clock}, "
+        f"beside {references}); chosen, as the simplest of them, was {search.chosen}."
     )
 
 
-def _without_a_score(cells: list[CellRecord]) -> Iterator[str]:
-    lost = [cell for cell in cells if cell.status != "done"]
-    if lost:
-        names = listed(f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in lost)
-        yield f"{len(lost)} cells have no score, and their pairs are not judged: {names}."
-
-
-def checks(cells: list[CellRecord], found: Search) -> Iterator[Check]:
+def _checks(cells: list[CellRecord], search: Search) -> Iterator[Check]:
     """Yield what must hold for this to be the search's own choice, judged elsewhere, and a field that can be opaque."""
-    mine = [cell for cell in cells if cell.method == REPAIRED and cell.status == "done"]
-    lost = sum(cell.method == REPAIRED for cell in cells) - len(mine)
     yield check(
         "methods that were judged and are not what the search chose",
-        float(CATALOG[REPAIRED].parts != CANDIDATES[found.chosen]),
+        float(CATALOG[REPAIRED].parts != CANDIDATES[search.chosen]),
         high=0.0,
-        why=f"chosen: {found.chosen}",
+        why=f"chosen: {search.chosen}",
     )
-    searched = {row.scene for row in found.rows}, {row.seed for row in found.rows}
-    shared = {cell.scene for cell in cells} & searched[0], {cell.seed for cell in cells} & searched[1]
+    scenes, seeds = {row.scene for row in search.rows}, {row.seed for row in search.rows}
     yield check(
         "scenes and seeds of the verdict that the choice was made on",
-        float(len(shared[0]) + len(shared[1])),
+        float(len({cell.scene for cell in cells} & scenes) + len({cell.seed for cell in cells} & seeds)),
         high=0.0,
-        why=f"chosen on {listed(sorted(searched[0]))}, seeds {listed(map(str, sorted(searched[1])))}",
+        why=f"chosen on {listed(sorted(scenes))}, seeds {listed(map(str, sorted(seeds)))}",
     )
-    yield _worst(
-        "largest difference of a colour between calls of different size", mine, lost, "chunk_max_difference", CHUNK_BAR
-    )
-    yield _worst("opacity of a unit of the densest matter in the thinnest cell", mine, lost, "opacity_unit_slab", None)
-
-
-def _worst(what: str, cells: list[CellRecord], lost: int, name: str, high: float | None) -> Check:
-    """Return the worst of all trained cells; at most `high`, or at least opaque."""
-    there = [
-        (value, f"{cell.scene}, seed {cell.seed}")
-        for cell in cells
-        if isinstance(value := cell.properties.get(name), float)
-    ]
+    mine = [cell for cell in cells if cell.method == REPAIRED and cell.status == "done"]
+    lost = sum(cell.method == REPAIRED for cell in cells) - len(mine)
     missing = f"; {lost} cells did not end" if lost else ""
-    low = OPAQUE if high is None else None
-    if not there or len(there) < len(cells):
-        return check(what, None, low, high, why=f"measured in {len(there)} of {len(cells)} cells that ended{missing}")
-    value, where = max(there) if low is None else min(there)
-    return check(what, value, low, high, why=f"{where} of {len(there)} cells{missing}")
+    for what, name, low, high in (
+        ("largest difference of a colour between calls of different size", "chunk_max_difference", None, CHUNK_BAR),
+        ("opacity of a unit of the densest matter in the thinnest cell", "opacity_unit_slab", OPAQUE, None),
+    ):
+        values = [
+            (value, f"{cell.scene}, seed {cell.seed}")
+            for cell in mine
+            if isinstance(value := cell.properties.get(name), float)
+        ]
+        if not values or len(values) < len(mine):
+            why = f"measured in {len(values)} of {len(mine)} cells that ended{missing}"
+            yield check(what, None, low, high, why=why)
+        else:
+            value, where = max(values) if low is None else min(values)
+            yield check(what, value, low, high, why=f"{where} of {len(values)} cells{missing}")
 
 
-def _scores(cells: list[CellRecord]) -> Table:
-    _, scenes, _ = keyed(cells)
-    rows: list[list[str | float | None]] = [
-        [method, *(spread(scores_of(cells, scene, method, "psnr")) for scene in scenes)]
-        for method in (REPAIRED, *CONTROLS)
-    ]
-    return Table("repaired_scores", 0, "PSNR at equal steps, dB: mean ± sd over seeds", ["method", *scenes], rows)
-
-
-def _learnt(cells: list[CellRecord]) -> Table:
+def _learnt(cells: list[CellRecord], scenes: list[str], seeds: list[int]) -> Table:
     """Return αφ at the end: at 1 Eq. 4 is the identity."""
-    _, scenes, seeds = keyed(cells)
     rows: list[list[str | float | None]] = []
     for scene in scenes:
         mine = {cell.seed: cell for cell in cells if (cell.scene, cell.method) == (scene, REPAIRED) and cell.curve}
@@ -188,32 +161,20 @@ def _learnt(cells: list[CellRecord]) -> Table:
     return Table("contrast_learnt", 0, "Contrast αφ that was learnt; at 1 the amplifier does nothing", columns, rows)
 
 
-def search_table(found: Search) -> Table:
+def _search_table(search: Search) -> Table:
     """Return every candidate and reference, in the order in which a tie is decided."""
-    cells = list(dict.fromkeys((row.scene, row.seed) for row in found.rows))
-    scores = {(row.method, row.scene, row.seed): row for row in found.rows}
-    placed = {one.method: one for one in found.standings}
+    keys = list(dict.fromkeys((row.scene, row.seed) for row in search.rows))
+    by_key = {(row.method, row.scene, row.seed): row.psnr_val for row in search.rows}
+    ranks = {one.method: one for one in search.standings}
     rows: list[list[str | float | None]] = []
-    for method in dict.fromkeys([*placed, *(row.method for row in found.rows)]):
-        mine = [scores[method, scene, seed] for scene, seed in cells if (method, scene, seed) in scores]
-        one = placed.get(method)
-        role = "reference" if one is None else "chosen" if method == found.chosen else "ties" if one.ties else ""
-        rows.append(
-            [
-                method,
-                one.mean if one else mean_of([row.psnr_val for row in mine]),
-                one.behind if one else None,
-                one.standard_error if one else None,
-                role,
-                *(row.psnr_val for row in mine),
-            ]
-        )
+    for method in dict.fromkeys([*ranks, *(row.method for row in search.rows)]):
+        scores = [by_key[method, scene, seed] for scene, seed in keys if (method, scene, seed) in by_key]
+        if rank := ranks.get(method):
+            role = "chosen" if method == search.chosen else "ties" if rank.ties else ""
+            rows.append([method, rank.mean, rank.behind, rank.standard_error, role, *scores])
+        else:
+            rows.append([method, mean_of(scores), None, None, "reference", *scores])
     columns = ["candidate", "mean, dB", "behind the best, dB", "standard error, dB", "role"]
-    columns += [f"{scene}, seed {seed}" for scene, seed in cells]
-    return Table(
-        "repair_search",
-        0,
-        f"The search: PSNR on validation views at equal training time, in {found.clock}",
-        columns,
-        rows,
-    )
+    columns += [f"{scene}, seed {seed}" for scene, seed in keys]
+    title = f"The search: PSNR on validation views at equal training time, in {search.clock}"
+    return Table("repair_search", 0, title, columns, rows)

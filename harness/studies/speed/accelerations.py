@@ -1,11 +1,9 @@
 """Question 11: what each acceleration gains at the reduced profile, and where the time that remains goes."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
-
-import torch
 
 from baselines.contract import NO_ACCELERATION, Accelerations
 from harness.machine.stopwatch import Stopwatch
@@ -16,97 +14,75 @@ from harness.studies.speed.speed_context import (
     SpeedContext,
     batches_of,
     measured,
-    quotients,
+    ratio,
     reduced_plan,
     trained_reduced,
     variant_of,
     views_of,
 )
-from harness.training.batches import Batches, Cameras
+from harness.training.batches import Batch
 from harness.training.evaluate import cameras_of, render_view
+from harness.training.learner import at_step, train
 from harness.training.trainer import Trainer
 
 OPERATORS = 15
 
 
-def variants() -> dict[str, Accelerations]:
-    """Return the accelerations: all, each one left out, and none."""
-    names = [one.name for one in fields(Accelerations)]
-    return {
-        "all": Accelerations(),
-        **{name: Accelerations().without((name,)) for name in names},
-        "none": NO_ACCELERATION,
-    }
-
-
-def measure(situation: SpeedContext) -> Iterator[Check | Table]:
-    """Yield every variant, resumed from the same weights with the same batches, in blocks that hold one update of the
-    grid.
+def measure(context: SpeedContext) -> Iterator[Check | Table]:
+    """Yield all accelerations, all but each one, and none, resumed from the same weights with the same batches, in
+    blocks that hold one update of the grid.
     """
-    views, plan = views_of(situation, "lego"), reduced_plan(situation)
-    batches, cameras = batches_of(views, situation.device), cameras_of(views, views.test, situation.device)
-    base = trained_reduced(situation, view_dependent=False)
-    trainers = {name: variant_of(base, situation, chosen) for name, chosen in variants().items()}
+    views, plan = views_of(context, "lego"), reduced_plan(context)
+    batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
+    cameras = cameras_of(views, views.test, context.device)
+    base = trained_reduced(context, view_dependent=False)
+    names = [one.name for one in fields(Accelerations)]
+    variants = {"all": Accelerations(), **{name: Accelerations().without((name,)) for name in names}}
+    trainers = {name: variant_of(base, context, on) for name, on in {**variants, "none": NO_ACCELERATION}.items()}
     block = plan.train.grid.every
     steps: Seconds = {name: [] for name in trainers}
     shows: Seconds = {name: [] for name in trainers}
-    for repetition in range(-1, situation.repeats(5)):
+    for repetition in range(-1, context.repeats(5)):
         for name, trainer in trainers.items():
-            seconds = block_seconds(trainer, batches, block) / block
-            view = view_seconds(situation, trainer, cameras, plan.score.chunk)
+            began = trainer.clock.seconds
+            train(trainer, batch_at, at_step(trainer.step + block))
+            watch = Stopwatch(context.device)
+            with watch.running():
+                render_view(trainer, cameras, len(cameras) // 2, plan.score.chunk)
             if repetition >= 0:  # the first round warms up
-                steps[name].append(seconds)
-                shows[name].append(view)
-    detail = f"nerf on lego without directions, from step {base.step} on, {situation.threads} threads"
+                steps[name].append((trainer.clock.seconds - began) / block)
+                shows[name].append(watch.seconds)
+    detail = f"nerf on lego without directions, from step {base.step} on, {context.threads} threads"
     for what, taken, words in (("step", steps, "A training step"), ("view", shows, "A rendered view")):
-        for name in trainers:
-            if name == "all":
-                continue
+        for name in [*names, "none"]:
             without = "without any acceleration" if name == "none" else f"without `{name}`"
-            yield measured(
-                f"accelerations.{name}.{what}.ratio",
-                f"{words} {without} against with all",
-                quotients(taken[name], taken["all"]),
-                "×",
-                detail=detail,
-            )
+            title = f"{words} {without} against with all"
+            yield ratio(f"accelerations.{name}.{what}", title, taken[name], taken["all"], detail)
         milliseconds = [1e3 * one for one in taken["all"]]
-        yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail=detail)
-    yield remaining_time(situation, trainers["all"], batches)
+        yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail)
+    yield _remaining_time(context, trainers["all"], batch_at)
 
 
-def block_seconds(trainer: Trainer, batches: Batches, steps: int) -> float:
-    began = trainer.clock.seconds
-    for _ in range(steps):
-        trainer.train_on(*batches.batch(STREAM, trainer.step, trainer.settings.rays))
-    return trainer.clock.seconds - began
-
-
-def view_seconds(situation: SpeedContext, trainer: Trainer, cameras: Cameras, chunk: int) -> float:
-    watch = Stopwatch(situation.device)
-    with watch.running():
-        render_view(trainer, cameras, len(cameras) // 2, chunk)
-    return watch.seconds
-
-
-def remaining_time(situation: SpeedContext, trainer: Trainer, batches: Batches) -> Table:
-    """Return the operators of training steps by their own time."""
+def _remaining_time(context: SpeedContext, trainer: Trainer, batch_at: Callable[[int], Batch]) -> Table:
+    """Return the operators of training steps by their own time, without those that they call."""
     from torch.profiler import ProfilerActivity, profile
 
-    steps = 5 if situation.quick else 50
-    activities = [ProfilerActivity.CPU] + [ProfilerActivity.CUDA] * (situation.device.type == "cuda")
+    steps, on_cuda = 5 if context.quick else 50, context.device.type == "cuda"
+    activities = [ProfilerActivity.CPU] + [ProfilerActivity.CUDA] * on_cuda
     with _profiler_unheard(), profile(activities=activities, acc_events=True) as watched:
-        block_seconds(trainer, batches, steps)
-    rows = [(event.key, own_microseconds(event, situation.device), event.count) for event in watched.key_averages()]
-    total = sum(taken for _, taken, _ in rows)
-    largest = sorted(rows, key=lambda row: -row[1])[:OPERATORS]
-    shown: list[list[str | float | None]] = [
-        [name, 100.0 * taken / total, taken / steps / 1e3, count / steps] for name, taken, count in largest
+        train(trainer, batch_at, at_step(trainer.step + steps))
+    own = "self_device_time_total" if on_cuda else "self_cpu_time_total"
+    taken = [(float(getattr(event, own)), event.key, event.count) for event in watched.key_averages()]
+    total = sum(microseconds for microseconds, _, _ in taken)
+    largest = sorted(taken, key=lambda row: -row[0])[:OPERATORS]
+    rows: list[list[str | float | None]] = [
+        [name, 100.0 * microseconds / total, microseconds / steps / 1e3, count / steps]
+        for microseconds, name, count in largest
     ]
-    rest = total - sum(taken for _, taken, _ in largest)
-    shown.append(["everything else", 100.0 * rest / total, rest / steps / 1e3, None])
+    rest = total - sum(microseconds for microseconds, _, _ in largest)
+    rows.append(["everything else", 100.0 * rest / total, rest / steps / 1e3, None])
     columns = ["operator", "share (%)", "ms a step", "calls a step"]
-    return Table("accelerations.profile", 0, "Where the time of a reduced training step goes", columns, shown)
+    return Table("accelerations.profile", 0, "Where the time of a reduced training step goes", columns, rows)
 
 
 @contextmanager
@@ -123,9 +99,3 @@ def _profiler_unheard() -> Iterator[None]:
         os.dup2(kept, 2)
         os.close(nowhere)
         os.close(kept)
-
-
-def own_microseconds(event: object, device: torch.device) -> float:
-    """Return the time of an operator without those that it calls."""
-    name = "self_device_time_total" if device.type == "cuda" else "self_cpu_time_total"
-    return float(getattr(event, name))

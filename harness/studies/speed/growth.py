@@ -18,7 +18,6 @@ from harness.records.study import Check, Series
 from harness.studies.drawn_views import FOV_X_RADIANS, poses, write_disc
 from harness.studies.speed.speed_context import (
     DENSE,
-    Seconds,
     SpeedContext,
     interleaved,
     measured,
@@ -30,53 +29,44 @@ from harness.studies.speed.throughput import dense_side
 from harness.training.batches import Cameras
 from harness.training.evaluate import render_view
 
-RAYS, SAMPLES, WIDTHS = (128, 256, 512, 1024, 2048), (16, 32, 64, 128), (32, 64, 128, 256, 512)
-RESOLUTIONS = (50, 71, 100, 141, 200)
-SCENES, SEEDS = (1, 2, 4, 8), (1, 2, 4)
+STEPS: tuple[tuple[str, tuple[int, ...], Callable[[TrainSettings, int], TrainSettings], str], ...] = (
+    ("rays", (128, 256, 512, 1024, 2048), lambda base, size: replace(base, rays=size), "rays a step"),
+    ("samples", (16, 32, 64, 128), lambda base, size: replace(base, bins=size, first_bins=size), "samples a ray"),
+    ("width", (32, 64, 128, 256, 512), lambda base, size: replace(base, network=replace(base.network, width=size)),
+     "layer width"),
+)  # fmt: skip
+"""What grows, its sizes, the settings with one of them, and its label."""
+RESOLUTIONS, QUICK_RESOLUTIONS = (50, 71, 100, 141, 200), (8, 12, 16)
+RUNS = {"scenes": (1, 2, 4, 8), "seeds": (1, 2, 4)}
 CELL_STEPS = 400
 
 
-def measure(situation: SpeedContext) -> Iterator[Check | Series]:
-    steps: tuple[tuple[str, tuple[int, ...], Callable[[TrainSettings, int], TrainSettings], str], ...] = (
-        ("rays", RAYS, lambda base, size: replace(base, rays=size), "rays a step"),
-        ("samples", SAMPLES, lambda base, size: replace(base, bins=size, first_bins=size), "samples a ray"),
-        ("width", WIDTHS, lambda base, size: replace(base, network=replace(base.network, width=size)), "layer width"),
-    )
-    for name, sizes, settings_at, label in steps:
-        chosen = sizes[:3] if situation.quick else sizes
-        sides = {size: _step(situation, settings_at(dense_reduced(situation), size)) for size in chosen}
-        yield from _reported(situation, name, label, "s a training step", _timed(situation, sides))
-    trainer = trained_reduced(situation)
-    chunk = reduced_plan(situation).score.chunk
+def measure(context: SpeedContext) -> Iterator[Check | Series]:
+    # every sample is evaluated, so that work is exactly proportional to samples
+    train = reduced_plan(context).train
+    dense = replace(train, first_bins=train.bins, grid=GridSettings(cells=0), accelerations=DENSE)
+    for name, sizes, settings_at, label in STEPS:
+        sides: dict[int, Callable[[], object]] = {}
+        for size in sizes[:3] if context.quick else sizes:
+            settings = settings_at(dense, size)
+            sides[size] = dense_side(context, settings, synthetic_batch(context, settings.rays))
+        yield from _reported(context, name, label, "s a training step", _timed(context, sides))
+    trainer = trained_reduced(context)
     views: dict[int, Callable[[], object]] = {}
-    for size in (8, 12, 16) if situation.quick else RESOLUTIONS:
+    for size in QUICK_RESOLUTIONS if context.quick else RESOLUTIONS:
         focal = 0.5 * size / math.tan(0.5 * FOV_X_RADIANS)
-        cameras = Cameras.of(poses(3, 0.5), size, size, focal, 2.0, 6.0).to(situation.device)
-        views[size] = partial(render_view, trainer, cameras, 1, chunk)
-    yield from _reported(situation, "resolution", "width of a view (px)", "s a view", _timed(situation, views))
-    if situation.device.type == "cpu":
-        runs = (("seeds", SEEDS[:2]),) if situation.quick else (("scenes", SCENES), ("seeds", SEEDS))
-        for name, counts in runs:
-            wall = {count: [run_seconds(situation, name, count)] for count in counts}
-            yield from _reported(situation, name, f"{name} of a run", "wall seconds of a run", wall)
+        cameras = Cameras.of(poses(3, 0.5), size, size, focal, 2.0, 6.0).to(context.device)
+        views[size] = partial(render_view, trainer, cameras, 1, reduced_plan(context).score.chunk)
+    yield from _reported(context, "resolution", "width of a view (px)", "s a view", _timed(context, views))
+    if context.device.type == "cpu":
+        for name, counts in {"seeds": RUNS["seeds"][:2]}.items() if context.quick else RUNS.items():
+            wall = {count: [run_seconds(context, name, count)] for count in counts}
+            yield from _reported(context, name, f"{name} of a run", "wall seconds of a run", wall)
 
 
-def dense_reduced(situation: SpeedContext) -> TrainSettings:
-    """Return the reduced profile's step with every sample evaluated, so that work is exactly proportional to
-    samples.
-    """
-    settings = reduced_plan(situation).train
-    return replace(settings, first_bins=settings.bins, grid=GridSettings(cells=0), accelerations=DENSE)
-
-
-def _step(situation: SpeedContext, settings: TrainSettings) -> Callable[[], object]:
-    return dense_side(situation, settings, synthetic_batch(situation, settings.rays))
-
-
-def _timed(situation: SpeedContext, sides: dict[int, Callable[[], object]]) -> dict[int, list[float]]:
+def _timed(context: SpeedContext, sides: dict[int, Callable[[], object]]) -> dict[int, list[float]]:
     named = {str(size): side for size, side in sides.items()}
-    least = 0.0 if situation.quick else 0.1
-    seconds: Seconds = interleaved(named, situation.repeats(5), situation.synchronise, least)
+    seconds = interleaved(named, context.repeats(5), context.synchronise, 0.0 if context.quick else 0.1)
     return {size: seconds[str(size)] for size in sides}
 
 
@@ -88,43 +78,27 @@ def exponent(x: list[float], y: list[float]) -> tuple[float, float, float]:
 
 
 def _reported(
-    situation: SpeedContext, name: str, x_label: str, y_label: str, seconds: dict[int, list[float]]
+    context: SpeedContext, name: str, x_label: str, y_label: str, seconds: dict[int, list[float]]
 ) -> Iterator[Check | Series]:
     x = [float(size) for size in seconds]
-    y = [statistics.median(values) for values in seconds.values()]
-    yield Series(
-        panel=f"Seconds against {name}",
-        item=0,
-        name=y_label,
-        x_label=x_label,
-        y_label=y_label,
-        x=x,
-        y=y,
-        low=[min(values) for values in seconds.values()],
-        high=[max(values) for values in seconds.values()],
-    )
-    slope, low, high = exponent(x, y)
-    fitted = measured(
-        f"growth.{name}.exponent",
-        f"Growth of {y_label} with {x_label}",
-        [slope],
-        "exponent",
-        detail=f"fitted to {x[0]:g} … {x[-1]:g}, range between neighbours; {situation.threads} threads",
-    )
-    yield structs.replace(fitted, spread=(low, high), repeats=len(x) - 1)
+    y, low, high = ([pick(values) for values in seconds.values()] for pick in (statistics.median, min, max))
+    yield Series(f"Seconds against {name}", 0, y_label, x_label, y_label, x, y, low, high)
+    slope, least, most = exponent(x, y)
+    detail = f"fitted to {x[0]:g} … {x[-1]:g}, range between neighbours; {context.threads} threads"
+    fitted = measured(f"growth.{name}.exponent", f"Growth of {y_label} with {x_label}", [slope], "exponent", detail)
+    yield structs.replace(fitted, spread=(least, most), repeats=len(x) - 1)
 
 
-def run_seconds(situation: SpeedContext, what: str, count: int) -> float:
+def run_seconds(context: SpeedContext, what: str, count: int) -> float:
     """Return wall seconds of `count` scenes or seeds of small cells through the local executor, workers' start
     included.
     """
-    plan = reduced_plan(situation)
-    size, train, test = (16, 4, 2) if situation.quick else (50, 20, 3)
-    views = situation.scratch / "growth-views"
+    plan = reduced_plan(context)
+    size, train, test = (16, 4, 2) if context.quick else (50, 20, 3)
+    views = context.scratch / "growth-views"
     if not views.exists():
         write_disc(views, size, train, test, seed=0)
-    steps = 8 if situation.quick else CELL_STEPS
-    out = situation.scratch / f"growth-{what}-{count}"
+    out = context.scratch / f"growth-{what}-{count}"
     out.mkdir()
     tasks = [
         GroupTask(
@@ -135,7 +109,7 @@ def run_seconds(situation: SpeedContext, what: str, count: int) -> float:
             views=replace(plan.views, resolution=size, train=train, val=0, test=test),
             train=plan.train,
             score=replace(plan.score, checkpoints=1),
-            budget=Budget(steps, None),
+            budget=Budget(8 if context.quick else CELL_STEPS, None),
             device="cpu",
             threads=1,
             out=out,
@@ -143,9 +117,7 @@ def run_seconds(situation: SpeedContext, what: str, count: int) -> float:
         for index in range(count)
     ]
     began = time.perf_counter()
-    failed = [
-        event.cell for event in run_locally(tasks, situation.threads) if event.cell and event.cell.status == "error"
-    ]
-    if failed:
-        raise RuntimeError(f"a cell failed: {failed[0].reason}")
+    for event in run_locally(tasks, context.threads):
+        if event.cell and event.cell.status == "error":
+            raise RuntimeError(f"a cell failed: {event.cell.reason}")
     return time.perf_counter() - began

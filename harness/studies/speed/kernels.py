@@ -2,16 +2,13 @@
 implementation.
 """
 
-import json
-import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -20,7 +17,9 @@ from baselines.contract import NO_ACCELERATION
 from baselines.numerics.encoding import PHI, encode, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import Rule as QuadratureRule
 from baselines.numerics.quadrature import listing4, midpoint
+from harness.plan.settings import ViewSettings
 from harness.records.study import Check
+from harness.studies.renderer import printed_rows
 from harness.studies.speed.speed_context import (
     SpeedContext,
     interleaved,
@@ -28,7 +27,7 @@ from harness.studies.speed.speed_context import (
     new_trainer,
     not_measured,
     paper_settings,
-    quotients,
+    ratio,
     reduced_plan,
     trained_reduced,
     variant_of,
@@ -43,56 +42,35 @@ POINTS = 65536
 """The points of a step of the paper."""
 
 
-def encodings(situation: SpeedContext) -> Iterator[Check]:
-    points = 512 if situation.quick else POINTS
+def encodings(context: SpeedContext) -> Iterator[Check]:
+    points = 512 if context.quick else POINTS
     x = 2.0 * torch.rand(points, 3, generator=torch.Generator().manual_seed(0)) - 1.0
-    x = x.to(situation.device)
-    for name, base in (("phi", PHI), ("base2", 2.0)):
+    x = x.to(context.device)
+    for name, symbol, base in (("phi", "φ^k", PHI), ("base2", "2^k", 2.0)):
         for bands in (10, 4):
-            yield from _compare(situation, name, base, bands, x)
+            low = 3.0 if (name, bands) == ("phi", 10) and context.device.type == "cpu" else None
+            yield from _encoding(context, f"encoding.{name}.{bands}", f"{symbol}, L = {bands}", base, bands, x, low)
 
 
-def _compare(situation: SpeedContext, name: str, base: float, bands: int, x: Tensor) -> Iterator[Check]:
+def _encoding(
+    context: SpeedContext, id: str, what: str, base: float, bands: int, x: Tensor, low: float | None
+) -> Iterator[Check]:
     ladder = frequency_ladder(base, bands).to(x.device)
-    seconds = interleaved(
-        {
-            "direct": lambda: fourier_features(x, ladder),
-            "sines": lambda: encode(x, base, bands, recurrence=False),
-            "recurrence": lambda: encode(x, base, bands, recurrence=True),
-        },
-        situation.repeats(9),
-        situation.synchronise,
-        0.01 if situation.quick else 0.1,
-    )
-    symbol = "φ^k" if name == "phi" else "2^k"
-    id, what = f"encoding.{name}.{bands}", f"{symbol}, L = {bands}"
-    detail = f"{len(x)} points of 3 axes, float32, {situation.threads} threads"
-    yield measured(
-        f"{id}.ratio",
-        f"Encoding {what}, recurrence against direct sines and cosines",
-        quotients(seconds["direct"], seconds["recurrence"]),
-        "×",
-        target=3.0 if (name, bands) == ("phi", 10) and situation.device.type == "cpu" else None,
-        detail=detail,
-    )
-    yield measured(
-        f"{id}.sines.ratio",
-        f"Encoding {what}, `encode` without recurrence against direct",
-        quotients(seconds["direct"], seconds["sines"]),
-        "×",
-        detail=detail,
-    )
-    for side, features in (
-        ("direct", fourier_features(x, ladder)),
-        ("recurrence", encode(x, base, bands, recurrence=True)),
-    ):
-        yield measured(
-            f"{id}.{side}.error",
-            f"Largest error of {what} against float64, {side}",
-            [largest_error(features, x, base, bands)],
-            "",
-            detail=f"{len(x)} random points in [−1, 1]³",
-        )
+    sides = {
+        "direct": partial(fourier_features, x, ladder),
+        "sines": partial(encode, x, base, bands, recurrence=False),
+        "recurrence": partial(encode, x, base, bands, recurrence=True),
+    }
+    seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
+    detail = f"{len(x)} points of 3 axes, float32, {context.threads} threads"
+    title = f"Encoding {what}, recurrence against direct sines and cosines"
+    yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
+    title = f"Encoding {what}, `encode` without recurrence against direct"
+    yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
+    for side in ("direct", "recurrence"):
+        error = largest_error(sides[side](), x, base, bands)
+        title = f"Largest error of {what} against float64, {side}"
+        yield measured(f"{id}.{side}.error", title, [error], "", f"{len(x)} random points in [−1, 1]³")
 
 
 def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float:
@@ -103,9 +81,7 @@ def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float
 
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
 """Densities, points and fenceposts → weights and the remaining transmittance."""
-
-
-SIZE = (4096, 192)
+SIZE, QUICK_SIZE = (4096, 192), (64, 16)
 """Rays, and bins of each."""
 
 
@@ -126,207 +102,128 @@ def by_product(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tenso
     return alpha * through[:, :-1], through[:, -1]
 
 
-def unchecked(rule: QuadratureRule) -> Rule:
+def _unchecked(rule: QuadratureRule) -> Rule:
     """Return the rule as the renderer uses it, which makes its own fenceposts."""
     return lambda sigma, t, t_edges: rule.weights(sigma, rule.lengths(t, t_edges))
 
 
 RULES: dict[str, tuple[str, Rule]] = {
-    "midpoint": ("closed-form gradient", unchecked(midpoint)),
+    "midpoint": ("closed-form gradient", _unchecked(midpoint)),
     "autograd": ("the same rule by autograd", by_autograd),
     "product": ("running product by autograd", by_product),
-    "listing4": ("Listing 4 of the paper", unchecked(listing4)),
+    "listing4": ("Listing 4 of the paper", _unchecked(listing4)),
 }
 
 
-def quadrature(situation: SpeedContext) -> Iterator[Check]:
-    rays, bins = (64, 16) if situation.quick else SIZE
+def quadrature(context: SpeedContext) -> Iterator[Check]:
+    rays, bins = QUICK_SIZE if context.quick else SIZE
     generator = torch.Generator().manual_seed(0)
     t_edges = torch.linspace(2.0, 6.0, bins + 1).expand(rays, -1).contiguous()
     t = 0.5 * (t_edges[:, 1:] + t_edges[:, :-1])
     sigma = torch.rand(rays, bins, generator=generator) ** 8 * 50.0  # mostly empty, some solid
     gradients = torch.randn(rays, bins, generator=generator), torch.randn(rays, generator=generator)
-    t_edges, t, sigma, *upstream = (one.to(situation.device) for one in (t_edges, t, sigma, *gradients))
+    t_edges, t, sigma, *upstream = (one.to(context.device) for one in (t_edges, t, sigma, *gradients))
     sigma.requires_grad_()
 
-    def side(rule: Rule) -> Callable[[], object]:
-        def forward_and_backward() -> Tensor:
-            w, T_end = rule(sigma, t, t_edges)
-            (gradient,) = torch.autograd.grad((w * upstream[0]).sum() + (T_end * upstream[1]).sum(), sigma)
-            return gradient
+    def forward_and_backward(rule: Rule) -> Tensor:
+        w, T_end = rule(sigma, t, t_edges)
+        (gradient,) = torch.autograd.grad((w * upstream[0]).sum() + (T_end * upstream[1]).sum(), sigma)
+        return gradient
 
-        return forward_and_backward
-
-    seconds = interleaved(
-        {name: side(rule) for name, (_, rule) in RULES.items()},
-        situation.repeats(9),
-        situation.synchronise,
-        0.01 if situation.quick else 0.1,
-    )
-    detail = f"{rays} rays × {bins} bins, float32, forward and backward, {situation.threads} threads"
-    for name, (title, _) in RULES.items():
-        if name != "midpoint":
-            yield measured(
-                f"quadrature.{name}.ratio",
-                f"Quadrature with closed-form gradient against {title}",
-                quotients(seconds[name], seconds["midpoint"]),
-                "×",
-                detail=detail,
-            )
-    milliseconds = [1e3 * one for one in seconds["midpoint"]]
-    yield measured(
-        "quadrature.midpoint.milliseconds", "Quadrature with closed-form gradient", milliseconds, "ms", detail=detail
-    )
+    sides = {name: partial(forward_and_backward, rule) for name, (_, rule) in RULES.items()}
+    seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
+    detail = f"{rays} rays × {bins} bins, float32, forward and backward, {context.threads} threads"
+    ours, *others = RULES
+    for name in others:
+        title = f"Quadrature with closed-form gradient against {RULES[name][0]}"
+        yield ratio(f"quadrature.{name}", title, seconds[name], seconds[ours], detail)
+    milliseconds = [1e3 * one for one in seconds[ours]]
+    title = "Quadrature with closed-form gradient"
+    yield measured("quadrature.midpoint.milliseconds", title, milliseconds, "ms", detail)
 
 
-def rendering(situation: SpeedContext) -> Iterator[Check]:
+def rendering(context: SpeedContext) -> Iterator[Check]:
     """Yield the same weights, with and without accelerations; and the paper's network, every sample evaluated."""
-    views = views_of(situation, "lego")
-    cameras = cameras_of(views, views.test, situation.device)
+    views, plan, paper = views_of(context, "lego"), reduced_plan(context), paper_settings(context)
+    cameras = cameras_of(views, views.test, context.device)
     # with directions on both sides, as a field without them is another one
-    fast = trained_reduced(situation, view_dependent=True)
-    slow = variant_of(fast, situation, NO_ACCELERATION)
-    paper = paper_settings(situation)
-    dense = new_trainer(situation, paper, box_of(views, situation.device), view_dependent=True)
-    plain = new_trainer(
-        situation,
-        replace(paper, precision="float32", accelerations=NO_ACCELERATION),
-        box_of(views, situation.device),
-        view_dependent=True,
-    )
-    plan = reduced_plan(situation)
+    on = trained_reduced(context, view_dependent=True)
+    off = variant_of(on, context, NO_ACCELERATION)
     chunk = plan.score.chunk
-    view = len(cameras) // 2
-    pixels = f"{cameras.width} × {cameras.height}"
+    show = partial(render_view, cameras=cameras, view=len(cameras) // 2, chunk=chunk)
     seconds = interleaved(
-        {name: partial(render_view, one, cameras, view, chunk) for name, one in (("on", fast), ("off", slow))},
-        situation.repeats(7),
-        situation.synchronise,
-        0.1,
+        {"on": partial(show, on), "off": partial(show, off)}, context.repeats(7), context.synchronise, 0.1
     )
-    settings = f"reduced settings after {fast.step} steps, {plan.train.precision} on both sides, chunks of {chunk} rays"
-    yield measured(
-        "rendering.reduced.ratio",
-        f"A view of {pixels}, accelerations on against off",
-        quotients(seconds["off"], seconds["on"]),
-        "×",
-        detail=settings,
-    )
-    for name, title in (("on", "all accelerations"), ("off", "none")):
-        yield measured(
-            f"rendering.reduced.{name}.seconds", f"A view of {pixels}, {title}", seconds[name], "s", detail=settings
-        )
-    whole = interleaved(
-        {name: partial(render_view, one, cameras, view, chunk) for name, one in (("on", dense), ("off", plain))},
-        situation.repeats(3),
-        situation.synchronise,
-    )
-    words = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples a ray, every one evaluated"
-    yield measured(
-        "rendering.paper.ratio",
-        f"A view of {pixels}, paper's network, {paper.precision} against float32 without accelerations",
-        quotients(whole["off"], whole["on"]),
-        "×",
-        detail=words,
-    )
-    yield measured("rendering.paper.seconds", f"A view of {pixels}, paper's network", whole["on"], "s", detail=words)
+    a_view = f"A view of {cameras.width} × {cameras.height}"
+    detail = f"reduced settings after {on.step} steps, {plan.train.precision} on both sides, chunks of {chunk} rays"
+    title = f"{a_view}, accelerations on against off"
+    yield ratio("rendering.reduced", title, seconds["off"], seconds["on"], detail)
+    for name, words in (("on", "all accelerations"), ("off", "none")):
+        yield measured(f"rendering.reduced.{name}.seconds", f"{a_view}, {words}", seconds[name], "s", detail)
+    box = box_of(views, context.device)
+    on = new_trainer(context, paper, box)
+    off = new_trainer(context, replace(paper, precision="float32", accelerations=NO_ACCELERATION), box)
+    seconds = interleaved({"on": partial(show, on), "off": partial(show, off)}, context.repeats(3), context.synchronise)
+    detail = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples a ray, every one evaluated"
+    title = f"{a_view}, paper's network, {paper.precision} against float32 without accelerations"
+    yield ratio("rendering.paper", title, seconds["off"], seconds["on"], detail)
+    yield measured("rendering.paper.seconds", f"{a_view}, paper's network", seconds["on"], "s", detail)
 
 
 SCENES = ("lego", "hotdog")
 REFERENCE = "scalar_rgb"
 
 
-@dataclass(frozen=True)
-class Order:
-    """The views to render: a few training views."""
-
-    resolution: int
-    views: int
-    spp: int
-
-    @property
-    def megasamples_a_view(self) -> float:
-        return self.resolution**2 * self.spp / 1e6
-
-
-def ground_truth(situation: SpeedContext) -> Iterator[Check]:
+def ground_truth(context: SpeedContext) -> Iterator[Check]:
     """Yield seconds per megasample in the steady state: without the first view of each process, which loads and
     compiles.
     """
-    order = Order(16, 3, 4) if situation.quick else Order(100, 7, 64)
-    scenes = SCENES[:1] if situation.quick else SCENES
+    resolution, count, spp = (16, 3, 4) if context.quick else (100, 7, 64)
+    views = ViewSettings(resolution, train=count, val=0, test=0, spp_train=spp, spp_test=spp)
     usable: list[Variant] = []
     for name in VARIANTS:
         try:
             usable.append(choose_variant(name))
         except InputError as refusal:
             yield not_measured(f"render.{name}.seconds", f"Ground truth, {name}", "s/megasample", str(refusal))
-    repeats = 1 if situation.quick else 3
-    for scene in scenes:
+    detail = f"{count} views of {resolution} px, {spp} samples a pixel, geometry included"
+    for scene in SCENES[:1] if context.quick else SCENES:
         taken: dict[str, list[float]] = {variant.name: [] for variant in usable}
-        for repetition in range(repeats):
+        for repetition in range(1 if context.quick else 3):
             for variant in usable:
-                cache = situation.scratch / f"rendered-{scene}-{variant.name}-{repetition}"
-                steady = seconds_a_view(scene, order, variant, cache)
-                taken[variant.name].append(steady / order.megasamples_a_view)
+                cache = context.scratch / f"rendered-{scene}-{variant.name}-{repetition}"
+                taken[variant.name].append(seconds_a_view(scene, views, variant, cache) / (resolution**2 * spp / 1e6))
                 shutil.rmtree(cache, ignore_errors=True)
-        detail = f"{order.views} views of {order.resolution} px, {order.spp} samples a pixel, geometry included"
-        for variant in usable:
-            yield measured(
-                f"render.{scene}.{variant.name}.seconds",
-                f"Ground truth of {scene}, {variant.name}",
-                taken[variant.name],
-                "s/megasample",
-                detail=detail,
-            )
-            if variant.name != REFERENCE:
-                yield measured(
-                    f"render.{scene}.{variant.name}.ratio",
-                    f"Ground truth of {scene}, {variant.name} against {REFERENCE}",
-                    quotients(taken[REFERENCE], taken[variant.name]),
-                    "×",
-                    detail=detail,
-                )
+        for name, seconds in taken.items():
+            id, title = f"render.{scene}.{name}", f"Ground truth of {scene}, {name}"
+            yield measured(f"{id}.seconds", title, seconds, "s/megasample", detail)
+            if name != REFERENCE:
+                yield ratio(id, f"{title} against {REFERENCE}", taken[REFERENCE], seconds, detail)
 
 
-def seconds_a_view(scene: str, order: Order, variant: Variant, cache: Path) -> float:
+def seconds_a_view(scene: str, views: ViewSettings, variant: Variant, cache: Path) -> float:
     """Return the mean seconds of the views after the first, as the renderer reports them on its way.
 
     Raises `RuntimeError` with its error output if it fails.
     """
     options = {
-        "resolution": order.resolution,
-        "train": order.views,
-        "val": 0,
-        "test": 0,
-        "spp-train": order.spp,
-        "spp-test": order.spp,
+        "resolution": views.resolution,
+        "train": views.train,
+        "val": views.val,
+        "test": views.test,
+        "spp-train": views.spp_train,
+        "spp-test": views.spp_test,
         "variant": variant.name,
         "view-sets": cache,
     }
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "scenes", "render", scene, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, **variant.environment()},
-    )
-    assert process.stdout is not None
-    assert process.stderr is not None
     moments: list[float] = []
-    try:
-        for line in process.stdout:
-            if json.loads(line).get("done"):
-                moments.append(time.perf_counter())
-        said = process.stderr.read()
-        code = process.wait()
-    finally:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
-        process.stdout.close()
-        process.stderr.close()
+
+    def on_row(row: dict[str, Any]) -> None:
+        if row.get("done"):
+            moments.append(time.perf_counter())
+
+    code, complaints = printed_rows(["render", scene, *words], on_row, variant.environment())
     if code or len(moments) < 2:
-        raise RuntimeError(f"rendering {scene} with {variant.name} ended with {code}: {said.strip()[-500:]}")
+        raise RuntimeError(f"rendering {scene} with {variant.name} ended with {code}: {complaints[-500:]}")
     return (moments[-1] - moments[0]) / (len(moments) - 1)

@@ -27,21 +27,20 @@ class Request:
     steps: int
     quick: bool
     device: str
-    threads: int
 
 
-class Watch:
+class OwnPages:
     """Samples this process's own pages until it is told to stop."""
 
     def __init__(self) -> None:
-        self.anonymous = 0
+        self.peak = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
 
     def _look(self) -> None:
         while not self._ended.is_set():
-            self.anonymous = max(self.anonymous, memory_of(read_status()).get("RssAnon", 0))
+            self.peak = max(self.peak, memory_of(_status()).get("RssAnon", 0))
             time.sleep(LOOK_SECONDS)
 
     def stop(self) -> None:
@@ -49,34 +48,27 @@ class Watch:
         self._thread.join()
 
 
-def read_status() -> str:
+def _status() -> str:
     """Return the status file; empty if the system has none."""
     return STATUS.read_text(encoding="utf-8") if STATUS.exists() else ""
 
 
 def memory_of(status: str) -> dict[str, int]:
     """Return bytes by name from `/proc/self/status`: VmHWM (the peak), RssAnon, …"""
-    found = {}
-    for line in status.splitlines():
-        name, _, value = line.partition(":")
-        if value.strip().endswith("kB"):
-            found[name] = 1024 * int(value.split()[0])
-    return found
+    rows = (line.partition(":") for line in status.splitlines())
+    return {name: 1024 * int(value.split()[0]) for name, _, value in rows if value.strip().endswith("kB")}
 
 
 def peak_bytes() -> int:
     """Return the peak of all pages so far; macOS counts bytes, Linux, if the file is missing, kibibytes."""
-    known = memory_of(read_status()).get("VmHWM")
-    if known is not None:
-        return known
     unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return memory_of(_status()).get("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def main(arguments: list[str]) -> None:
     given = json.loads(arguments[0])
     request = Request(**{**given, "methods": tuple(given["methods"])})
-    watch = Watch()
+    own_pages = OwnPages()
 
     import torch
 
@@ -100,35 +92,23 @@ def main(arguments: list[str]) -> None:
         score=replace(plan.score, checkpoints=1),
         budget=Budget(request.steps, None),
         device=request.device,
-        threads=request.threads,
+        threads=1,
         out=Path(arguments[1]),
     )
-    training = (0, 0)
-    failed: list[str] = []
+    peaks = {"training": 0, "training_own": 0}
 
     def on_progress(share: float) -> None:
-        nonlocal training
         if share < 1.0:
-            training = (peak_bytes(), watch.anonymous)
+            peaks.update(training=peak_bytes(), training_own=own_pages.peak)
 
     def on_cell(cell: CellRecord) -> None:
         if cell.status != "done":
-            failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
+            raise SystemExit(f"{cell.method}: {cell.status}, {cell.reason}")
 
     run_group(task, on_progress, on_cell)
-    watch.stop()
-    if failed:
-        raise SystemExit("; ".join(failed))
-    print(  # noqa: T201
-        json.dumps(
-            {
-                "training": training[0],
-                "training_anonymous": training[1],
-                "whole": peak_bytes(),
-                "whole_anonymous": watch.anonymous,
-            }
-        )
-    )
+    own_pages.stop()
+    peaks.update(complete=peak_bytes(), complete_own=own_pages.peak)
+    print(json.dumps(peaks))  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -8,25 +8,24 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
-from typing import Literal
 
 import torch
 from torch import Tensor
 
 from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
 from harness.execution.ground_truth import read_views
-from harness.execution.progress import Progress
 from harness.execution.run import view_set_folders
 from harness.machine.device import has_amx, multiplies_bfloat16
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings, ViewSettings
-from harness.records.study import Check, check, limits
+from harness.records.study import Check, check
 from harness.studies.drawn_views import write_disc
-from harness.training.batches import Batches
+from harness.studies.framework import StudyContext
+from harness.training.batches import Batch, Batches
 from harness.training.evaluate import cameras_of
+from harness.training.learner import at_step, train
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
@@ -34,23 +33,18 @@ from scenes.view_sets.view_set import ViewSet
 SCENES = ("lego", "hotdog", "drums")
 DENSE = replace(Accelerations(), grid=False, clipping=False)
 """Every acceleration that leaves all samples of every ray in place."""
+STREAM = "speed/0"
+"""The name that seeds every batch and every first weight: all sides of a comparison see the same."""
 
 
 @dataclass(frozen=True)
-class SpeedContext:
+class SpeedContext(StudyContext):
     """One run of the benchmark."""
 
     device: torch.device
     threads: int
     """The number of threads, all cores: both sides of every comparison get them, unless the question is about them."""
-    quick: bool
-    """Whether to use sizes at which nothing means anything, to try the benchmark itself."""
     plain_seconds: float
-    view_sets: Path
-    """The cache of rendered view sets."""
-    scratch: Path
-    """A folder of ours for temporary files."""
-    show: Progress
 
     @property
     def synchronise(self) -> Callable[[], object]:
@@ -67,7 +61,7 @@ class SpeedContext:
         return self.device.type == "cpu" and has_amx() and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
-        """Return the target; None on a GPU, for which the issue sets no such target."""
+        """Return the target; None on a GPU, for which none is set."""
         if self.device.type != "cpu":
             return None
         return with_matrix_units if self.matrix_units else without
@@ -76,26 +70,26 @@ class SpeedContext:
         return 2 if self.quick else usual
 
 
-def paper_settings(situation: SpeedContext, precision: Precision | None = None) -> TrainSettings:
+def paper_settings(context: SpeedContext, precision: Precision | None = None) -> TrainSettings:
     """Return 8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, every one evaluated."""
     usual = TrainSettings(
         fine_bins=0,
         first_bins=64,
         clip_norm=1e9,  # the plain step has no clipping
         clip_ratio=1e9,
-        precision=precision or situation.precision,
+        precision=precision or context.precision,
         grid=GridSettings(cells=0),
         accelerations=DENSE,
     )
-    if not situation.quick:
+    if not context.quick:
         return usual
     return replace(usual, network=NetworkSize(8, 32, 2, 16, 10, 4), rays=64, bins=8, first_bins=8)
 
 
-def reduced_plan(situation: SpeedContext, scene: str = "lego") -> Plan:
+def reduced_plan(context: SpeedContext, scene: str = "lego") -> Plan:
     """Return the profile `reduced` on one scene, in the precision that a run would have here."""
-    plan = planned("reduced", scenes=[scene], methods=["nerf"], seeds=1, precision=situation.precision)
-    if not situation.quick:
+    plan = planned("reduced", scenes=[scene], methods=["nerf"], seeds=1, precision=context.precision)
+    if not context.quick:
         return plan
     small = replace(
         plan.train,
@@ -114,28 +108,27 @@ def batches_of(views: ViewSet, device: torch.device) -> Batches:
 
 
 @cache
-def views_of(situation: SpeedContext, scene: str) -> ViewSet:
+def views_of(context: SpeedContext, scene: str) -> ViewSet:
     """Return the view set that the reduced profile trains on, rendered if it is not in the cache; a drawn one with
     `quick`.
     """
-    plan = reduced_plan(situation, scene)
-    views = plan.views
-    if situation.quick:
-        folder = situation.scratch / f"{scene}-drawn"
-        write_disc(folder, views.resolution, views.train, views.test, seed=SCENES.index(scene))
+    plan = reduced_plan(context, scene)
+    if context.quick:
+        folder = context.scratch / f"{scene}-drawn"
+        write_disc(folder, plan.views.resolution, plan.views.train, plan.views.test, seed=SCENES.index(scene))
     else:
-        folder = view_set_folders(plan, situation.view_sets, situation.show)[scene]
-    return read_views(folder, views, situation.scratch)
+        folder = view_set_folders(plan, context.view_sets, context.show)[scene]
+    return read_views(folder, plan.views, context.scratch)
 
 
-def synthetic_batch(situation: SpeedContext, count: int) -> tuple[Rays, Tensor]:
+def synthetic_batch(context: SpeedContext, count: int) -> Batch:
     """Return `count` rays from all sides through the middle of the box ±1, near 2 and far 6, and a colour for each."""
     generator = generator_for("speed", "rays")
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = torch.rand(count, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     colours = torch.rand(count, 3, generator=generator)
-    return Rays(origins.to(situation.device), directions.to(situation.device), 2.0, 6.0), colours.to(situation.device)
+    return Rays(origins.to(context.device), directions.to(context.device), 2.0, 6.0), colours.to(context.device)
 
 
 def unit_box(device: torch.device) -> Box:
@@ -159,34 +152,27 @@ def interleaved(
     A side that is faster than `least_seconds` is executed as often as fills them, and the mean of these counts.
     `before` prepares a side, off the clock.
     """
-    prepared = before or {}
+
+    def timed(name: str, calls: int) -> float:
+        synchronise()
+        began = clock()
+        for _ in range(calls):
+            sides[name]()
+        synchronise()
+        return (clock() - began) / calls
+
+    prepare = before or {name: lambda: None for name in sides}
     calls: dict[str, int] = {}
     for name, side in sides.items():
-        prepared.get(name, _nothing)()
+        prepare[name]()
         side()  # allocations, choices of kernels, caches
-        once = _seconds(side, 1, synchronise, clock)
-        calls[name] = max(1, round(least_seconds / max(once, 1e-9)))
+        calls[name] = max(1, round(least_seconds / max(timed(name, 1), 1e-9)))
     taken: Seconds = {name: [] for name in sides}
     for _ in range(repeats):
-        for name, side in sides.items():
-            prepared.get(name, _nothing)()
-            taken[name].append(_seconds(side, calls[name], synchronise, clock) / calls[name])
+        for name in sides:
+            prepare[name]()
+            taken[name].append(timed(name, calls[name]))
     return taken
-
-
-def _nothing() -> None:
-    pass
-
-
-def _seconds(
-    side: Callable[[], object], calls: int, synchronise: Callable[[], object], clock: Callable[[], float]
-) -> float:
-    synchronise()
-    began = clock()
-    for _ in range(calls):
-        side()
-    synchronise()
-    return clock() - began
 
 
 def quotients(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
@@ -199,70 +185,67 @@ def measured(
     title: str,
     values: Sequence[float],
     unit: str,
-    *,
-    target: float | None = None,
-    sense: Literal["at_least", "at_most"] = "at_least",
     detail: str = "",
+    *,
+    low: float | None = None,
+    high: float | None = None,
 ) -> Check:
     """Return the median, smallest and largest of at least one repetition, against a target of this kind of machine."""
+    ends = min(values), max(values)
     return check(
         title,
         statistics.median(values),
-        *((None, None) if target is None else limits(target, sense)),
-        unit=unit,
-        why=detail,
+        low,
+        high,
+        unit,
+        detail,
         owner="machine",
-        spread=(min(values), max(values)),
+        spread=ends,
         repeats=len(values),
         id=id,
     )
 
 
-def not_measured(id: str, title: str, unit: str, why: str, *, target: float | None = None, repeats: int = 0) -> Check:
+def ratio(
+    id: str, title: str, slow: Sequence[float], fast: Sequence[float], detail: str = "", low: float | None = None
+) -> Check:
+    """Return how many times faster `fast` is."""
+    return measured(f"{id}.ratio", title, quotients(slow, fast), "×", detail, low=low)
+
+
+def not_measured(id: str, title: str, unit: str, why: str, *, low: float | None = None, repeats: int = 0) -> Check:
     """Return a check without a figure, and why it has none."""
-    return check(title, None, target, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
-
-
-STREAM = "speed/0"
-"""The name that seeds every batch and every first weight: all sides of a comparison see the same."""
+    return check(title, None, low, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
 
 
 def new_trainer(
-    situation: SpeedContext,
+    context: SpeedContext,
     settings: TrainSettings,
     box: Box,
-    view_dependent: bool,
+    view_dependent: bool = True,
     budget: Budget | None = None,
 ) -> Trainer:
-    """Return vanilla NeRF. Without the acceleration `directions` every scene has a direction branch; without a budget
-    the learning rate stays as it is.
-    """
-    directed = view_dependent or not settings.accelerations.directions
-    return Trainer("nerf", box, settings, budget or Budget(None, None), STREAM, situation.device, directed)
+    """Return vanilla NeRF. Without a budget the learning rate stays as it is."""
+    return Trainer("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent)
 
 
-def trained_reduced(situation: SpeedContext, view_dependent: bool | None = None, steps: int | None = None) -> Trainer:
+def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -> Trainer:
     """Return the reduced profile's NeRF on lego, trained far enough that empty space is skipped."""
-    plan = reduced_plan(situation)
-    views = views_of(situation, "lego")
+    plan, views = reduced_plan(context), views_of(context, "lego")
     directed = needs_view_direction(views) if view_dependent is None else view_dependent
-    trainer = new_trainer(situation, plan.train, box_of(views, situation.device), directed, plan.budget)
-    batches = batches_of(views, situation.device)
-    trainer.warm_up(*batches.batch(STREAM, 0, plan.train.rays))
-    if steps is None:
-        steps = plan.train.grid.first_step + (10 if situation.quick else 300)
-    for step in range(steps):
-        trainer.train_on(*batches.batch(STREAM, step, plan.train.rays))
-    return trainer
+    trainer = new_trainer(context, plan.train, box_of(views, context.device), directed, plan.budget)
+    batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
+    trainer.warm_up(*batch_at(0))
+    return train(trainer, batch_at, at_step(plan.train.grid.first_step + (10 if context.quick else 300)))
 
 
-def variant_of(source: Trainer, situation: SpeedContext, accelerations: Accelerations) -> Trainer:
+def variant_of(source: Trainer, context: SpeedContext, accelerations: Accelerations) -> Trainer:
     """Return a copy in the same state with other accelerations; the part of its colour that depends on directions
     starts at zero, so that it shows the same.
     """
     settings = replace(source.settings, accelerations=accelerations)
-    copy = new_trainer(situation, settings, source.box, source.coarse.view_dependent, source.budget)
-    copy_weights(source.fields, copy.fields)
+    copy = new_trainer(context, settings, source.box, source.coarse.view_dependent, source.budget)
+    _copy_weights(source.fields, copy.fields)
     copy.step = source.step
     if copy.grid is not None and source.grid is not None:
         copy.grid.density = source.grid.density.clone()
@@ -271,22 +254,13 @@ def variant_of(source: Trainer, situation: SpeedContext, accelerations: Accelera
 
 
 @torch.no_grad()
-def copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
+def _copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
     """Copy weights so that both are equal functions, also if `target` has further inputs behind those of `source`."""
     theirs = dict(source.named_parameters())
     for name, weight in target.named_parameters():
-        value = theirs[name]
+        value: Tensor = theirs[name]
         if weight.ndim == 2:
             weight.zero_()
             weight[:, : value.shape[1]] = value
         else:
             weight.copy_(value)
-
-
-def use_grid_of(source: Trainer, target: Trainer) -> None:
-    """Use the empty space that `source` has found, from now on and permanently: `target` does not update its own."""
-    if source.grid is None or target.grid is None:
-        raise ValueError("both need an occupancy grid")
-    target.grid.density = source.grid.density.clone()
-    target.grid.occupied = source.grid.occupied.clone()
-    target.step = max(target.step, target.settings.grid.first_step + 1)

@@ -34,11 +34,11 @@ def run(
     use_threads(threads)
     keep_freed_memory()
 
-    def context(scratch: Path, missing: tuple[str, ...]) -> SpeedContext:
-        return SpeedContext(device, threads, quick, plain_seconds, view_sets, scratch, show)
+    def context(scratch: Path, _: tuple[str, ...] = ()) -> SpeedContext:
+        return SpeedContext(out, view_sets, scratch, quick, show, device, threads, plain_seconds)
 
-    settings = settings_of(context(out, ()))
-    costs = None if not quick else lambda name: QUICK_SECONDS
+    costs = (lambda name: QUICK_SECONDS) if quick else None
+    settings = settings_of(context(out))
     return framework.run(SHELF, questions, out, resume, settings, provenance(device), context, show, costs)
 
 

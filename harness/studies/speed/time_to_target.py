@@ -7,6 +7,8 @@ import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import accumulate, repeat, takewhile
+from operator import mul
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -32,12 +34,28 @@ from harness.studies.speed.speed_context import (
     reduced_plan,
     views_of,
 )
-from harness.training.batches import Batches
+from harness.training.batches import Batch
 from harness.training.evaluate import cameras_of, floor_psnr
+from harness.training.learner import Stepped, train
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.trainer import Diverged, Trainer
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
+
+TEST_PIXELS = 4096
+EVALUATIONS = 12
+"""The number of evaluations of the plain training."""
+GROWTH = 1.06
+"""The factor between the seconds of two evaluations of the others, within which a crossing is found."""
+SHARES = (1.0, 0.5, 0.25)
+"""The shares of the plain training's budget: the first is the headline, the others show how a ratio depends on the
+target.
+"""
+SEEDS = 3
+"""The seeds of the reduced settings, which are cheap to repeat."""
+WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
+GOALS = {"same": (15.0, 7.5), "reduced": (100.0, 50.0)}
+"""The ratios to reach: with matrix units, and without."""
 
 
 @dataclass
@@ -51,10 +69,6 @@ class PsnrCurve:
     """The PSNR of the first weights in dB: a target below it says nothing about training."""
     ended: str = ""
     """The reason for its end, if that was not its budget."""
-
-    def add(self, seconds: float, psnr: float) -> None:
-        self.seconds.append(seconds)
-        self.psnr.append(psnr)
 
 
 @dataclass(frozen=True)
@@ -70,12 +84,11 @@ def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
     """Return one target per share, from evaluations that are evenly spread over the budget. A share before the first
     evaluation takes that one.
     """
-    found = []
+    targets = []
     for share in shares:
-        count = max(1, round(share * len(plain.psnr)))
-        best = max(range(count), key=lambda index: plain.psnr[index])
-        found.append(Target(share, plain.psnr[best], plain.seconds[best]))
-    return found
+        best = max(range(max(1, round(share * len(plain.psnr)))), key=lambda index: plain.psnr[index])
+        targets.append(Target(share, plain.psnr[best], plain.seconds[best]))
+    return targets
 
 
 def reached(curve: PsnrCurve, target: float) -> float | None:
@@ -97,32 +110,6 @@ def reached(curve: PsnrCurve, target: float) -> float | None:
     return None
 
 
-def evaluation_times(first: float, growth: float = 1.06) -> Iterator[float]:
-    """Yield the seconds at which to evaluate: each a constant factor after the one before, so that a crossing is found
-    within that factor.
-    """
-    due = first
-    while True:
-        yield due
-        due *= growth
-
-
-def even_times(budget: float, count: int) -> list[float]:
-    """Return `count` seconds, the last of which is the budget."""
-    return [budget * (index + 1) / count for index in range(count)]
-
-
-TEST_PIXELS = 4096
-EVALUATIONS = 12
-"""The number of evaluations of the plain training."""
-SHARES = (1.0, 0.5, 0.25)
-"""The shares of the plain training's budget: the first is the headline, the others show how a ratio depends on the
-target.
-"""
-SEEDS = 3
-"""The seeds of the reduced settings, which are cheap to repeat."""
-
-
 @dataclass(frozen=True)
 class PixelSubset:
     """A fixed random subset of the pixels of all test views."""
@@ -137,7 +124,7 @@ class PixelSubset:
         return float(-10.0 * torch.log10(error.clamp(min=1e-10)))
 
 
-def examination_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXELS) -> PixelSubset:
+def pixels_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXELS) -> PixelSubset:
     cameras = cameras_of(views, views.test, device)
     size = views.width * views.height
     count = len(cameras) * size
@@ -150,103 +137,63 @@ def examination_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXE
 
 
 @runtime_checkable
-class TimedTrainer(Protocol):
-    """A training that can be evaluated on its way."""
+class TimedLearner(Stepped, Protocol):
+    """A learner with a clock of its own."""
 
-    @property
-    def seconds(self) -> float:
-        """Return the seconds on its own clock."""
-        ...
-
-    def step(self) -> None:
-        """Run one step. Raises `Diverged`."""
-        ...
-
-    def colours(self, rays: Rays) -> Tensor: ...
+    clock: Stopwatch
 
 
 class Plain:
     """Plain training as anyone would write it: 64 stratified samples from near to far, constant learning rate."""
 
-    def __init__(self, settings: TrainSettings, views: ViewSet, batches: Batches, device: torch.device) -> None:
-        field = PlainField(settings.network, box_of(views, device), f"{STREAM}/coarse", needs_view_direction(views))
-        self.field = field.to(device)
+    progress = 0.0
+
+    def __init__(self, settings: TrainSettings, views: ViewSet, first: Batch, device: torch.device) -> None:
+        plain = PlainField(settings.network, box_of(views, device), f"{STREAM}/coarse", needs_view_direction(views))
+        self.field = plain.to(device)
         self.optimiser = torch.optim.Adam(self.field.parameters(), lr=settings.learning_rate)
         self.settings = settings
-        self.batches = batches
         self.clock = Stopwatch(device)
-        self.steps = 0
+        self.step = 0
         # allocations, outside the clock
-        plain_loss(self.field, *batches.batch(STREAM, 0, settings.rays), settings.bins, None).backward()
+        plain_loss(self.field, *first, settings.bins, None).backward()
 
-    @property
-    def seconds(self) -> float:
-        return self.clock.seconds
-
-    def step(self) -> None:
-        rays, colours = self.batches.batch(STREAM, self.steps, self.settings.rays)
-        jitter = generator_for(STREAM, self.steps, "jitter")
+    def train_on(self, rays: Rays, colours: Tensor) -> None:
+        jitter = generator_for(STREAM, self.step, "jitter")
         with self.clock.running():
             plain_step(self.field, self.optimiser, rays, colours, self.settings.bins, jitter)
-        self.steps += 1
+        self.step += 1
 
     @torch.no_grad()
     def colours(self, rays: Rays) -> Tensor:
-        white, chunk = _white(rays.origins.device), 128
+        white, chunk = torch.ones(3, device=rays.origins.device), 128
         parts = [rays.part(start, start + chunk) for start in range(0, len(rays), chunk)]
         return torch.cat([plain_render(self.field, part, self.settings.bins, white, None) for part in parts])
 
 
-class Accelerated:
-    """The harness's trainer."""
-
-    def __init__(
-        self,
-        settings: TrainSettings,
-        budget: Budget,
-        views: ViewSet,
-        batches: Batches,
-        device: torch.device,
-        seed: str,
-        chunk: int,
-    ) -> None:
-        directed = needs_view_direction(views) or not settings.accelerations.directions
-        self.trainer = Trainer("nerf", box_of(views, device), settings, budget, seed, device, directed)
-        self.batches, self.seed, self.chunk = batches, seed, chunk
-        self.trainer.warm_up(*batches.batch(seed, 0, settings.rays))
-
-    @property
-    def seconds(self) -> float:
-        return self.trainer.clock.seconds
-
-    def step(self) -> None:
-        self.trainer.train_on(*self.batches.batch(self.seed, self.trainer.step, self.trainer.settings.rays))
-
-    def colours(self, rays: Rays) -> Tensor:
-        return self.trainer.render(rays, self.chunk).colour
-
-
 def follow(
-    contestant: TimedTrainer,
-    examination: PixelSubset,
+    learner: TimedLearner,
+    batch_at: Callable[[int], Batch],
+    colours_of: Callable[[Rays], Tensor],
+    pixels: PixelSubset,
     times: Iterable[float],
-    until: Callable[[PsnrCurve], bool],
+    until: Callable[[PsnrCurve], bool] = lambda curve: False,
 ) -> PsnrCurve:
     """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or when `until`
     says so. A training that diverges ends its curve, which says why.
     """
-    curve = PsnrCurve(before=examination.psnr(contestant.colours(examination.rays)))
+    curve = PsnrCurve(before=pixels.psnr(colours_of(pixels.rays)))
     try:
         for due in times:
-            if contestant.seconds >= due:  # one step took longer than the space between two evaluations
+            if learner.clock.seconds >= due:  # one step took longer than the space between two evaluations
                 continue
-            while contestant.seconds < due:
-                contestant.step()
-            psnr = examination.psnr(contestant.colours(examination.rays))
+            train(learner, batch_at, lambda one: one.clock.seconds >= due)  # noqa: B023
+            psnr = pixels.psnr(colours_of(pixels.rays))
             if not math.isfinite(psnr):
-                curve.ended = f"colours not finite after {contestant.seconds:.1f} s"
+                curve.ended = f"colours not finite after {learner.clock.seconds:.1f} s"
                 break
-            curve.add(contestant.seconds, psnr)
+            curve.seconds.append(learner.clock.seconds)
+            curve.psnr.append(psnr)
             if until(curve):
                 break
     except Diverged as stop:
@@ -254,11 +201,11 @@ def follow(
     return curve
 
 
-def same_network(situation: SpeedContext, plan: Plan) -> TrainSettings:
+def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
     """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
     `reduced`'s.
     """
-    settings = paper_settings(situation)
+    settings = paper_settings(context)
     return replace(
         settings,
         first_bins=settings.bins // 2,
@@ -268,40 +215,33 @@ def same_network(situation: SpeedContext, plan: Plan) -> TrainSettings:
     )
 
 
-def measure(situation: SpeedContext) -> Iterator[Check | Series]:
+def measure(context: SpeedContext) -> Iterator[Check | Series]:
     """Measure scene by scene, so that a run that is stopped keeps the scenes that were finished."""
     ratios: dict[str, dict[str, float | None]] = {name: {} for name in WORDS}
     for scene in SCENES:
-        yield from _scene(situation, scene, ratios)
+        yield from _scene(context, scene, ratios)
     for name, title in WORDS.items():
         values = [ratio for ratio in ratios[name].values() if ratio is not None]
         late = sorted(scene for scene, ratio in ratios[name].items() if ratio is None)
-        target = _goal(situation, name)
+        goal = context.target(*GOALS[name])
         id, words = f"target.{name}.ratio", f"{title}: sooner than plain, median of {len(ratios[name])} scenes"
-        if len(values) == len(ratios[name]):
-            yield measured(id, words, values, "×", target=target, detail="one ratio a scene")
-        else:
+        if late:
             why = f"no ratio for {', '.join(late)}: not reached in time, or shown before any training"
-            yield not_measured(id, words, "×", why, target=target)
+            yield not_measured(id, words, "×", why, low=goal)
+        else:
+            yield measured(id, words, values, "×", "one ratio a scene", low=goal)
 
 
-WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
-
-
-def _goal(situation: SpeedContext, name: str) -> float | None:
-    return situation.target(15.0, 7.5) if name == "same" else situation.target(100.0, 50.0)
-
-
-def _scene(situation: SpeedContext, scene: str, ratios: dict[str, dict[str, float | None]]) -> Iterator[Check | Series]:
-    views, device = views_of(situation, scene), situation.device
-    plan, settings = reduced_plan(situation, scene), paper_settings(situation, "float32")
-    batches, examination = batches_of(views, device), examination_of(views, device)
-    budget = situation.plain_seconds
-    situation.show.line(f"  {scene}: plain training for {budget:g} s")
+def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float | None]]) -> Iterator[Check | Series]:
+    views, device, budget = views_of(context, scene), context.device, context.plain_seconds
+    plan, settings = reduced_plan(context, scene), paper_settings(context, "float32")
+    batches, pixels = batches_of(views, device), pixels_of(views, device)
+    context.show.line(f"  {scene}: plain training for {budget:g} s")
     return_freed_memory()
-    plain = follow(
-        Plain(settings, views, batches, device), examination, even_times(budget, EVALUATIONS), lambda curve: False
-    )
+    batch_at = batches.stream(STREAM, settings.rays)
+    learner = Plain(settings, views, batch_at(0), device)
+    times = [budget * (index + 1) / EVALUATIONS for index in range(EVALUATIONS)]
+    plain = follow(learner, batch_at, learner.colours, pixels, times)
     keep_freed_memory()
     if not plain.psnr:
         for name, title in WORDS.items():
@@ -310,87 +250,69 @@ def _scene(situation: SpeedContext, scene: str, ratios: dict[str, dict[str, floa
         return
     targets = targets_of(plain, SHARES)
     highest = max(target.psnr for target in targets)
-    situation.show.line(f"  {scene}: plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
+    context.show.line(f"  {scene}: plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
 
     def done(curve: PsnrCurve) -> bool:
         return reached(curve, highest) is not None
 
     def contest(name: str, seed: str) -> PsnrCurve:
-        chosen = same_network(situation, plan) if name == "same" else plan.train
-        chosen_budget = Budget(None, budget) if name == "same" else plan.budget
-        runner = Accelerated(chosen, chosen_budget, views, batches, device, seed, plan.score.chunk)
-        expected = budget / (_goal(situation, name) or 100.0)
-        times = (due for due in evaluation_times(expected / 20))
-        curve = follow(runner, examination, _up_to(times, budget), done)
+        chosen, until = same_network(context, plan), Budget(None, budget)
+        if name == "reduced":
+            chosen, until = plan.train, plan.budget
+        directed = needs_view_direction(views)
+        trainer = Trainer("nerf", box_of(views, device), chosen, until, seed, device, directed)
+        batch_at = batches.stream(seed, chosen.rays)
+        trainer.warm_up(*batch_at(0))
+        first = budget / (context.target(*GOALS[name]) or 100.0) / 20
+        times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
+        curve = follow(
+            trainer,
+            batch_at,
+            lambda rays: trainer.render(rays, plan.score.chunk).colour,
+            pixels,
+            [*times, budget],
+            done,
+        )
         seconds = reached(curve, highest)
-        after = f"after {seconds:.2f} s" if seconds else f"not within {runner.seconds:.0f} s {curve.ended}"
-        situation.show.line(f"  {scene}: {WORDS[name].lower()}, {highest:.2f} dB {after}")
+        after = f"after {seconds:.2f} s" if seconds else f"not within {trainer.clock.seconds:.0f} s {curve.ended}"
+        context.show.line(f"  {scene}: {WORDS[name].lower()}, {highest:.2f} dB {after}")
         return curve
 
-    curves = {"same": [contest("same", STREAM)], "reduced": [contest("reduced", STREAM)]}
-    if done(curves["reduced"][0]) and not situation.quick:  # one that is late once need not be late three times
+    curves = {name: [contest(name, STREAM)] for name in WORDS}
+    if done(curves["reduced"][0]) and not context.quick:  # one that is late once need not be late three times
         curves["reduced"] += [contest("reduced", f"speed/{seed}") for seed in range(1, SEEDS)]
     floor = floor_psnr(views)
     for name in WORDS:
         for target in targets:
-            figure = _ratio(situation, scene, name, target, curves[name], floor)
+            figure = ratio_to(context, scene, name, target, curves[name], floor)
             if target.share == 1.0:
                 ratios[name][scene] = figure.value
             yield figure
-    yield _series(scene, "plain float32", plain)
-    for name, title in WORDS.items():
-        yield _series(scene, title.lower(), curves[name][0])
+    for name, curve in {"plain float32": plain, **{WORDS[name].lower(): curves[name][0] for name in WORDS}}.items():
+        panel, y_label = f"PSNR against training seconds, {scene}", "PSNR of test pixels (dB)"
+        yield Series(panel, 0, name, "training seconds", y_label, curve.seconds, curve.psnr, log_y=False)
 
 
-def _up_to(times: Iterable[float], last: float) -> Iterator[float]:
-    """Yield `times` below `last`, and `last`."""
-    for due in times:
-        if due >= last:
-            break
-        yield due
-    yield last
-
-
-def _ratio(
-    situation: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
+def ratio_to(
+    context: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
 ) -> Check:
     """Return the seconds of the plain training over those of the other; without a value as soon as one seed is late."""
     headline = target.share == 1.0
     id = f"target.{name}.{scene}" + ("" if headline else f".at{round(100 * target.share)}")
     title = f"{WORDS[name]}, {scene}, at plain's best after {target.share:.0%} of its time"
-    goal = _goal(situation, name) if headline else None
-    below = floor is not None and target.psnr < floor
+    goal = context.target(*GOALS[name]) if headline else None
     words = f"{target.psnr:.2f} dB, plain after {target.seconds:.1f} s"
-    if below:
+    if floor is not None and target.psnr < floor:
         words += f"; copying the nearest training view gives {floor:.2f} dB, so this target means little"
-    found = [reached(curve, target.psnr) for curve in curves]
     if any(curve.before >= target.psnr for curve in curves):
         why = f"{words}; the first weights show as much without any training, so there is nothing to compare"
-        return not_measured(id, title, "×", why, target=goal, repeats=len(curves))
-    late = [curve for curve, seconds in zip(curves, found, strict=True) if seconds is None]
+        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
+    late = [curve for curve in curves if reached(curve, target.psnr) is None]
     if late:
         best = max((max(curve.psnr, default=0.0) for curve in late), default=0.0)
         ended = next((f" ({curve.ended})" for curve in late if curve.ended), "")
         why = f"{words}; {len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
-        return not_measured(id, title, "×", why, target=goal, repeats=len(curves))
-    seconds = [one for one in found if one is not None]
-    detail = f"{words}, this after {statistics.median(seconds):.2f} s; {situation.threads} threads each"
-    return measured(id, title, [target.seconds / one for one in seconds], "×", target=goal, detail=detail)
-
-
-def _series(scene: str, name: str, curve: PsnrCurve) -> Series:
-    return Series(
-        panel=f"PSNR against training seconds, {scene}",
-        item=0,
-        name=name,
-        x_label="training seconds",
-        y_label="PSNR of test pixels (dB)",
-        x=list(curve.seconds),
-        y=list(curve.psnr),
-        log_x=True,
-        log_y=False,
-    )
-
-
-def _white(device: torch.device) -> Tensor:
-    return torch.ones(3, device=device)
+        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
+    seconds = [one for curve in curves if (one := reached(curve, target.psnr)) is not None]
+    detail = f"{words}, this after {statistics.median(seconds):.2f} s; {context.threads} threads each"
+    return measured(id, title, [target.seconds / one for one in seconds], "×", detail, low=goal)

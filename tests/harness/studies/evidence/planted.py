@@ -1,6 +1,6 @@
 """Cells whose scores are made from effects that are known, and a situation that hands them to a study."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, SceneRecord
+from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import Design, Term, signs
 from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
 from tests.harness.cells import cell, checkpoint
@@ -69,13 +70,29 @@ class Planted(EvidenceContext):
             SceneRecord(scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, [[0, 0, 0], [1, 1, 1]], None, None, {}, [])
             for scene in dict.fromkeys(one.scene for one in cells)
         ]
-        return StudyRun(self.out, self.plan(name), scenes, cells)
+        return StudyRun(self.plan(name), scenes, cells)
 
 
 def situation(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
     machine = Machine("cpu", 1, 1)
-    return Planted(folder, folder, folder, machine, True, False, Quiet(), cells, pixels or {})
+    return Planted(folder, folder, folder, False, Quiet(), machine, True, cells, pixels or {})
 
 
-def sentences(found: Iterator[Any]) -> list[str]:
+def sentences(found: Iterable[Any]) -> list[str]:
     return [one for one in found if isinstance(one, str)]
+
+
+def effect(found: Iterable[Any], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
+    """The only one of that name, on PSNR at equal steps unless something else is wanted."""
+    facts = {"metric": "psnr", "budget": "steps", **wanted, "name": name, "against": against, "scene": scene}
+    effects = [one for one in found if isinstance(one, Effect)]
+    (chosen,) = [one for one in effects if all(getattr(one, key) == value for key, value in facts.items())]
+    return chosen
+
+
+def lines(found: Iterable[Any]) -> dict[tuple[str, str], Series]:
+    return {(one.panel, one.name): one for one in found if isinstance(one, Series)}
+
+
+def table(found: Iterable[Any], name: str) -> Table:
+    return next(one for one in found if isinstance(one, Table) and one.id == name)

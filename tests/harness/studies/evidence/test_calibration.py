@@ -1,6 +1,5 @@
 """The intervals' calibration, and that it turns red for intervals that are too narrow or too wide."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,34 +29,21 @@ def failed(found: list[Check]) -> set[str]:
     return {one.what for one in found if not one.holds}
 
 
-@pytest.fixture
-def scaled(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    def scale(factor: float) -> None:
-        for name in ESTIMATES:
-            usual = getattr(nested, name)
-            monkeypatch.setattr(
-                nested, name, lambda values, usual=usual: replace(found := usual(values), error=factor * found.error)
-            )
-
-    return scale
-
-
-def test_sound_intervals_pass() -> None:
-    assert failed(few_kinds()) == set()
-
-
-def test_intervals_of_a_third_of_their_width_are_seen(scaled: Callable[[float], None]) -> None:
-    scaled(0.3)
+@pytest.mark.parametrize(
+    ("factor", "failures", "below", "above"), [(1.0, 0, 1.0, 0.0), (0.3, 6, 0.8, 0.0), (3.0, 8, 1.0, 0.98)]
+)
+def test_intervals_of_another_width_are_seen(
+    factor: float, failures: int, above: float, below: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three times as wide: coverage of all three from above, and the power that is lost."""
+    for name in ESTIMATES:
+        usual = getattr(nested, name)
+        monkeypatch.setattr(
+            nested, name, lambda values, usual=usual: replace(made := usual(values), error=factor * made.error)
+        )
     found = few_kinds()
-    assert len(failed(found)) == 6
-    assert all(one.value is not None and one.value < 0.8 for one in found if "intervals" in one.what)
-
-
-def test_intervals_of_three_times_their_width_are_seen(scaled: Callable[[float], None]) -> None:
-    scaled(3.0)
-    found = few_kinds()
-    assert len(failed(found)) == 8, "coverage of all three from above, and the power that is lost"
-    assert all(one.value is not None and one.value > 0.98 for one in found if "intervals" in one.what)
+    assert len(failed(found)) == failures
+    assert all(one.value is not None and above < one.value < below for one in found if "intervals" in one.what)
 
 
 def test_many_at_once_are_what_one_is() -> None:
@@ -79,7 +65,7 @@ def test_many_at_once_are_what_one_is() -> None:
 
 
 def test_power_is_that_of_the_noncentral_t_distribution() -> None:
-    found = simulated("normal", 8, 3, study.PUBLISHED, 20_000).found[ELSEWHERE]
+    found = simulated("normal", 8, 3, study.PUBLISHED, 20_000).power[ELSEWHERE]
     error = ((study.PUBLISHED**2 + study.PAIR_SD**2 / 3) / 8) ** 0.5
     for effect in POWER:
         assert found[effect] == pytest.approx(nct.sf(2.364624, 7, effect / error), abs=0.012)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.records.study import Check, Table
+from harness.records.study import Check
 from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judged, limited, noise_rows
 from scenes.files.errors import InputError
 
@@ -38,30 +38,17 @@ def test_a_known_variance_is_a_known_ceiling() -> None:
     assert one.excess() == pytest.approx((5.0 - TOLERANCE_DB) / 5.0)
 
 
-def test_equal_noise_agrees() -> None:
-    mean, worst, _ = checks(found())
-    assert mean.holds
-    assert worst.holds
-    assert worst.value == 0.0
-    sentence = next(iter(judged(found())))
-    assert isinstance(sentence, str)
-    assert sentence.startswith("8 of 8 ceilings lie within 0.1 dB")
-
-
-@pytest.mark.parametrize("factor", [2.0, 0.5, 4.0, 1.05])
+@pytest.mark.parametrize("factor", [1.0, 2.0, 0.5, 1.05])
 def test_a_wrong_factor_is_caught(factor: float) -> None:
     """5 % is 0.21 dB, and the eight scenes together show it to 0.01 dB."""
     mean, worst, _ = checks(found(factor=factor))
     assert mean.value == pytest.approx(10 * np.log10(factor), abs=0.05)
-    assert not mean.holds
-    assert not worst.holds
-
-
-def test_one_wrong_scene_is_caught_though_the_mean_holds() -> None:
-    scenes = [*found(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
-    mean, worst, _ = checks(scenes)
-    assert mean.holds
-    assert not worst.holds
+    assert mean.holds == worst.holds == (factor == 1.0)
+    if factor == 1.0:
+        assert worst.value == 0.0
+        assert str(next(iter(judged(found())))).startswith("8 of 8 ceilings lie within 0.1 dB")
+    odd = [*found(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
+    assert [one.holds for one in checks(odd)[:2]] == [True, False], "one wrong scene does not move the mean"
 
 
 def test_a_scene_whose_views_differ_too_much_to_tell_is_not_called_wrong() -> None:
@@ -90,12 +77,6 @@ def test_one_view_has_no_error_and_no_verdict() -> None:
     assert (single.error, single.excess()) == (None, None)
     for one in checks([single, *found(2)])[1:]:
         assert (one.value, one.holds) == (None, False)
-
-
-def test_the_table_has_every_scene() -> None:
-    (table,) = (one for one in judged(found(3)) if isinstance(one, Table))
-    assert [row[0] for row in table.rows] == ["scene0", "scene1", "scene2"]
-    assert all(len(row) == len(table.columns) for row in table.rows)
 
 
 def test_scores_near_the_ceiling_are_called_so() -> None:
@@ -133,18 +114,13 @@ def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "played"
 
 
-def test_rows_are_sorted_by_what_was_asked_for(script: str) -> None:
-    said: list[str] = []
-    rows = noise_rows("scenes", ["lego", "mic"], ["--spp", "4"], said.append, script)
-    assert {name: len(of) for name, of in rows.items()} == {"lego": 2, "mic": 2}
-    assert said == ["rendering lego (1 of 2)", "rendering mic (2 of 2)"]
-
-
-def test_a_process_that_a_signal_ends_is_gone_on_with(script: str) -> None:
-    rows = noise_rows("scenes", ["lego", "deadly", "mic"], (), module=script)
+def test_rows_are_sorted_by_what_was_asked_for_and_gone_on_with_after_a_signal(script: str) -> None:
+    lines: list[str] = []
+    rows = noise_rows("scenes", ["lego", "deadly", "mic"], ["--spp", "4"], lines.append, script)
     assert {name: [row["variant"] for row in of] for name, of in rows.items()} == {
         "lego": ["llvm", "llvm"], "deadly": ["scalar", "scalar"], "mic": ["scalar", "scalar"],
     }  # fmt: skip
+    assert lines[:2] == ["rendering lego (1 of 3)", "rendering deadly (2 of 3)"]
 
 
 def test_what_the_renderer_complains_about_is_passed_on(script: str) -> None:

@@ -10,8 +10,6 @@ from baselines.methods.nerf import NERF
 from harness.records.cells import CellRecord
 from harness.records.study import (
     Answer,
-    Effect,
-    Series,
     Studies,
     StudyInfo,
     StudyRecord,
@@ -19,11 +17,12 @@ from harness.records.study import (
     read_studies,
     write_studies,
 )
-from harness.studies.evidence.contrasts import Term
-from harness.studies.evidence.evidence_context import READINGS, TRAININGS, Finding
-from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs, spread
+from harness.studies.evidence.contrasts import Term, spread
+from harness.studies.evidence.evidence_context import READINGS, TRAININGS
+from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs
+from harness.studies.framework import Found
 from tests.harness.cells import diverged
-from tests.harness.studies.evidence.planted import planted, sentences, situation
+from tests.harness.studies.evidence.planted import effect, planted, sentences, situation, table
 from tests.replacing import replace
 
 TRUTH: dict[str, dict[Term, float]] = {
@@ -50,25 +49,13 @@ def cells_of(noise: float = 0.02) -> list[CellRecord]:
     return list(found.values())
 
 
-def study(folder: Path, cells: list[CellRecord]) -> list[Finding]:
+def study(folder: Path, cells: list[CellRecord]) -> list[Found]:
     return list(factorial(situation(folder, {"factorial": cells})))
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> list[Finding]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[Found]:
     return study(tmp_path_factory.mktemp("factorial"), cells_of())
-
-
-def effect(found: list[Finding], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
-    """The only one of that name, on PSNR at equal steps unless something else is wanted."""
-    facts = {"metric": "psnr", "budget": "steps", **wanted, "name": name, "against": against, "scene": scene}
-    rows = [
-        one
-        for one in found
-        if isinstance(one, Effect) and all(getattr(one, key) == value for key, value in facts.items())
-    ]
-    assert len(rows) == 1, facts
-    return rows[0]
 
 
 @pytest.mark.parametrize("reading", READINGS)
@@ -96,7 +83,7 @@ def test_rows_of_table_4_in_the_order_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("reading", READINGS)
-def test_what_was_planted_is_found_on_every_scene(found: list[Finding], reading: str) -> None:
+def test_what_was_planted_is_found_on_every_scene(found: list[Found], reading: str) -> None:
     for scene in ("all", "lego", "ficus", "hotdog"):
         for term in design_of(reading).terms():
             one = effect(found, f"{' × '.join(term)} ({reading})", scene=scene)
@@ -105,14 +92,7 @@ def test_what_was_planted_is_found_on_every_scene(found: list[Finding], reading:
     assert effect(found, f"φ skip ({reading})").verdict == "equivalent"
 
 
-def test_the_reading_decides_about_the_amplifier(found: list[Finding]) -> None:
-    assert effect(found, "amplifier (Listing 2)").verdict == "worse"
-    assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
-    assert effect(found, "φ encoding × amplifier (Listing 2)").verdict == "worse"
-    assert effect(found, "φ encoding × amplifier (Eq. 4)").verdict == "equivalent"
-
-
-def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(found: list[Finding]) -> None:
+def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(found: list[Found]) -> None:
     """φ encoding alone 0.6 + 0.5; the amplifier on top of it −4 − 0.5; everything the sum of the odd terms."""
     for scene in ("lego", "all"):
         assert effect(found, "nerf_phi_encoding", "nerf", scene).difference == pytest.approx(1.1, abs=0.05)
@@ -125,8 +105,8 @@ def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(foun
         )
 
 
-def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
-    first, *others = sentences(iter(found))
+def test_sentences_say_which_part_does_what(found: list[Found]) -> None:
+    first, *others = sentences(found)
     assert first.startswith("What each part changes at equal steps over all scenes: with the amplifier of Listing 2 ")
     assert "φ encoding +0.6" in first
     assert "what the φ encoding changes need not be φ's doing" in first
@@ -142,29 +122,18 @@ def test_sentences_say_which_part_does_what(found: list[Finding]) -> None:
     assert not any("no score" in one for one in others)
 
 
-def test_table_4_stands_beside_what_is_printed(found: list[Finding]) -> None:
-    tables = {one.id: one for one in found if isinstance(one, Table)}
-    rows = tables["table4_Listing 2"].rows
+def test_table_4_stands_beside_what_is_printed(found: list[Found]) -> None:
+    table4, combinations = table(found, "table4_Listing 2"), table(found, "combinations")
+    rows = table4.rows
     assert [row[1] for row in rows] == cumulative("Listing 2")
     assert [row[3] for row in rows] == ["32.5", "33.2", "33.8", "34.0"]
     assert str(rows[2][4]).startswith("−4.")
     assert [row[7] for row in rows] == ["0.961", "0.967", "0.972", "0.974"]
     assert [row[5] for row in rows] == ["", "+0.70 dB", "+0.60 dB", "+0.20 dB"]
-    assert all(len(row) == len(tables["table4_Listing 2"].columns) for row in rows)
-    assert len(tables["combinations"].rows) == 12
-    lego = tables["combinations"].columns.index("lego: PSNR, dB")
-    assert tables["combinations"].rows[0][lego] == rows[0][2]
-
-
-def test_lines_follow_the_main_effects_along_training(found: list[Finding]) -> None:
-    lines = {(one.panel, one.name): one for one in found if isinstance(one, Series)}
-    assert len(lines) == 2 * 3
-    one = lines["Main effects over all scenes, amplifier of Listing 2", "amplifier"]
-    assert one.x == [10.0, 100.0, 500.0]
-    assert one.y == pytest.approx([-4.0] * 3, abs=0.05)
-    assert one.low is not None
-    assert one.high is not None
-    assert all(low < -3.9 < high + 0.3 for low, high in zip(one.low, one.high, strict=True) if low and high)
+    assert all(len(row) == len(table4.columns) for row in rows)
+    assert len(combinations.rows) == 12
+    lego = combinations.columns.index("lego: PSNR, dB")
+    assert combinations.rows[0][lego] == rows[0][2]
 
 
 def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> None:
@@ -177,7 +146,7 @@ def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> N
     assert effect(found, "amplifier (Listing 2)").verdict == "worse"
     assert effect(found, "amplifier (Listing 2)", scene="hotdog").verdict == "worse"
     assert effect(found, "φ encoding (Eq. 4)").verdict == "better"
-    assert any("qnerf on lego, seed 1 (not finite at step 7: loss)" in one for one in sentences(iter(found)))
+    assert any("qnerf on lego, seed 1 (not finite at step 7: loss)" in one for one in sentences(found))
     rows = next(one for one in found if isinstance(one, Table)).rows
     assert "(2 of 3 seeds)" in str(rows[3][2])
 
@@ -206,8 +175,3 @@ def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Pa
 )
 def test_scores_of_seeds_in_words(scores: list[float | None], said: str) -> None:
     assert spread(scores) == said
-
-
-def test_a_reading_that_nobody_knows() -> None:
-    with pytest.raises(KeyError):
-        design_of("Listing 5")

@@ -23,7 +23,6 @@ from harness.studies.evidence.rendering_work import (
     Frame,
     Line,
     Sampler,
-    TrainedField,
     fastest,
     measured_lines,
     restored,
@@ -160,11 +159,11 @@ LINES = [
 
 
 def test_the_first_to_reach_an_error() -> None:
-    assert fastest(LINES, 2e-2) is LINES[2]
-    assert fastest(LINES, 1e-2) is LINES[0]
-    assert fastest(LINES, 2e-3) is LINES[1]
-    assert fastest(LINES, 1e-2, by="evaluations") is LINES[0]
-    assert fastest(LINES, 2e-3, by="evaluations") is LINES[0]
+    assert fastest(LINES, 2e-2) == (LINES[2], 0.5)
+    assert fastest(LINES, 1e-2) == (LINES[0], 2.0)
+    assert fastest(LINES, 2e-3) == (LINES[1], 2.5)
+    assert fastest(LINES, 1e-2, "evaluations") == (LINES[0], 80)
+    assert fastest(LINES, 2e-3, "evaluations") == (LINES[0], 160)
     assert fastest(LINES, 1e-4) is None
 
 
@@ -198,8 +197,8 @@ def test_a_checkpoint_renders_as_what_was_saved(ball: ViewSet, tmp_path: Path) -
 def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trained = trained_alone("nerf", ball, "ball/0", TRAIN, BUDGET, CPU)
     assert isinstance(trained, Trainer)
-    monkeypatch.setattr(study, "trained_field", lambda *asked: TrainedField(trained, ball, "a test"))
-    situation = EvidenceContext(tmp_path, tmp_path, tmp_path, Machine("cpu", 1, 1), False, True, Quiet())
+    monkeypatch.setattr(study, "trained_field", lambda context: (trained, ball, "a test"))
+    situation = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), False)
     found = list(study.rendering_work(situation))
     assert isinstance(found[0], str)
     assert "8 × 8 rays of a test view of lego (nerf, a test)" in found[0]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,7 +45,7 @@ def a_run(plan: Plan, finished: bool = True) -> RunRecord:
 @pytest.fixture
 def situation(tmp_path: Path) -> EvidenceContext:
     """With every cell of the training there, trained at `HERE`."""
-    here = EvidenceContext(tmp_path, tmp_path, tmp_path, Machine("cpu", 1, 1), True, True, Quiet())
+    here = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), True)
     plan = here.plan(TRAINING)
     write_run(folder_of(tmp_path, TRAINING), a_run(plan))
     for scene, method, seed in plan.cells():
@@ -78,25 +79,18 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return asked
 
 
-def test_what_is_whole_is_not_run_again(situation: EvidenceContext, runs: list[Path]) -> None:
-    trained_at(situation, "lego", "nerf", 0, HERE, "diverged")
-    assert len(situation.trained(TRAINING).cells) == len(situation.plan(TRAINING).cells())
-    assert runs == [], "divergence is a result"
-
-
-@pytest.mark.parametrize("status", ["error", "not_available"])
-def test_a_finished_run_with_a_failed_cell_is_run_again(
-    situation: EvidenceContext, runs: list[Path], status: Status
+@pytest.mark.parametrize("status", ["diverged", "error", "not_available", "unfinished"])
+def test_a_run_that_is_not_finished_or_has_a_failed_cell_is_run_again(
+    situation: EvidenceContext, runs: list[Path], status: Any
 ) -> None:
-    trained_at(situation, "lego", "nerf", 0, HERE, status)
-    assert {one.status for one in situation.trained(TRAINING).cells} == {"done"}
-    assert runs == [folder_of(situation.out, TRAINING)]
-
-
-def test_an_unfinished_run_is_gone_on_with(situation: EvidenceContext, runs: list[Path]) -> None:
-    write_run(folder_of(situation.out, TRAINING), a_run(situation.plan(TRAINING), finished=False))
-    situation.trained(TRAINING)
-    assert len(runs) == 1
+    """Divergence is a result."""
+    if status == "unfinished":
+        write_run(folder_of(situation.out, TRAINING), a_run(situation.plan(TRAINING), finished=False))
+    else:
+        trained_at(situation, "lego", "nerf", 0, HERE, status)
+    statuses = {one.status for one in situation.trained(TRAINING).cells}
+    assert statuses == ({"done", "diverged"} if status == "diverged" else {"done"})
+    assert runs == ([] if status == "diverged" else [folder_of(situation.out, TRAINING)])
 
 
 def test_a_damaged_cell_is_an_error_and_is_trained_again_once_it_is_deleted(
@@ -199,25 +193,6 @@ def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training
     assert kept == (NAMES[1:] if shared else NAMES)
 
 
-@pytest.mark.parametrize("how", ["a byte", "emptied", "missing"])
-def test_studies_whose_record_is_lost_are_done_again_from_trainings_that_are_whole(
-    situation: EvidenceContext, resumed: Resumed, runs: list[Path], how: str
-) -> None:
-    file = situation.out / EVIDENCE_FILE
-    before = file.read_bytes()
-    spoilt = before.replace(b"as it was", b"as it wes") if how == "a byte" else b""
-    file.unlink() if how == "missing" else file.write_bytes(spoilt)
-    done, said = resumed()
-    assert done == NAMES
-    assert f"{EVIDENCE_FILE}: {'missing' if how == 'missing' else ''}" in said
-    assert "everything in it is measured again" in said
-    assert runs == [], "nothing is trained again"
-    record = read_studies(file)
-    assert [(one.info.id, one.answers) for one in record.studies] == [(name, ["as it was"]) for name in NAMES]
-    if how != "missing":
-        assert (situation.out / DAMAGED / f"{EVIDENCE_FILE}.1").read_bytes() == spoilt
-
-
 @pytest.mark.parametrize("how", ["a byte", "missing"])
 @pytest.mark.parametrize("file", ["cells/lego.nerf.0.json", "run.json"])
 def test_a_damaged_file_of_a_training_is_named_and_just_that_is_made_again(
@@ -251,35 +226,22 @@ def test_a_training_of_another_plan_is_moved_aside_and_not_lost(situation: Evide
     assert cell_path(aside, "lego", "nerf", 0).exists()
 
 
-# where the code may have changed
-
-
-@pytest.fixture
-def at_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("other", [HERE, "ba9876543210", f"{HERE}-dirty"])
+def test_cells_of_another_commit_are_counted(
+    situation: EvidenceContext, runs: list[Path], monkeypatch: pytest.MonkeyPatch, other: str
+) -> None:
     monkeypatch.setattr(provenance, "commit", lambda: HERE)
-
-
-@pytest.mark.usefixtures("at_commit")
-def test_nothing_is_said_of_cells_of_the_same_commit(situation: EvidenceContext) -> None:
-    assert "commit" not in situation.scale(TRAINING)
-    assert "commit" not in situation.scale("repaired"), "not trained yet"
-
-
-@pytest.mark.usefixtures("at_commit")
-@pytest.mark.parametrize("other", ["ba9876543210", f"{HERE}-dirty"])
-def test_cells_of_another_commit_are_counted(situation: EvidenceContext, runs: list[Path], other: str) -> None:
+    trained_at(situation, "lego", "voxels", 0, "of no cell of the plan")
     trained_at(situation, "lego", "nerf", 0, other)
+    scale = situation.scale(TRAINING)
+    if other == HERE:
+        assert "commit" not in scale
+        assert "commit" not in situation.scale("repaired"), "not trained yet"
+        return
     cells = len(situation.plan(TRAINING).cells())
-    said = situation.scale(TRAINING)
-    assert f"{TRAINING}: " in said
-    assert f"{cells - 1} cells at commit {HERE}" in said
-    assert f"1 cells at commit {other}" in said
-    assert f"Not all was trained at commit {HERE}" in said
+    assert f"{TRAINING}: " in scale
+    assert f"{cells - 1} cells at commit {HERE}" in scale
+    assert f"1 cells at commit {other}" in scale
+    assert f"Not all was trained at commit {HERE}" in scale
     situation.trained(TRAINING)
     assert runs == [], "they are used all the same"
-
-
-@pytest.mark.usefixtures("at_commit")
-def test_cells_that_are_not_of_the_plan_are_not_counted(situation: EvidenceContext) -> None:
-    trained_at(situation, "lego", "voxels", 0, "ba9876543210")
-    assert "commit" not in situation.scale(TRAINING)

@@ -1,6 +1,8 @@
-"""Question 3 of `nox -s speed`: contestants with a made-up clock; what is late is censored and said."""
+"""Question 3 of `nox -s speed`: learners with a made-up clock; what is late is censored and said."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -9,108 +11,128 @@ from torch import Tensor
 from baselines.contract import Rays
 from harness.execution.progress import Quiet
 from harness.records.study import Check
-from harness.studies.speed import speed_context as where
-from harness.studies.speed import time_to_target as contest
-from harness.studies.speed.speed_context import SpeedContext
+from harness.studies.speed.speed_context import SpeedContext, batches_of
 from harness.studies.speed.time_to_target import (
     PixelSubset,
     Plain,
     PsnrCurve,
     Target,
-    even_times,
-    examination_of,
     follow,
+    pixels_of,
+    ratio_to,
+    reached,
+    targets_of,
 )
+from harness.training.learner import at_step, train
 from harness.training.trainer import Diverged
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours
 
-
-@pytest.fixture
-def here(tmp_path: Path) -> SpeedContext:
-    return SpeedContext(CPU, 1, True, 10.0, tmp_path / "view_sets", tmp_path, Quiet())
+EVEN = [2.0 * (place + 1) for place in range(10)]
 
 
 class Scripted:
     """Each step takes two seconds; what it shows gets better by the step until it is told to fail."""
 
+    progress = 0.0
+
     def __init__(self, fails_after: float = float("inf"), shows_nan: bool = False) -> None:
-        self.seconds = 0.0
+        self.step = 0
+        self.clock: Any = SimpleNamespace(seconds=0.0)
         self.fails_after = fails_after
         self.shows_nan = shows_nan
 
-    def step(self) -> None:
-        if self.seconds >= self.fails_after:
+    def train_on(self, rays: Rays, colours: Tensor) -> None:
+        if self.clock.seconds >= self.fails_after:
             raise Diverged(7, "loss")
-        self.seconds += 2.0
+        self.clock.seconds += 2.0
+        self.step += 1
 
     def colours(self, rays: Rays) -> Tensor:
-        return torch.full((len(rays), 3), float("nan") if self.shows_nan else 1.0 / (1.0 + self.seconds))
+        return torch.full((len(rays), 3), float("nan") if self.shows_nan else 1.0 / (1.0 + self.clock.seconds))
 
 
-def black() -> PixelSubset:
+def followed(learner: Scripted, times: list[float], most: int = 99) -> PsnrCurve:
     rays, colours = rays_and_colours(8)
-    return PixelSubset(rays, torch.zeros_like(colours))
+    black = PixelSubset(rays, torch.zeros_like(colours))
+    until = lambda curve: len(curve.psnr) == most  # noqa: E731
+    return follow(learner, lambda step: (rays, colours), learner.colours, black, times, until)
 
 
 def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
-    curve = follow(Scripted(), black(), [1.0, 1.5, 5.0, 10.0], lambda curve: False)
+    curve = followed(Scripted(), [1.0, 1.5, 5.0, 10.0])
     assert curve.before == pytest.approx(0.0)
     assert curve.seconds == [2.0, 6.0, 10.0]  # 1.5 had passed with 1.0 already
     assert curve.psnr == pytest.approx([20 * torch.tensor(one).log10().item() for one in (3.0, 7.0, 11.0)], abs=1e-4)
-
-
-def test_it_ends_when_enough_is_known() -> None:
-    assert follow(Scripted(), black(), even_times(20.0, 10), lambda curve: len(curve.psnr) == 3).seconds == [2, 4, 6]
+    assert followed(Scripted(), EVEN, most=3).seconds == [2, 4, 6], "enough is known"
 
 
 def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
-    curve = follow(Scripted(fails_after=4.0), black(), even_times(20.0, 10), lambda curve: False)
+    curve = followed(Scripted(fails_after=4.0), EVEN)
     assert curve.seconds == [2.0, 4.0]
     assert "step 7" in curve.ended
-    assert follow(Scripted(shows_nan=True), black(), [2.0], lambda curve: False).ended != ""
+    assert followed(Scripted(shows_nan=True), [2.0]).ended != ""
 
 
-def ratio(here: SpeedContext, curves: list[PsnrCurve], share: float = 1.0, floor: float | None = None) -> Check:
-    return contest._ratio(here, "lego", "same", Target(share, 20.0, 60.0), curves, floor)
+@pytest.mark.parametrize(
+    ("points", "seconds"),
+    [
+        ([], None),
+        ([(1.0, 30.0)], None),  # nothing holds it yet
+        ([(1.0, 30.0), (2.0, 30.0)], 1.0),
+        ([(1.0, 10.0), (2.0, 14.9)], None),
+        ([(1.0, 10.0), (2.0, 16.0)], None),
+        ([(1.0, 10.0), (2.0, 16.0), (3.0, 14.0)], None),  # lost again
+        ([(1.0, 10.0), (2.0, 16.0), (3.0, 14.0), (4.0, 15.0), (5.0, 15.0)], 4.0),
+        ([(1.0, 10.0), (4.0, 20.0), (8.0, 21.0)], 2.0),  # half way in log seconds
+    ],
+)
+def test_a_target_is_reached_once_it_is_held(points: list[tuple[float, float]], seconds: float | None) -> None:
+    curve = PsnrCurve([one for one, _ in points], [psnr for _, psnr in points])
+    assert reached(curve, 15.0) == (None if seconds is None else pytest.approx(seconds))
+
+
+def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
+    plain = PsnrCurve([10.0, 20.0, 30.0, 40.0], [12.0, 17.0, 16.0, 17.0])
+    best, first = (17.0, 20.0), (12.0, 10.0)
+    expected = {1.0: best, 0.5: best, 0.25: first, 0.01: first}
+    assert targets_of(plain, tuple(expected)) == [Target(share, *one) for share, one in expected.items()]
+
+
+def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
+    here = SpeedContext(Path(), Path(), Path(), True, Quiet(), CPU, 1, 10.0)
+    return ratio_to(here, "lego", "same", Target(share, 20.0, 60.0), list(curves), None)
 
 
 def test_the_ratio_is_plain_seconds_over_seconds() -> None:
-    def curve(seconds: float) -> PsnrCurve:
-        return PsnrCurve([seconds, seconds + 1.0], [20.0, 21.0])
-
-    found = ratio(SpeedContext(CPU, 1, True, 1.0, Path(), Path(), Quiet()), [curve(2.0), curve(3.0), curve(6.0)])
-    assert (found.id, found.value, found.spread) == ("target.same.lego", 20.0, (10.0, 30.0))
-    assert found.limit is not None
+    check = ratio(*(PsnrCurve([seconds, seconds + 1.0], [20.0, 21.0]) for seconds in (2.0, 3.0, 6.0)))
+    assert (check.id, check.value, check.spread) == ("target.same.lego", 20.0, (10.0, 30.0))
+    assert check.limit is not None
 
 
-def test_one_that_is_late_has_no_ratio_and_says_its_best(here: SpeedContext) -> None:
-    good, late = (
-        PsnrCurve([1.0, 2.0], [20.0, 21.0]),
-        PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss"),
-    )
-    found = ratio(here, [good, late], share=0.5)
-    assert (found.id, found.value, found.limit) == ("target.same.lego.at50", None, None)
-    for said in ("1 of 2", "19.50 dB", "not finite at step 3"):
-        assert said in found.why
-    assert ratio(here, [PsnrCurve()]).value is None
+def test_one_that_is_late_has_no_ratio_and_says_its_best() -> None:
+    good = PsnrCurve([1.0, 2.0], [20.0, 21.0])
+    late = PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss")
+    check = ratio(good, late, share=0.5)
+    assert (check.id, check.value, check.limit) == ("target.same.lego.at50", None, None)
+    for words in ("1 of 2", "19.50 dB", "not finite at step 3"):
+        assert words in check.why
+    assert ratio(PsnrCurve()).value is None
 
 
-def test_what_is_shown_without_training_is_no_target(here: SpeedContext) -> None:
-    found = ratio(here, [PsnrCurve([1.0, 2.0], [20.0, 21.0], before=20.0)])
-    assert found.value is None
-    assert "without any training" in found.why
-    assert ratio(here, [PsnrCurve([1.0, 2.0], [20.0, 21.0], before=19.9)]).value == 60.0
+def test_what_is_shown_without_training_is_no_target() -> None:
+    check = ratio(PsnrCurve([1.0, 2.0], [20.0, 21.0], before=20.0))
+    assert check.value is None
+    assert "without any training" in check.why
+    assert ratio(PsnrCurve([1.0, 2.0], [20.0, 21.0], before=19.9)).value == 60.0
 
 
-def test_the_plain_contestant_learns_on_its_own_clock(ball: ViewSet) -> None:
-    plain = Plain(TRAIN, ball, where.batches_of(ball, CPU), CPU)
-    assert plain.seconds == 0.0
-    examination = examination_of(ball, CPU, 200)
-    before = examination.psnr(plain.colours(examination.rays))
-    after_looking = plain.seconds
-    for _ in range(30):
-        plain.step()
-    assert after_looking == 0.0
-    assert plain.seconds > 0.0
-    assert examination.psnr(plain.colours(examination.rays)) > before + 1.0
+def test_the_plain_training_learns_on_its_own_clock(ball: ViewSet) -> None:
+    batch_at = batches_of(ball, CPU).stream("speed/0", TRAIN.rays)
+    plain = Plain(TRAIN, ball, batch_at(0), CPU)
+    pixels = pixels_of(ball, CPU, 200)
+    before = pixels.psnr(plain.colours(pixels.rays))
+    assert plain.clock.seconds == 0.0, "looking takes no time"
+    train(plain, batch_at, at_step(30))
+    assert plain.clock.seconds > 0.0
+    assert pixels.psnr(plain.colours(pixels.rays)) > before + 1.0

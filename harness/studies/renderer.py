@@ -1,0 +1,34 @@
+"""`python -m scenes` in a process of its own, which prints rows of JSON: the harness never imports Mitsuba."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+
+def printed_rows(
+    words: Sequence[str],
+    on_row: Callable[[dict[str, Any]], object],
+    environment: Mapping[str, str] | None = None,
+    module: str = "scenes",
+) -> tuple[int, str]:
+    """Call `on_row` with each row as soon as it is printed; returns the exit code and the error output."""
+    command = [sys.executable, "-m", module, *words]
+    with (
+        tempfile.TemporaryFile("w+") as complaints,
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=complaints, text=True, env={**os.environ, **(environment or {})}
+        ) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                on_row(json.loads(line))
+            process.wait()
+        finally:
+            process.kill()
+        complaints.seek(0)
+        return process.returncode, complaints.read().strip()
