@@ -288,11 +288,6 @@ def check(
     return Check(what, value, low, high, unit, why, subject, owner, status, spread, repeats, id)
 
 
-def limits(bar: float, sense: Literal["at_most", "at_least"]) -> tuple[float | None, float | None]:
-    """Return the lowest and the highest value of a check whose sense is decided elsewhere."""
-    return (None, bar) if sense == "at_most" else (bar, None)
-
-
 def write_studies(path: Path, record: Studies) -> None:
     """Writes `record` as JSON. A point of a line that is not finite is kept as a gap, a table's as words.
 

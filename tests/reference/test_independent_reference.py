@@ -124,7 +124,7 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_cases, "llvm_libraries", list)
-    context = StabilityContext(("nerf",), tmp_path, tmp_path, tmp_path, 1, True, Quiet())
+    context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), ("nerf",), 1)
     outcomes = [one for one in reference_cases.independent(context) if isinstance(one, Check)]
     missing = [one for one in outcomes if one.status == "not_available"]
     assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}

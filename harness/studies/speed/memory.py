@@ -1,6 +1,6 @@
 """Question 8: peak memory of what a run starts, in fresh processes."""
 
-import json
+import multiprocessing
 import shlex
 import statistics
 import subprocess
@@ -8,12 +8,14 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 
+from harness.plan.group_task import GroupTask
+from harness.plan.schedule import Budget
 from harness.records.study import Check, Series, Table
 from harness.studies.drawn_views import write_noise
-from harness.studies.speed.memory_worker import Request
+from harness.studies.speed.memory_worker import send_peaks
 from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, reduced_plan, views_of
 
 MEBIBYTE = 1 << 20
@@ -27,11 +29,13 @@ WHOLE_RUN_SCENES = ("lego", "hotdog")
 def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
     plan, views = reduced_plan(context), views_of(context, "lego")
     steps = plan.train.grid.first_step + (2 if context.quick else 60)
-    size = plan.views.resolution, plan.views.train, plan.views.test
+    # scored at the end alone, so that what comes before is training
+    score = replace(plan.score, checkpoints=1)
+    task = GroupTask("memory", 0, ("nerf",), plan.train, score, Budget(steps, None), Path(), views.path, plan.views)
+    task = replace(task, device=context.device.type)
     for name in ("nerf",) if context.quick else METHODS:
         words, methods = METHODS[name]
-        request = Request(str(views.path), *size, methods, steps, context.quick, context.device.type)
-        peaks = [peak_of(request, context) for _ in range(1 if context.quick else 2)]
+        peaks = [peaks_of(context, replace(task, methods=methods)) for _ in range(1 if context.quick else 2)]
         own = statistics.median(peak["complete_own"] for peak in peaks)
         yield measured(
             f"memory.worker.{name}.peak",
@@ -42,28 +46,32 @@ def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
             high=LIMIT_GB,
         )
     yield from _whole_run(context, steps)
-    yield from _independence(context, steps)
+    yield from _independence(context, task)
 
 
-def peak_of(request: Request, context: SpeedContext) -> dict[str, float]:
-    """Return the peak bytes of a fresh interpreter that does what a worker of a run does: in `training`, and until it
-    is `complete` with reading, scoring and writing; `_own` pages are those without libraries, which are shared and can
-    be dropped. Raises `RuntimeError` with its error output.
+def peaks_of(context: SpeedContext, task: GroupTask) -> dict[str, int]:
+    """Return the peak bytes of a fresh process that does what a worker of a run does (`send_peaks`). Raises
+    `RuntimeError` if a cell fails.
     """
-    out = context.scratch / f"memory-{time.monotonic_ns()}"
-    out.mkdir()
-    done = subprocess.run(
-        [sys.executable, "-m", "harness.studies.speed.memory_worker", json.dumps(asdict(request)), str(out)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"a worker ended with {done.returncode}: {done.stderr.strip()[-500:]}")
-    return dict(json.loads(done.stdout.splitlines()[-1]))
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    task = replace(task, out=context.scratch / f"memory-{time.monotonic_ns()}")
+    process = spawn.Process(target=send_peaks, args=(task, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        peaks: dict[str, int] | str = ours.recv()
+    except EOFError:
+        peaks = "it ended without a word"
+    finally:
+        process.kill()
+        process.join()
+    if isinstance(peaks, str):
+        raise RuntimeError(f"a worker failed: {peaks}")
+    return peaks
 
 
-def _independence(context: SpeedContext, steps: int) -> Iterator[Check | Series | Table]:
+def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Series | Table]:
     """Yield the peak during training, against the number of images and their size."""
     images, resolutions = (QUICK_IMAGES, QUICK_RESOLUTIONS) if context.quick else (IMAGES, RESOLUTIONS)
     rows: list[list[str | float | None]] = []
@@ -72,8 +80,8 @@ def _independence(context: SpeedContext, steps: int) -> Iterator[Check | Series 
         for resolution in resolutions:
             folder = context.scratch / f"noise-{count}-{resolution}"
             write_noise(folder, resolution, count, 1)
-            request = Request(str(folder), resolution, count, 1, ("nerf",), steps, context.quick, context.device.type)
-            peak = peak_of(request, context)
+            views = replace(task.views, resolution=resolution, train=count, val=0, test=1)
+            peak = peaks_of(context, replace(task, view_set=folder, views=views))
             peaks.append(peak["training"])
             rows.append([float(count), float(resolution), peak["training"] / 1e9, peak["training_own"] / 1e9])
         yield Series(

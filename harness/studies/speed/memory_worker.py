@@ -1,56 +1,21 @@
-"""`python -m harness.studies.speed.memory_worker REQUEST OUT`: what a worker of a run does, and its peak memory.
+"""What a worker of a run does, in a process of its own, and its peak memory.
 
 The peak over all pages is the system's own (`VmHWM`); that of its own pages is the largest of many samples.
 """
 
-import json
 import resource
 import sys
 import threading
-import time
-from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
 from pathlib import Path
+
+from harness.execution.group import run_group
+from harness.machine.stopping import end_with_parent
+from harness.plan.group_task import GroupTask
+from harness.records.cells import CellRecord
 
 STATUS = Path("/proc/self/status")
 LOOK_SECONDS = 0.005
-
-
-@dataclass(frozen=True)
-class Request:
-    """A request that can be written as JSON."""
-
-    view_set: str
-    resolution: int
-    train: int
-    test: int
-    methods: tuple[str, ...]
-    steps: int
-    quick: bool
-    device: str
-
-
-class OwnPages:
-    """Samples this process's own pages until it is told to stop."""
-
-    def __init__(self) -> None:
-        self.peak = 0
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._look, daemon=True)
-        self._thread.start()
-
-    def _look(self) -> None:
-        while not self._ended.is_set():
-            self.peak = max(self.peak, memory_of(_status()).get("RssAnon", 0))
-            time.sleep(LOOK_SECONDS)
-
-    def stop(self) -> None:
-        self._ended.set()
-        self._thread.join()
-
-
-def _status() -> str:
-    """Return the status file; empty if the system has none."""
-    return STATUS.read_text(encoding="utf-8") if STATUS.exists() else ""
 
 
 def memory_of(status: str) -> dict[str, int]:
@@ -59,57 +24,42 @@ def memory_of(status: str) -> dict[str, int]:
     return {name: 1024 * int(value.split()[0]) for name, _, value in rows if value.strip().endswith("kB")}
 
 
+def _memory() -> dict[str, int]:
+    """Return what this system tells; nothing if it has no such file."""
+    return memory_of(STATUS.read_text(encoding="utf-8")) if STATUS.exists() else {}
+
+
 def peak_bytes() -> int:
     """Return the peak of all pages so far; macOS counts bytes, Linux, if the file is missing, kibibytes."""
     unit = 1 if sys.platform == "darwin" else 1024
-    return memory_of(_status()).get("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    return _memory().get("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
-def main(arguments: list[str]) -> None:
-    given = json.loads(arguments[0])
-    request = Request(**{**given, "methods": tuple(given["methods"])})
-    own_pages = OwnPages()
+def send_peaks(task: GroupTask, connection: Connection) -> None:
+    """Do the task; send the peak bytes in `training`, and until it is `complete` with reading, scoring and writing.
+    `_own` pages are those without libraries, which are shared and can be dropped. If a cell failed, send the reason.
+    """
+    end_with_parent()
+    peaks = {"training": 0, "training_own": 0, "complete": 0, "complete_own": 0}
+    failed: list[str] = []
+    ended = threading.Event()
 
-    import torch
-
-    from harness.execution.group import run_group
-    from harness.machine.device import multiplies_bfloat16
-    from harness.plan.group_task import GroupTask
-    from harness.plan.profiles import PROFILES
-    from harness.plan.schedule import Budget
-    from harness.records.cells import CellRecord
-
-    plan = PROFILES["smoke" if request.quick else "reduced"]
-    precision = plan.train.precision if multiplies_bfloat16(torch.device(request.device)) else "float32"
-    task = GroupTask(
-        scene="memory",
-        seed=0,
-        methods=request.methods,
-        view_set=Path(request.view_set),
-        views=replace(plan.views, resolution=request.resolution, train=request.train, val=0, test=request.test),
-        train=replace(plan.train, precision=precision),
-        # scored at the end alone, so that what comes before is training
-        score=replace(plan.score, checkpoints=1),
-        budget=Budget(request.steps, None),
-        device=request.device,
-        threads=1,
-        out=Path(arguments[1]),
-    )
-    peaks = {"training": 0, "training_own": 0}
+    def look() -> None:
+        while not ended.wait(LOOK_SECONDS):
+            peaks["complete_own"] = max(peaks["complete_own"], _memory().get("RssAnon", 0))
 
     def on_progress(share: float) -> None:
         if share < 1.0:
-            peaks.update(training=peak_bytes(), training_own=own_pages.peak)
+            peaks.update(training=peak_bytes(), training_own=peaks["complete_own"])
 
     def on_cell(cell: CellRecord) -> None:
         if cell.status != "done":
-            raise SystemExit(f"{cell.method}: {cell.status}, {cell.reason}")
+            failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
 
+    looking = threading.Thread(target=look, daemon=True)
+    looking.start()
     run_group(task, on_progress, on_cell)
-    own_pages.stop()
-    peaks.update(complete=peak_bytes(), complete_own=own_pages.peak)
-    print(json.dumps(peaks))  # noqa: T201
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    ended.set()
+    looking.join()
+    peaks["complete"] = peak_bytes()
+    connection.send("; ".join(failed) or peaks)

@@ -7,7 +7,7 @@ import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, repeat, takewhile
+from itertools import accumulate, pairwise, repeat, takewhile
 from operator import mul
 from typing import Protocol, runtime_checkable
 
@@ -39,6 +39,7 @@ from harness.training.evaluate import cameras_of, floor_psnr
 from harness.training.learner import Stepped, train
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.trainer import Diverged, Trainer
+from harness.verdicts.survival import first_reached
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
@@ -97,16 +98,10 @@ def reached(curve: PsnrCurve, target: float) -> float | None:
     It counts once the next evaluation holds it too. Between an evaluation below and one above, PSNR is taken to be
     linear in log seconds; a first evaluation that is above already counts with its own seconds.
     """
-    for index in range(len(curve.psnr) - 1):
-        above, next_one = curve.psnr[index], curve.psnr[index + 1]
-        if above < target or next_one < target:
-            continue
-        if index == 0:
-            return curve.seconds[index]
-        below = curve.psnr[index - 1]  # it is: were it not, the search would have ended there
-        share = (target - below) / (above - below)
-        first, second = math.log(curve.seconds[index - 1]), math.log(curve.seconds[index])
-        return math.exp(first + share * (second - first))
+    points = list(zip(curve.seconds, curve.psnr, strict=True))
+    for index, ((_, psnr), (_, after)) in enumerate(pairwise(points)):
+        if min(psnr, after) >= target:
+            return first_reached(points[max(0, index - 1) : index + 1], target)[0]
     return None
 
 

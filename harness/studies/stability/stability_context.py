@@ -27,18 +27,11 @@ Rows = list[list[str | float | None]]
 
 
 @dataclass(frozen=True)
-class StabilityContext:
+class StabilityContext(framework.StudyContext):
     """One run of the catalogue."""
 
     methods: tuple[str, ...]
-    out: Path
-    view_sets: Path
-    scratch: Path
-    """A folder on a disk that is removed after the run."""
     workers: int
-    quick: bool
-    """Whether to use sizes at which no figure means anything, to try the catalogue itself."""
-    show: Progress
     cases: tuple[str, ...] = ()
     """The cases of this run, so that cases which share a training request all of it at once."""
 
@@ -93,6 +86,6 @@ def run(
     settings = {"methods": list(methods), "quick": quick, "precision": "float32"}
 
     def context(scratch: Path, missing: tuple[str, ...]) -> StabilityContext:
-        return StabilityContext(methods, out, view_sets, scratch, workers, quick, show, missing)
+        return StabilityContext(out, view_sets, scratch, quick, show, methods, workers, missing)
 
     return framework.run(SHELF, cases, out, resume, settings, provenance(torch.device("cpu")), context, show)

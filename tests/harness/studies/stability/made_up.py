@@ -15,7 +15,7 @@ from harness.studies.stability.whole_scenes.scene_truth import SceneRun
 
 
 def context_in(folder: Path, *methods: str, quick: bool = True) -> StabilityContext:
-    return StabilityContext(methods, folder, folder / "view_sets", folder, 1, quick, Quiet())
+    return StabilityContext(folder, folder / "view_sets", folder, quick, Quiet(), methods, 1)
 
 
 def findings(case: str, context: StabilityContext) -> list[Found]:
