@@ -43,7 +43,7 @@ def test_intervals_of_another_width_are_seen(
         )
     found = few_kinds()
     assert len(failed(found)) == failures
-    assert all(one.value is not None and above < one.value < below for one in found if "intervals" in one.what)
+    assert all(one.value is not None and above < one.value <= below for one in found if "intervals" in one.what)
 
 
 def test_many_at_once_are_what_one_is() -> None:
